@@ -1,0 +1,1 @@
+"""Analyses: each sees models and sessions only, and returns a frozen result."""

@@ -1,0 +1,69 @@
+"""The workbench's exceptions.
+
+Every message is one line: what went wrong, where (file, variable, time), what to do.
+The command line turns `InputError`, `FmuError` and `BuildError` into exit code 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = [
+    "BuildError",
+    "FmuError",
+    "InputError",
+    "SimulationError",
+    "WorkbenchError",
+    "one_line",
+    "suggest",
+]
+
+
+class WorkbenchError(Exception):
+    """Base class of everything the workbench raises on purpose."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+class InputError(WorkbenchError):
+    """What the user asked for cannot be done: unknown name, value out of range, bad syntax."""
+
+
+class FmuError(WorkbenchError):
+    """The FMU itself is at fault: archive, description, missing binary, failed instantiation."""
+
+
+class BuildError(WorkbenchError):
+    """A Modelica source could not be turned into an FMU."""
+
+
+class SimulationError(WorkbenchError):
+    """The FMU or the integration failed while running.
+
+    Attributes:
+        time: session time at which it happened [s]; None where there is none.
+    """
+
+    def __init__(self, message: str, *, time: float | None = None) -> None:
+        super().__init__(message if time is None else f"{message} (at t = {time:.9g} s)")
+        self.time = time
+
+
+def one_line(text: str) -> str:
+    """Return `text` with every run of white space, line breaks included, as one blank."""
+    return " ".join(str(text).split())
+
+
+def suggest(name: str, known: Iterable[str], *, limit: int = 8) -> str:
+    """Return the tail of an "unknown name" message: close names, else the first known ones."""
+    names = sorted(set(known))
+    if not names:
+        return "there are none"
+    folded = {n.casefold(): n for n in names}
+    close = difflib.get_close_matches(name.casefold(), list(folded), n=3, cutoff=0.6)
+    if close:
+        return "did you mean " + ", ".join(folded[c] for c in close) + "?"
+    more = f", … ({len(names)} in all)" if len(names) > limit else ""
+    return "known: " + ", ".join(names[:limit]) + more

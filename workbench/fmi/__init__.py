@@ -1,0 +1,1 @@
+"""One FMU: archive, description, platforms, and its C functions behind one façade."""

@@ -1,0 +1,62 @@
+"""One scalar variable of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["FLOAT_TYPES", "Value", "Variable"]
+
+Value = float | int | bool | str
+
+FLOAT_TYPES = frozenset({"Real", "Float64", "Float32"})
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar variable; an element of an FMI 3 array is a variable of its own (`u[1]`).
+
+    Attributes:
+        name: as the FMU gives it, array elements with 1-based indices appended.
+        type: FMI type name: "Real", "Integer", "Boolean", "String", "Enumeration" (FMI 1 and 2),
+            "Float64", "Int32", … (FMI 3).
+        unit: unit as declared, None where none is.
+        start: start value as declared, None where none is.
+        description: as declared.
+        causality: "input", "output", "parameter", "local", …
+        variability: "continuous", "discrete", "fixed", "tunable", "constant".
+        minimum, maximum: as declared.
+        nominal: as declared; None where none is (never 0).
+        value_reference: the FMU's handle; elements of one array share it.
+        element: position in the flattened array, 0 for a scalar.
+        derivative_of: name of the state whose derivative this is.
+        dependencies: for outputs and derivatives, names of what it depends on; None: not declared.
+    """
+
+    name: str
+    type: str = "Real"
+    unit: str | None = None
+    start: Value | None = None
+    description: str | None = None
+    causality: str = "local"
+    variability: str = "continuous"
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+    value_reference: int = 0
+    element: int = 0
+    derivative_of: str | None = None
+    dependencies: tuple[str, ...] | None = None
+
+    @property
+    def is_continuous_input(self) -> bool:
+        """Whether it may change between events: a real input of continuous variability."""
+        return (
+            self.causality == "input"
+            and self.type in FLOAT_TYPES
+            and self.variability == "continuous"
+        )
+
+    @property
+    def is_number(self) -> bool:
+        """Whether a float stands for its value (everything but String and Binary)."""
+        return self.type not in ("String", "Binary")

@@ -1,0 +1,78 @@
+"""What a model is to an analysis."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Self
+
+from workbench.fmi.variable import Variable
+from workbench.session.base import Session
+from workbench.signals import Signal
+
+__all__ = ["Model"]
+
+
+class Model(ABC):
+    """Inputs, outputs, states, parameters, and sessions: all that an analysis sees.
+
+    Obligations of a subclass:
+      1. The attributes are fixed after construction.
+      2. `open_session` may be called as often as wanted, several sessions may live at once
+         (a model that allows one says so with an FmuError); sessions do not influence each other.
+      3. Sessions must be closed before the model; `close` closes those still open.
+      4. `notes` tells every choice made on the user's behalf and every rule the file bends.
+
+    Attributes:
+        name: short name for tables and pictures.
+        interface: "me" or "cs".
+        solver: "vkm", "gear", "fmu" (co-simulation: the FMU's own), "none" (nothing to integrate).
+        inputs, outputs, parameters, states: the variables, in the model's order.
+        notes: remarks for the user.
+    """
+
+    name: str
+    interface: str
+    solver: str
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    parameters: tuple[Variable, ...]
+    states: tuple[Variable, ...]
+    notes: tuple[str, ...]
+
+    @abstractmethod
+    def open_session(
+        self,
+        *,
+        start_time: float = 0.0,
+        step: float | None = None,
+        signals: Mapping[str, Signal] | None = None,
+    ) -> Session:
+        """Return a session, initialised, at `start_time` [s].
+
+        Args:
+            start_time: session time at which the model is initialised [s].
+            step: communication step [s] in place of the model's; ignored by model exchange.
+            signals: forced inputs whose values at `start_time` hold already during
+                initialisation; None: the inputs' start values.
+
+        Raises:
+            FmuError: the FMU cannot be instantiated.
+            SimulationError: it cannot be initialised.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the open sessions and remove what the model owns. Any number of times."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,118 @@
+"""What a session is: one initialised run of a model that can be continued."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.signals import Signal
+
+__all__ = ["Floats", "Record", "Session", "Snapshot"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one `Session.advance` recorded.
+
+    Attributes:
+        time: shape (n,) [s], never falling; two rows with the same time are the left and the
+            right limit there.
+        values: name → shape (n,), for every name in `record`.
+        inputs: forced input → shape (n,), what the model really saw (held, linear or continuous).
+    """
+
+    time: Floats
+    values: dict[str, Floats]
+    inputs: dict[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A saved state of one session; only that session can take it back.
+
+    Attributes:
+        time: session time of the snapshot [s].
+    """
+
+    time: float
+
+
+class Session(ABC):
+    """One initialised run that can be continued, saved and taken back.
+
+    Obligations of a subclass:
+      1. `time` only moves through `advance` and `restore`.
+      2. `advance` in two parts equals one advance over the whole, to the solver's tolerance.
+      3. An input that is not forced keeps the value it has; at the start that is its start value
+         (plus bias).
+      4. After `restore(s)` the session stands exactly where it stood at `s`; what is computed
+         after two restores of one snapshot is equal to the last bit.
+      5. `close` may be called at any time, also after an error, and more than once.
+      6. After a SimulationError nothing but `restore` and `close` may be called.
+    """
+
+    time: float
+
+    @abstractmethod
+    def advance(
+        self,
+        until: float,
+        *,
+        signals: Mapping[str, Signal],
+        record: Sequence[str] = (),
+        points: Floats | None = None,
+    ) -> Record:
+        """Advance from where the session stands to `until`.
+
+        The first row is the right limit at the present time, then each of `points` and every
+        event between them as two rows (left limit, right limit). An event exactly at `until`
+        belongs to the next call, whose first row is its right limit; `until` equal to `time` is
+        allowed and gives that one row.
+        Co-simulation: `points` are communication points too, the steps between them never exceed
+        the communication step, and every communication point is two rows.
+
+        Args:
+            until: [s], not before `time`.
+            signals: forced inputs; functions of absolute session time.
+            record: names of variables to record.
+            points: shape (m,) [s], rising, in (time, until]; None: only `until`.
+
+        Raises:
+            InputError: unknown name, not an input, points out of order.
+            SimulationError: a value is not finite, the FMU or the solver gave up.
+        """
+
+    @abstractmethod
+    def values(self, names: Sequence[str]) -> dict[str, float]:
+        """Return the present values of `names` (Booleans as 0.0 and 1.0)."""
+
+    @abstractmethod
+    def snapshot(self) -> Snapshot:
+        """Save the state. Dropped with the session at the latest."""
+
+    @abstractmethod
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to `snapshot`, which this session made."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free everything the session owns."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

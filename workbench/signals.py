@@ -1,0 +1,381 @@
+"""Signals: what forces an input, as a function of absolute session time [s].
+
+A signal is a frozen value: two equal signals force alike, so a session knows that it may go on
+without a restart. Frequencies in Hz, phases in degrees.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+from workbench.errors import InputError, suggest
+
+__all__ = ["Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"]
+
+
+class Signal(ABC):
+    """A scalar function of time that forces one input.
+
+    Obligations of a subclass:
+      1. `__call__(t)` returns the RIGHT limit at t; it is pure and defined for every finite t.
+      2. `next_break(t)` returns the first time > t where the value or the slope jumps, or
+         `math.inf`. Between two breaks the signal is smooth. At the returned time
+         `__call__` already gives the value after the jump.
+      3. `longest_step` is the longest step [s] that cannot overlook the signal's shape.
+      4. Equality means "forces alike" (frozen dataclass).
+    """
+
+    @abstractmethod
+    def __call__(self, t: float) -> float:
+        """Return the right limit at time t [s]."""
+
+    @abstractmethod
+    def next_break(self, t: float) -> float:
+        """Return the first time > t [s] where value or slope jumps, else `math.inf`."""
+
+    @property
+    def longest_step(self) -> float:
+        """The longest step [s] that still sees the signal's shape; `math.inf`: any."""
+        return math.inf
+
+
+def _finite(owner: str, **values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise InputError(f"{owner}: {name} must be a finite number, not {value}")
+
+
+def _positive(owner: str, **values: float) -> None:
+    _finite(owner, **values)
+    for name, value in values.items():
+        if value <= 0.0:
+            raise InputError(f"{owner}: {name} must be positive, not {value:g}")
+
+
+@dataclass(frozen=True)
+class Constant(Signal):
+    """`value` at all times."""
+
+    value: float
+
+    def __post_init__(self) -> None:
+        _finite("constant", value=self.value)
+
+    def __call__(self, t: float) -> float:
+        return self.value
+
+    def next_break(self, t: float) -> float:
+        return math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sine(Signal):
+    """offset + amplitude · sin(2π · frequency · (t − start) + phase).
+
+    Attributes:
+        amplitude: half the peak-to-peak value.
+        frequency: [Hz], positive.
+        phase: [deg].
+        offset: mean value.
+        start: the time at which the phase counts from [s]; the sine exists before it too.
+    """
+
+    amplitude: float = 1.0
+    frequency: float
+    phase: float = 0.0
+    offset: float = 0.0
+    start: float = 0.0
+    _omega: float = field(init=False, repr=False, compare=False)
+    _phi: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        _positive("sine", frequency=self.frequency)
+        _finite("sine", amplitude=self.amplitude, phase=self.phase)
+        _finite("sine", offset=self.offset, start=self.start)
+        object.__setattr__(self, "_omega", 2.0 * math.pi * self.frequency)
+        object.__setattr__(self, "_phi", math.radians(self.phase))
+
+    def __call__(self, t: float) -> float:
+        return self.offset + self.amplitude * math.sin(self._omega * (t - self.start) + self._phi)
+
+    def next_break(self, t: float) -> float:
+        return math.inf
+
+    @property
+    def longest_step(self) -> float:
+        return 0.125 / self.frequency
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step(Signal):
+    """`initial` before `time` [s], `value` from `time` on."""
+
+    time: float
+    value: float
+    initial: float = 0.0
+
+    def __post_init__(self) -> None:
+        _finite("step", time=self.time, value=self.value, initial=self.initial)
+
+    def __call__(self, t: float) -> float:
+        return self.value if t >= self.time else self.initial
+
+    def next_break(self, t: float) -> float:
+        return self.time if t < self.time else math.inf
+
+
+# Feedback taps of maximum-length shift registers (P. Alfke, Xilinx XAPP 052, 1996, table 3).
+_TAPS: Mapping[int, tuple[int, ...]] = {
+    2: (2, 1), 3: (3, 2), 4: (4, 3), 5: (5, 3), 6: (6, 5), 7: (7, 6), 8: (8, 6, 5, 4),
+    9: (9, 5), 10: (10, 7), 11: (11, 9), 12: (12, 6, 4, 1), 13: (13, 4, 3, 1),
+    14: (14, 5, 3, 1), 15: (15, 14), 16: (16, 15, 13, 4), 17: (17, 14), 18: (18, 11),
+}  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _register_bits(order: int, seed: int) -> tuple[bool, ...]:
+    """One period, 2^order − 1 bits, of the shift register that starts with `seed`."""
+    mask = (1 << order) - 1
+    register = seed & mask
+    bits = []
+    for _ in range(mask):
+        bits.append(bool(register & 1))
+        feedback = 0
+        for tap in _TAPS[order]:
+            feedback ^= register >> (order - tap)
+        register = (register >> 1) | ((feedback & 1) << (order - 1))
+    return tuple(bits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prbs(Signal):
+    """Pseudo-random binary sequence offset ± amplitude from a maximum-length shift register.
+
+    Attributes:
+        hold: how long one bit lasts [s].
+        amplitude: half the distance of the two levels.
+        offset: middle of the two levels.
+        order: length of the register, 2 … 18; the sequence repeats after 2^order − 1 bits.
+        seed: start value of the register (its lowest `order` bits must not all be 0).
+        start: when the first bit begins [s]; before it the sequence runs as if periodic.
+
+    Source: L. Ljung, System Identification, 2nd ed., section 13.3.
+    """
+
+    hold: float
+    amplitude: float = 1.0
+    offset: float = 0.0
+    order: int = 11
+    seed: int = 1
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("prbs", hold=self.hold)
+        _finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
+        if self.order not in _TAPS:
+            raise InputError(f"prbs: order must be {min(_TAPS)} … {max(_TAPS)}, not {self.order}")
+        if self.seed & ((1 << self.order) - 1) == 0:
+            raise InputError(f"prbs: seed {self.seed} leaves the register empty; use 1")
+
+    def _index(self, t: float) -> int:
+        i = math.floor((t - self.start) / self.hold)
+        # The quotient may round across a bit's border; the border itself decides.
+        if self._begin(i + 1) <= t:
+            return i + 1
+        return i - 1 if self._begin(i) > t else i
+
+    def _begin(self, i: int) -> float:
+        return self.start + i * self.hold
+
+    def _bit(self, i: int) -> bool:
+        bits = _register_bits(self.order, self.seed)
+        return bits[i % len(bits)]
+
+    def __call__(self, t: float) -> float:
+        sign = 1.0 if self._bit(self._index(t)) else -1.0
+        return self.offset + sign * self.amplitude
+
+    def next_break(self, t: float) -> float:
+        i = self._index(t)
+        k = i + 1
+        while self._bit(k) == self._bit(i):  # at most `order` equal bits in a row
+            k += 1
+        return self._begin(k)
+
+    @property
+    def longest_step(self) -> float:
+        return self.hold
+
+
+@dataclass(frozen=True)
+class Table(Signal):
+    """Values over time, held before the first and after the last point.
+
+    Attributes:
+        times: shape (n,) [s], not falling; a time given twice is a jump.
+        values: shape (n,).
+        interpolate: "linear" between the points or "hold" (a staircase).
+    """
+
+    times: Sequence[float]
+    values: Sequence[float]
+    interpolate: Literal["linear", "hold"] = "linear"
+
+    def __post_init__(self) -> None:
+        times = tuple(float(t) for t in self.times)
+        values = tuple(float(v) for v in self.values)
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+        if not times or len(times) != len(values):
+            raise InputError(f"table: {len(times)} times and {len(values)} values; need equally many")
+        if not all(map(math.isfinite, times + values)):
+            raise InputError("table: every time and value must be finite")
+        for before, after in zip(times, times[1:], strict=False):
+            if after < before:
+                raise InputError(f"table: time falls from {before:g} to {after:g} s")
+        if self.interpolate not in ("linear", "hold"):
+            raise InputError(f"table: interpolate '{self.interpolate}'; known: linear, hold")
+
+    def __call__(self, t: float) -> float:
+        i = bisect_right(self.times, t)
+        if i == 0:
+            return self.values[0]
+        if i == len(self.times) or self.interpolate == "hold":
+            return self.values[i - 1]
+        t0, t1 = self.times[i - 1], self.times[i]
+        y0, y1 = self.values[i - 1], self.values[i]
+        return y0 + (y1 - y0) * ((t - t0) / (t1 - t0))
+
+    def next_break(self, t: float) -> float:
+        i = bisect_right(self.times, t)
+        return self.times[i] if i < len(self.times) else math.inf
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
+
+    One heading line is allowed; separators are comma, semicolon, tab.
+
+    Raises:
+        InputError: no such file, not two columns of numbers.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a table of time and value: {error}") from None
+    delimiter = next((d for d in ";\t" if d in text), ",")
+    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    if rows and not _is_number(rows[0][0]):
+        rows = rows[1:]
+    try:
+        return Table([float(r[0]) for r in rows], [float(r[1]) for r in rows])
+    except (ValueError, IndexError):
+        raise InputError(f"{path}: needs two columns of numbers, time [s] and value") from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+_KEYS: Mapping[str, tuple[str, ...]] = {
+    "sine": ("amplitude", "frequency", "offset", "phase", "start"),
+    "step": ("time", "value", "initial"),
+    "prbs": ("hold", "amplitude", "offset", "order", "seed", "start"),
+}
+
+
+def _sine(k: Mapping[str, float]) -> Signal:
+    return Sine(
+        frequency=_required("sine", k, "frequency"),
+        amplitude=k.get("amplitude", 1.0),
+        phase=k.get("phase", 0.0),
+        offset=k.get("offset", 0.0),
+        start=k.get("start", 0.0),
+    )
+
+
+def _step(k: Mapping[str, float]) -> Signal:
+    return Step(
+        time=_required("step", k, "time"),
+        value=_required("step", k, "value"),
+        initial=k.get("initial", 0.0),
+    )
+
+
+def _prbs(k: Mapping[str, float]) -> Signal:
+    return Prbs(
+        hold=_required("prbs", k, "hold"),
+        amplitude=k.get("amplitude", 1.0),
+        offset=k.get("offset", 0.0),
+        order=_whole("prbs", "order", k.get("order", 11)),
+        seed=_whole("prbs", "seed", k.get("seed", 1)),
+        start=k.get("start", 0.0),
+    )
+
+
+_MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
+    "sine": _sine,
+    "step": _step,
+    "prbs": _prbs,
+}
+
+
+def _required(kind: str, values: Mapping[str, float], key: str) -> float:
+    if key not in values:
+        raise InputError(f"{kind}: {key} is missing; write {kind}:{key}=…")
+    return values[key]
+
+
+def _whole(kind: str, key: str, value: float) -> int:
+    if not math.isfinite(value) or value != int(value):
+        raise InputError(f"{kind}: {key} must be a whole number, not {value:g}")
+    return int(value)
+
+
+def _key_values(kind: str, text: str) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        key, equals, value = (p.strip() for p in part.partition("="))
+        if key not in _KEYS[kind]:
+            raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
+        if not equals or not _is_number(value):
+            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'")
+        values[key] = float(value)
+    return values
+
+
+def parse_signal(text: str) -> Signal:
+    """Return the signal that `text` describes.
+
+    Args:
+        text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
+            `prbs:hold=0.1,amplitude=1`, or the name of a CSV file with time [s] and value.
+
+    Raises:
+        InputError: unknown kind or option, missing option, not a number, no such file.
+    """
+    text = text.strip()
+    if _is_number(text):
+        return Constant(float(text))
+    kind, colon, rest = text.partition(":")
+    if colon and kind in _MAKERS:
+        return _MAKERS[kind](_key_values(kind, rest))
+    if text.lower().endswith((".csv", ".txt")):
+        return read_table(text)
+    raise InputError(
+        f"'{text}' is no signal; write a number, a .csv file, or one of "
+        + ", ".join(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS)
+    )
