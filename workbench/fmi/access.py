@@ -1,0 +1,151 @@
+"""Prepared reading and writing of a fixed list of variables through preallocated buffers."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from workbench.errors import InputError
+from workbench.fmi.variable import Value, Variable
+
+if TYPE_CHECKING:
+    from workbench.fmi.instance import Instance
+
+__all__ = ["Access", "TypeCalls"]
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _utf8(raw: bytes | None) -> str:
+    return (raw or b"").decode("utf-8", "replace")
+
+
+def decode_flag(raw: Any) -> bool:
+    """Return a Boolean from what C gave: number, bool, or one byte (FMI 1.0)."""
+    return raw not in (0, False, b"\0")
+
+
+@dataclass(frozen=True)
+class TypeCalls:
+    """How one FMI type is read and written.
+
+    Attributes:
+        getter, setter: function names; an empty setter means read only.
+        ctype: C type of one value.
+        decode, encode: C value → Python value and back.
+    """
+
+    getter: str
+    setter: str
+    ctype: Any
+    decode: Callable[[Any], Any] = _same
+    encode: Callable[[Any], Any] = _same
+
+    @classmethod
+    def text(cls, getter: str, setter: str) -> TypeCalls:
+        """Return the calls for strings."""
+        return cls(getter, setter, ctypes.c_char_p, _utf8, lambda s: str(s).encode())
+
+
+class _Block:
+    """Variables of one type: one C call reads or writes them all."""
+
+    def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
+        references = list(dict.fromkeys(v.value_reference for v in variables))
+        sizes = [_size(instance.description.shapes, r) for r in references]
+        offsets = {r: sum(sizes[:i]) for i, r in enumerate(references)}
+        self.calls = calls
+        self.instance = instance
+        self.slots = [offsets[v.value_reference] + v.element for v in variables]
+        self.plain = self.slots == list(range(sum(sizes))) and calls.decode is _same
+        self.buffer: Any = (calls.ctype * sum(sizes))()
+        self.references: Any = (ctypes.c_uint * len(references))(*references)
+        # FMI 3.0 functions also take the number of values, which differs for arrays.
+        tail = (sum(sizes),) if instance.version == 3 else ()
+        self.arguments = (self.references, len(references), self.buffer, *tail)
+        self.partial = len(self.slots) < sum(sizes)
+        library = instance.library
+        self.get = library[calls.getter]
+        self.set = library[calls.setter] if calls.setter else None
+
+    def read(self) -> list[Any]:
+        status = self.get(self.instance.component, *self.arguments)
+        if status > 1:
+            self.instance.fail(self.calls.getter, status)
+        if self.plain:
+            return self.buffer[:]  # type: ignore[no-any-return]
+        return [self.calls.decode(self.buffer[s]) for s in self.slots]
+
+    def write(self, values: Sequence[Any]) -> None:
+        if self.partial:  # the other elements of an array keep what they have
+            self.read()
+            self.partial = False
+        if self.plain:
+            self.buffer[:] = values
+        else:
+            for slot, value in zip(self.slots, values, strict=True):
+                self.buffer[slot] = self.calls.encode(value)
+        if self.set is None:
+            raise InputError(f"variables of this type cannot be set ({self.calls.getter})")
+        status = self.set(self.instance.component, *self.arguments)
+        if status > 1:
+            self.instance.fail(self.calls.setter, status)
+
+
+def _size(shapes: Mapping[int, tuple[int, ...]], reference: int) -> int:
+    size = 1
+    for extent in shapes.get(reference, ()):
+        size *= extent
+    return size
+
+
+class Access:
+    """Reading and writing a fixed list of variables.
+
+    `read` returns values in the list's order; `write` takes them so. Lists of one type only, the
+    usual case inside an integration, cost one C call.
+    """
+
+    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:
+        self.variables = tuple(variables)
+        groups: dict[str, list[int]] = {}
+        for i, variable in enumerate(self.variables):
+            groups.setdefault(_getter(instance, variable), []).append(i)
+        self._order = list(groups.values())
+        self.blocks = [
+            _Block(
+                instance,
+                instance.TYPES[self.variables[indices[0]].type],
+                [self.variables[i] for i in indices],
+            )
+            for indices in self._order
+        ]
+
+    def read(self) -> list[Any]:
+        """Return the present values."""
+        if len(self.blocks) == 1:
+            return self.blocks[0].read()
+        values: list[Any] = [None] * len(self.variables)
+        for block, indices in zip(self.blocks, self._order, strict=True):
+            for i, value in zip(indices, block.read(), strict=True):
+                values[i] = value
+        return values
+
+    def write(self, values: Sequence[Value]) -> None:
+        """Set the variables."""
+        if len(self.blocks) == 1:
+            self.blocks[0].write(values)
+            return
+        for block, indices in zip(self.blocks, self._order, strict=True):
+            block.write([values[i] for i in indices])
+
+
+def _getter(instance: Instance, variable: Variable) -> str:
+    calls = instance.TYPES.get(variable.type)
+    if calls is None:
+        raise InputError(f"{variable.name}: variables of type {variable.type} are not supported")
+    return calls.getter

@@ -1,0 +1,150 @@
+"""Find an FMU and unpack it into a folder that is removed with its owner."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import tempfile
+import weakref
+import zipfile
+import zlib
+from pathlib import Path, PurePosixPath
+from types import TracebackType
+from typing import Self
+
+from workbench.errors import FmuError, InputError
+from workbench.fmi.bundled import bundled_path, is_bundled
+
+__all__ = ["Unpacked", "locate", "unpack"]
+
+MAX_BYTES = 4 << 30  # unpacked, all files together
+MAX_FILES = 100_000
+MAX_RATIO = 500  # above 64 MiB, an archive that shrinks better than this is a bomb
+_SMALL = 64 << 20
+_SKIPPED = ("sources", "documentation")  # never needed to run the FMU
+
+
+class Unpacked:
+    """An FMU as a folder.
+
+    Obligations:
+      1. `folder` exists and holds a modelDescription.xml until `close`.
+      2. A folder that was made here is removed by `close`, when the object is collected, and at
+         the end of the process; a folder of the user's is never touched.
+
+    Attributes:
+        source: what the user named.
+        folder: where the files are.
+        owned: whether `folder` was made here.
+    """
+
+    def __init__(self, source: Path, folder: Path, *, owned: bool) -> None:
+        self.source = source
+        self.folder = folder
+        self.owned = owned
+        self._remove = weakref.finalize(self, _remove, folder) if owned else None
+
+    def close(self) -> None:
+        """Remove the folder if it was made here. Any number of times."""
+        if self._remove is not None:
+            self._remove()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _remove(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def locate(model: str | Path) -> Path:
+    """Return the file or folder that `model` names: a path or `fmu:NAME[@3]`.
+
+    Raises:
+        InputError: nothing there.
+    """
+    if is_bundled(str(model)):
+        return bundled_path(str(model))
+    path = Path(model).expanduser()
+    if not path.exists():
+        raise InputError(f"{model}: no such file; give an .fmu, an unpacked FMU, or fmu:NAME")
+    return path
+
+
+def unpack(model: str | Path) -> Unpacked:
+    """Unpack the FMU that `model` names (a folder is used where it is).
+
+    Raises:
+        InputError: nothing there.
+        FmuError: not a zip archive, damaged, no modelDescription.xml inside, or an entry that
+            would leave the target folder, is a link, or is absurdly large.
+    """
+    path = locate(model)
+    if path.is_dir():
+        return _checked(Unpacked(path, path, owned=False))
+    folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
+    unpacked = Unpacked(path, folder, owned=True)
+    try:
+        _extract(path, folder)
+        return _checked(unpacked)
+    except BaseException:
+        unpacked.close()
+        raise
+
+
+def _checked(unpacked: Unpacked) -> Unpacked:
+    if not (unpacked.folder / "modelDescription.xml").is_file():
+        raise FmuError(f"{unpacked.source}: no modelDescription.xml inside; this is no FMU")
+    return unpacked
+
+
+def _extract(path: Path, folder: Path) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [e for e in archive.infolist() if not e.is_dir()]
+            _check_sizes(path, entries)
+            for entry in entries:
+                _extract_entry(path, archive, entry, folder)
+    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
+    except (OSError, RuntimeError, NotImplementedError) as error:
+        raise FmuError(f"{path}: cannot be unpacked: {error}") from None
+
+
+def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+    total = sum(e.file_size for e in entries)
+    packed = max(1, sum(e.compress_size for e in entries))
+    if total > MAX_BYTES or len(entries) > MAX_FILES:
+        raise FmuError(f"{path}: would unpack to {total >> 20} MiB in {len(entries)} files; refused")
+    if total > _SMALL and total > MAX_RATIO * packed:
+        raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
+
+
+def _extract_entry(
+    path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path
+) -> None:
+    inside = _safe_name(path, entry)
+    if inside.parts[0] in _SKIPPED:
+        return
+    target = folder.joinpath(*inside.parts)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # zipfile stops at the declared size, so a lying header cannot write more than was checked.
+    with archive.open(entry) as source, target.open("wb") as sink:
+        shutil.copyfileobj(source, sink)
+
+
+def _safe_name(path: Path, entry: zipfile.ZipInfo) -> PurePosixPath:
+    name = PurePosixPath(entry.filename.replace("\\", "/"))
+    if name.is_absolute() or ".." in name.parts or ":" in entry.filename or not name.parts:
+        raise FmuError(f"{path}: entry '{entry.filename}' would leave the target folder; refused")
+    if stat.S_ISLNK(entry.external_attr >> 16):
+        raise FmuError(f"{path}: entry '{entry.filename}' is a symbolic link; refused")
+    return name

@@ -1,0 +1,33 @@
+"""The table that chooses the façade for an FMI version."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from workbench.errors import FmuError, InputError
+from workbench.fmi.description import Description
+from workbench.fmi.fmi1 import Instance1
+from workbench.fmi.fmi2 import Instance2
+from workbench.fmi.fmi3 import Instance3
+from workbench.fmi.instance import Instance
+
+__all__ = ["INTERFACES", "VERSIONS", "instantiate"]
+
+VERSIONS: Mapping[int, type[Instance]] = {1: Instance1, 2: Instance2, 3: Instance3}
+INTERFACES: Mapping[str, str] = {"me": "model exchange", "cs": "co-simulation"}
+
+
+def instantiate(description: Description, folder: Path, *, interface: str, source: str) -> Instance:
+    """Return a new instance of an unpacked FMU.
+
+    Raises:
+        InputError: it does not offer `interface`.
+        FmuError: no binary for this platform, not loadable, or it refuses to be instantiated.
+    """
+    if description.major not in VERSIONS:
+        raise FmuError(f"{source}: FMI {description.fmi_version} is not supported")
+    if interface not in description.interfaces:
+        offered = ", ".join(description.interfaces) or "neither me nor cs"
+        raise InputError(f"{source}: interface {interface} is not offered; it has: {offered}")
+    return VERSIONS[description.major](description, folder, interface=interface, source=source)

@@ -1,0 +1,332 @@
+"""What an FMU says about itself: modelDescription.xml as frozen dataclasses, read leniently."""
+
+from __future__ import annotations
+
+import codecs
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import FmuError, one_line
+from workbench.fmi.fmpy_access import model_description
+from workbench.fmi.platforms import platforms_in
+from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+
+__all__ = ["Capabilities", "Description", "Experiment", "read_description"]
+
+MAX_XML_BYTES = 512 << 20
+MAX_ELEMENTS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The default experiment; None where the FMU names no value. Times in [s]."""
+
+    start_time: float | None = None
+    stop_time: float | None = None
+    tolerance: float | None = None
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What one interface claims to be able to do (claims, not probed).
+
+    Attributes:
+        identifier: stem of the shared library.
+        state: get, set and free the FMU state.
+        directional_derivatives: exact derivatives on request.
+        variable_step: co-simulation steps may differ (true for model exchange).
+        interpolates_inputs: co-simulation takes input derivatives (FMI 1.0 and 2.0).
+        event_mode: co-simulation has an event mode (FMI 3.0).
+        completed_step: wants to be told about every accepted step (model exchange).
+        once_per_process: only one instance may live in a process.
+        needs_tool: needs its authoring tool to be installed.
+    """
+
+    identifier: str
+    state: bool = False
+    directional_derivatives: bool = False
+    variable_step: bool = True
+    interpolates_inputs: bool = False
+    event_mode: bool = False
+    completed_step: bool = True
+    once_per_process: bool = False
+    needs_tool: bool = False
+
+
+@dataclass(frozen=True)
+class Description:
+    """One FMU's description.
+
+    Attributes:
+        fmi_version: as written, e.g. "2.0".
+        major: 1, 2 or 3.
+        model_name, token, generation_tool, description: as written; `token` is the GUID.
+        interfaces: "me" and "cs" → its capabilities.
+        platforms: names of the folders with binaries.
+        experiment: the default experiment.
+        variables: every scalar, arrays taken apart, in the file's order.
+        states: the continuous states; FMI 1.0 names them only at run time (empty here).
+        derivatives: their derivatives, in the same order.
+        state_count, indicator_count: numbers of continuous states and event indicators.
+        shapes: value reference → shape, for FMI 3.0 arrays.
+        notes: rules of FMI that the file bends.
+    """
+
+    fmi_version: str
+    major: int
+    model_name: str
+    token: str
+    generation_tool: str | None
+    description: str | None
+    interfaces: Mapping[str, Capabilities]
+    platforms: tuple[str, ...]
+    experiment: Experiment
+    variables: tuple[Variable, ...]
+    states: tuple[Variable, ...]
+    derivatives: tuple[Variable, ...]
+    state_count: int
+    indicator_count: int
+    shapes: Mapping[int, tuple[int, ...]]
+    notes: tuple[str, ...]
+
+
+def read_description(folder: Path, *, source: str) -> Description:
+    """Read the description of an unpacked FMU.
+
+    Args:
+        folder: where it is unpacked.
+        source: what the user named, for messages.
+
+    Raises:
+        FmuError: not well-formed, has a document type or entities, or bends rules so far that it
+            cannot be read.
+    """
+    _refuse_entities(folder / "modelDescription.xml", source)
+    raw, notes = _read(folder, source)
+    try:
+        return _convert(raw, platforms_in(folder), notes)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FmuError(f"{source}: modelDescription.xml cannot be understood: {error}") from error
+
+
+def _refuse_entities(path: Path, source: str) -> None:
+    if path.stat().st_size > MAX_XML_BYTES:
+        raise FmuError(f"{source}: modelDescription.xml is larger than {MAX_XML_BYTES >> 20} MiB")
+    data = path.read_bytes()
+    utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in data[:4]
+    if utf16:
+        data = data.replace(b"\0", b"")
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise FmuError(
+            f"{source}: modelDescription.xml declares a document type or entities, which FMI does "
+            "not use and XML bombs do; refused"
+        )
+
+
+def _read(folder: Path, source: str) -> tuple[Any, list[str]]:
+    """Read with FMPy, first strictly, then leniently with what was bent as notes."""
+    try:
+        return model_description.read_model_description(str(folder)), []
+    except model_description.ValidationError as error:
+        problems = [one_line(p) for p in error.problems]
+    except Exception as error:  # noqa: BLE001  FMPy raises bare Exception for broken rules
+        problems = [one_line(str(error))]
+    try:
+        raw = model_description.read_model_description(str(folder), validate=False)
+    except Exception as error:  # noqa: BLE001  the same
+        raise FmuError(f"{source}: modelDescription.xml cannot be read: {error}") from error
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return raw, [f"modelDescription.xml bends a rule: {problems[0]}{more}"]
+
+
+def _convert(raw: Any, platforms: tuple[str, ...], notes: list[str]) -> Description:
+    version = str(raw.fmiVersion)
+    depends = _dependencies(raw)
+    arrays = {int(v.valueReference): tuple(v.shape) for v in raw.modelVariables if v.shape}
+    variables = tuple(s for v in raw.modelVariables for s in _scalars(v, depends, notes))
+    states, derivatives = _states(raw, variables, notes)
+    return Description(
+        fmi_version=version,
+        major=int(version.partition(".")[0]),
+        model_name=raw.modelName or "unnamed",
+        token=raw.guid or "",
+        generation_tool=raw.generationTool,
+        description=raw.description,
+        interfaces=_interfaces(raw),
+        platforms=platforms,
+        experiment=_experiment(raw.defaultExperiment),
+        variables=variables,
+        states=states,
+        derivatives=derivatives,
+        state_count=int(raw.numberOfContinuousStates),
+        indicator_count=int(raw.numberOfEventIndicators),
+        shapes=arrays,
+        notes=tuple(notes),
+    )
+
+
+def _interfaces(raw: Any) -> dict[str, Capabilities]:
+    found = {}
+    for name, element in (("me", raw.modelExchange), ("cs", raw.coSimulation)):
+        if element is not None and element.modelIdentifier:
+            found[name] = _capabilities(raw.fmiVersion, name, element)
+    return found
+
+
+def _capabilities(version: str, name: str, element: Any) -> Capabilities:
+    directional = getattr(element, "providesDirectionalDerivative", False) or getattr(
+        element, "providesDirectionalDerivatives", False
+    )
+    cs = name == "cs"
+    return Capabilities(
+        identifier=element.modelIdentifier,
+        state=bool(element.canGetAndSetFMUstate),
+        directional_derivatives=bool(directional),
+        # FMPy does not read FMI 1.0's co-simulation capabilities; constant steps would be the
+        # cautious reading, but most FMI 1.0 exports take any step.
+        variable_step=not cs
+        or version.startswith("1")
+        or bool(element.canHandleVariableCommunicationStepSize),
+        interpolates_inputs=cs and version.startswith("2") and bool(element.canInterpolateInputs),
+        event_mode=cs and bool(element.hasEventMode),
+        completed_step=not cs and (version.startswith("1") or bool(element.needsCompletedIntegratorStep)),
+        once_per_process=bool(element.canBeInstantiatedOnlyOncePerProcess),
+        needs_tool=bool(element.needsExecutionTool),
+    )
+
+
+def _experiment(raw: Any) -> Experiment:
+    if raw is None:
+        return Experiment()
+    return Experiment(
+        start_time=_number(raw.startTime),
+        stop_time=_number(raw.stopTime),
+        tolerance=_positive(raw.tolerance),
+        step=_positive(raw.stepSize),
+    )
+
+
+def _number(text: Any) -> float | None:
+    try:
+        value = float(text)
+    except (TypeError, ValueError):
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _positive(text: Any) -> float | None:
+    value = _number(text)
+    return value if value is not None and value > 0.0 else None
+
+
+def _dependencies(raw: Any) -> dict[str, tuple[str, ...]]:
+    return {
+        u.variable.name: tuple(d.name for d in u.dependencies)
+        for u in (*raw.outputs, *raw.derivatives)
+        if u.dependencies is not None
+    }
+
+
+def _scalars(
+    raw: Any, depends: Mapping[str, tuple[str, ...]], notes: list[str]
+) -> Iterator[Variable]:
+    """Yield the scalars of one declared variable: itself, or the elements of the array."""
+    size = int(np.prod(raw.shape)) if raw.shape else 1
+    if size > MAX_ELEMENTS:
+        raise ValueError(f"array {raw.name} has {size} elements")
+    starts = _starts(raw, size, notes)
+    for element in range(size):
+        yield Variable(
+            name=raw.name + _index(raw.shape, element),
+            type=raw.type,
+            unit=raw.unit or _declared(raw, "unit"),
+            start=starts[element],
+            description=raw.description,
+            causality=raw.causality,
+            variability=raw.variability,
+            minimum=_number(raw.min),
+            maximum=_number(raw.max),
+            nominal=_nominal(raw),
+            value_reference=int(raw.valueReference),
+            element=element,
+            derivative_of=raw.derivative.name + _index(raw.shape, element)
+            if hasattr(raw.derivative, "name")
+            else None,
+            dependencies=depends.get(raw.name),
+        )
+
+
+def _index(shape: tuple[int, ...] | None, element: int) -> str:
+    if not shape:
+        return ""
+    return "[" + ",".join(str(int(i) + 1) for i in np.unravel_index(element, shape)) + "]"
+
+
+def _declared(raw: Any, attribute: str) -> Any:
+    return getattr(raw.declaredType, attribute, None) if raw.declaredType is not None else None
+
+
+def _nominal(raw: Any) -> float | None:
+    value = _number(raw.nominal)
+    if value is None:
+        value = _number(_declared(raw, "nominal"))
+    return abs(value) if value else None
+
+
+def _starts(raw: Any, size: int, notes: list[str]) -> list[Value | None]:
+    if raw.start is None:
+        return [None] * size
+    convert = _start_reader(raw.type)
+    # A string may hold blanks; every other array start is a list separated by them.
+    texts = [raw.start] if size == 1 or raw.type == "String" else str(raw.start).split()
+    try:
+        values: list[Value | None] = [convert(t) for t in texts]
+    except ValueError:
+        notes.append(f"start value '{raw.start}' of {raw.name} is no {raw.type}; ignored")
+        return [None] * size
+    if len(values) == 1:
+        return values * size
+    return values if len(values) == size else [None] * size
+
+
+def _start_reader(kind: str) -> Callable[[str], Value]:
+    if kind in FLOAT_TYPES or kind == "Clock":
+        return float
+    if kind == "Boolean":
+        return _read_boolean
+    if kind in ("String", "Binary"):
+        return str
+    return int
+
+
+def _read_boolean(text: str) -> bool:
+    if text not in ("true", "false", "1", "0"):
+        raise ValueError(text)
+    return text in ("true", "1")
+
+
+def _states(
+    raw: Any, variables: tuple[Variable, ...], notes: list[str]
+) -> tuple[tuple[Variable, ...], tuple[Variable, ...]]:
+    """Return states and derivatives in the order of the FMU's state vector."""
+    by_name = {v.name: v for v in variables}
+    wanted = (
+        by_name[u.variable.name + _index(u.variable.shape, e)]
+        for u in raw.derivatives
+        for e in range(int(np.prod(u.variable.shape)) if u.variable.shape else 1)
+    )
+    derivatives = tuple(wanted)
+    states = []
+    for number, derivative in enumerate(derivatives, 1):
+        state = by_name.get(derivative.derivative_of or "")
+        if state is None:
+            notes.append(f"derivative {derivative.name} does not say of which state; see state[{number}]")
+            state = Variable(name=f"state[{number}]")
+        states.append(state)
+    return tuple(states), derivatives

@@ -1,0 +1,115 @@
+"""FMI 2.0: model exchange and co-simulation."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from ctypes import byref
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.fmi.access import Access, TypeCalls, decode_flag
+from workbench.fmi.fmpy_access import fmi2
+from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.log import callbacks2
+from workbench.fmi.variable import Variable
+
+__all__ = ["Instance2"]
+
+_INTEGER = TypeCalls("fmi2GetInteger", "fmi2SetInteger", ctypes.c_int, int, int)
+_KINDS = {"me": 0, "cs": 1}
+
+
+class Instance2(Instance):
+    """An instance of an FMI 2.0 FMU."""
+
+    version: ClassVar[int] = 2
+    TYPES: ClassVar[Mapping[str, TypeCalls]] = {
+        "Real": TypeCalls("fmi2GetReal", "fmi2SetReal", ctypes.c_double),
+        "Integer": _INTEGER,
+        "Enumeration": _INTEGER,
+        "Boolean": TypeCalls("fmi2GetBoolean", "fmi2SetBoolean", ctypes.c_int, decode_flag, int),
+        "String": TypeCalls.text("fmi2GetString", "fmi2SetString"),
+    }
+    CALLS: ClassVar[Mapping[str, str]] = {
+        "terminate": "fmi2Terminate",
+        "free": "fmi2FreeInstance",
+        "set_time": "fmi2SetTime",
+        "set_states": "fmi2SetContinuousStates",
+        "get_states": "fmi2GetContinuousStates",
+        "get_derivatives": "fmi2GetDerivatives",
+        "get_indicators": "fmi2GetEventIndicators",
+        "get_nominals": "fmi2GetNominalsOfContinuousStates",
+        "get_fmu_state": "fmi2GetFMUstate",
+        "set_fmu_state": "fmi2SetFMUstate",
+        "free_fmu_state": "fmi2FreeFMUstate",
+    }
+
+    def _instantiate(self) -> Any:
+        return self.library["fmi2Instantiate"](
+            self.log.key.encode(),
+            _KINDS[self.interface],
+            self.description.token.encode(),
+            (self.folder / "resources").as_uri().encode(),
+            byref(callbacks2),
+            0,
+            0,
+        )
+
+    def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
+        self.time = start_time
+        use = self.interface == "cs" and tolerance is not None
+        self.call("fmi2SetupExperiment", int(use), tolerance if use else 0.0, start_time, 0, 0.0)
+        self.call("fmi2EnterInitializationMode")
+
+    def exit_initialisation(self) -> None:
+        self.call("fmi2ExitInitializationMode")
+        self._running = True
+
+    def enter_event_mode(self) -> None:
+        self.call("fmi2EnterEventMode")
+
+    def enter_continuous_mode(self) -> None:
+        self.call("fmi2EnterContinuousTimeMode")
+
+    def update_discrete_states(self) -> tuple[bool, EventInfo]:
+        info = fmi2.fmi2EventInfo()
+        self.call("fmi2NewDiscreteStates", byref(info))
+        return bool(info.newDiscreteStatesNeeded), EventInfo(
+            terminate=bool(info.terminateSimulation),
+            states_changed=bool(info.valuesOfContinuousStatesChanged),
+            nominals_changed=bool(info.nominalsOfContinuousStatesChanged),
+            next_time=float(info.nextEventTime) if info.nextEventTimeDefined else math.inf,
+        )
+
+    def completed_step(self) -> tuple[bool, bool]:
+        event, terminate = ctypes.c_int(), ctypes.c_int()
+        self.call("fmi2CompletedIntegratorStep", 1, byref(event), byref(terminate))
+        return bool(event.value), bool(terminate.value)
+
+    def do_step(self, time: float, step: float) -> StepResult:
+        self.time = time
+        self.call("fmi2DoStep", time, step, 1)
+        return StepResult(time + step)
+
+    def set_input_slopes(self, access: Access, slopes: Sequence[float]) -> None:
+        n = len(access.variables)
+        references = (ctypes.c_uint * n)(*(v.value_reference for v in access.variables))
+        orders = (ctypes.c_int * n)(*([1] * n))
+        values = (ctypes.c_double * n)(*slopes)
+        self.call("fmi2SetRealInputDerivatives", references, n, orders, values)
+
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        m, n = len(unknowns), len(knowns)
+        rows = (ctypes.c_uint * m)(*(v.value_reference for v in unknowns))
+        columns = (ctypes.c_uint * n)(*(v.value_reference for v in knowns))
+        result = (ctypes.c_double * m)()
+        self.call(
+            "fmi2GetDirectionalDerivative", rows, m, columns, n, (ctypes.c_double * n)(*seed), result
+        )
+        return np.array(result, dtype=np.float64)

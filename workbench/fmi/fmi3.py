@@ -1,0 +1,136 @@
+"""FMI 3.0: model exchange and co-simulation (no clocks, no intermediate update)."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from ctypes import byref
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.fmi.access import TypeCalls, decode_flag
+from workbench.fmi.fmpy_access import fmi3
+from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.log import log_callback3
+from workbench.fmi.variable import Variable
+
+__all__ = ["Instance3"]
+
+_INTEGERS: Mapping[str, Any] = {
+    "Int8": ctypes.c_int8,
+    "UInt8": ctypes.c_uint8,
+    "Int16": ctypes.c_int16,
+    "UInt16": ctypes.c_uint16,
+    "Int32": ctypes.c_int32,
+    "UInt32": ctypes.c_uint32,
+    "Int64": ctypes.c_int64,
+    "UInt64": ctypes.c_uint64,
+}
+
+
+def _integer(name: str) -> TypeCalls:
+    return TypeCalls(f"fmi3Get{name}", f"fmi3Set{name}", _INTEGERS[name], int, int)
+
+
+class Instance3(Instance):
+    """An instance of an FMI 3.0 FMU."""
+
+    version: ClassVar[int] = 3
+    TYPES: ClassVar[Mapping[str, TypeCalls]] = {
+        "Float64": TypeCalls("fmi3GetFloat64", "fmi3SetFloat64", ctypes.c_double),
+        "Float32": TypeCalls("fmi3GetFloat32", "fmi3SetFloat32", ctypes.c_float),
+        **{name: _integer(name) for name in _INTEGERS},
+        "Enumeration": _integer("Int64"),
+        "Boolean": TypeCalls("fmi3GetBoolean", "fmi3SetBoolean", ctypes.c_bool, decode_flag, bool),
+        "String": TypeCalls.text("fmi3GetString", "fmi3SetString"),
+    }
+    CALLS: ClassVar[Mapping[str, str]] = {
+        "terminate": "fmi3Terminate",
+        "free": "fmi3FreeInstance",
+        "set_time": "fmi3SetTime",
+        "set_states": "fmi3SetContinuousStates",
+        "get_states": "fmi3GetContinuousStates",
+        "get_derivatives": "fmi3GetContinuousStateDerivatives",
+        "get_indicators": "fmi3GetEventIndicators",
+        "get_nominals": "fmi3GetNominalsOfContinuousStates",
+        "get_fmu_state": "fmi3GetFMUState",
+        "set_fmu_state": "fmi3SetFMUState",
+        "free_fmu_state": "fmi3FreeFMUState",
+    }
+
+    def _instantiate(self) -> Any:
+        self._callback = log_callback3(self.log)  # kept alive as long as the instance
+        resources = str(self.folder / "resources") + "/"
+        common = (self.log.key.encode(), self.description.token.encode(), resources.encode(), False, False)
+        if self.interface == "me":
+            return self.library["fmi3InstantiateModelExchange"](*common, None, self._callback)
+        no_update = fmi3.fmi3IntermediateUpdateCallback()
+        event_mode = self.event_mode
+        return self.library["fmi3InstantiateCoSimulation"](
+            *common, event_mode, event_mode, None, 0, None, self._callback, no_update
+        )
+
+    def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
+        self.time = start_time
+        use = self.interface == "cs" and tolerance is not None
+        self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, start_time, False, 0.0)
+
+    def exit_initialisation(self) -> None:
+        self.call("fmi3ExitInitializationMode")
+        self._running = True
+        if self.interface == "me":
+            self._count_again()
+
+    def _count_again(self) -> None:
+        """Take the run-time sizes: structural parameters may change the declared ones."""
+        nx, nz = ctypes.c_size_t(self.nx), ctypes.c_size_t(self.nz)
+        if self.library.has("fmi3GetNumberOfContinuousStates"):
+            self.call("fmi3GetNumberOfContinuousStates", byref(nx))
+        if self.library.has("fmi3GetNumberOfEventIndicators"):
+            self.call("fmi3GetNumberOfEventIndicators", byref(nz))
+        self._size_buffers(nx.value, nz.value)
+
+    def enter_event_mode(self) -> None:
+        self.call("fmi3EnterEventMode")
+
+    def enter_continuous_mode(self) -> None:
+        self.call("fmi3EnterContinuousTimeMode")
+
+    def enter_step_mode(self) -> None:
+        self.call("fmi3EnterStepMode")
+
+    def update_discrete_states(self) -> tuple[bool, EventInfo]:
+        flags = [ctypes.c_bool() for _ in range(5)]
+        time = ctypes.c_double(math.inf)
+        self.call("fmi3UpdateDiscreteStates", *(byref(f) for f in flags), byref(time))
+        again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
+        return again, EventInfo(terminate, states, nominals, time.value if timed else math.inf)
+
+    def completed_step(self) -> tuple[bool, bool]:
+        event, terminate = ctypes.c_bool(), ctypes.c_bool()
+        self.call("fmi3CompletedIntegratorStep", True, byref(event), byref(terminate))
+        return bool(event.value), bool(terminate.value)
+
+    def do_step(self, time: float, step: float) -> StepResult:
+        self.time = time
+        event, terminate, early = (ctypes.c_bool() for _ in range(3))
+        reached = ctypes.c_double(time + step)
+        self.call(
+            "fmi3DoStep", time, step, True, byref(event), byref(terminate), byref(early), byref(reached)
+        )
+        end = float(reached.value) if early.value else time + step
+        return StepResult(end, bool(event.value), bool(terminate.value))
+
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        m, n = len(unknowns), len(knowns)
+        rows = (ctypes.c_uint * m)(*(v.value_reference for v in unknowns))
+        columns = (ctypes.c_uint * n)(*(v.value_reference for v in knowns))
+        values = (ctypes.c_double * n)(*seed)
+        result = (ctypes.c_double * m)()
+        self.call("fmi3GetDirectionalDerivative", rows, m, columns, n, values, n, result, m)
+        return np.array(result, dtype=np.float64)

@@ -1,0 +1,284 @@
+"""One living instance of an FMU behind one façade for FMI 1.0, 2.0 and 3.0."""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from ctypes import byref
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import FmuError, SimulationError
+from workbench.fmi.access import Access, TypeCalls
+from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.library import Library, load_library
+from workbench.fmi.log import open_log
+from workbench.fmi.platforms import binary_path
+from workbench.fmi.variable import Variable
+
+__all__ = ["DiscardError", "EventInfo", "Instance", "StepResult"]
+
+WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
+_STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
+MAX_EVENT_ITERATIONS = 1000
+
+
+class DiscardError(SimulationError):
+    """The FMU discarded a call (status "discard"): other values may be acceptable to it."""
+
+
+@dataclass(frozen=True)
+class EventInfo:
+    """What an event iteration ended with.
+
+    Attributes:
+        terminate: the FMU wants the simulation to end.
+        states_changed: the continuous states jumped; read them again.
+        nominals_changed: their nominal values changed.
+        next_time: next time event [s], `math.inf` if none.
+    """
+
+    terminate: bool
+    states_changed: bool
+    nominals_changed: bool
+    next_time: float
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """What a co-simulation step ended with.
+
+    Attributes:
+        time: how far the FMU got [s].
+        event: it wants an event iteration.
+        terminate: it wants the simulation to end.
+    """
+
+    time: float
+    event: bool = False
+    terminate: bool = False
+
+
+class Instance(ABC):
+    """One instance.
+
+    Obligations of the caller, in this order:
+      1. Construct: the FMU is instantiated.
+      2. Write start values; `enter_initialisation`; write inputs; `exit_initialisation`.
+         Model exchange, and co-simulation with `event_mode`, is then in event mode.
+      3. Model exchange: `iterate_events`, `enter_continuous_mode`; then `set_time`,
+         `set_states`, continuous inputs, `get_…` in any number; `completed_step` after each
+         accepted step; `enter_event_mode` before an event iteration.
+         Co-simulation: with `event_mode`, `iterate_events`, `enter_step_mode`; then `do_step`.
+      4. `close`, in any situation, any number of times; nothing may be called after it.
+    Guarantees:
+      1. Nothing is printed; log lines are in `log` and the last ones in every error's message.
+      2. A status worse than "warning" is a SimulationError (DiscardError for "discard") with the
+         time of the last `set_time` or `do_step`.
+      3. `x`, `dx`, `z` are views of buffers the FMU writes to; they change with the next call.
+      4. `close` frees the instance except after a fatal error, when FMI forbids it.
+    """
+
+    version: ClassVar[int]
+    CALLS: ClassVar[Mapping[str, str]]
+    TYPES: ClassVar[Mapping[str, TypeCalls]]
+
+    def __init__(self, description: Description, folder: Path, *, interface: str, source: str) -> None:
+        capabilities = description.interfaces[interface]
+        path = binary_path(folder, capabilities.identifier, source=source)
+        library = load_library(
+            path, version=description.major, interface=interface, identifier=capabilities.identifier
+        )
+        self._setup(description, library, interface=interface)
+        self.source = source
+        self.folder = folder.resolve()
+        self.component = self._instantiate()
+        if not self.component:
+            self._closed = True
+            raise FmuError(f"{source}: the FMU refuses to be instantiated{self.log.tail()}")
+
+    def _setup(self, description: Description, library: Library, *, interface: str) -> None:
+        self.description = description
+        self.capabilities: Capabilities = description.interfaces[interface]
+        self.interface = interface
+        self.library = library
+        self.log = open_log(description.model_name)
+        self.event_mode = interface == "me" or self.capabilities.event_mode
+        self.time = 0.0
+        self.component: Any = None
+        self._worst = 0
+        self._running = False
+        self._closed = False
+        self._size_buffers(description.state_count, description.indicator_count)
+
+    def _size_buffers(self, nx: int, nz: int) -> None:
+        self.nx, self.nz = nx, nz
+        self._xbuf, self.x = _buffer(nx)
+        self._dxbuf, self.dx = _buffer(nx)
+        self._zbuf, self.z = _buffer(nz)
+
+    # -- status ---------------------------------------------------------------------------
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call an FMI function of this instance and check its status."""
+        status = self.library[name](self.component, *arguments)
+        if status > WARNING:
+            self.fail(name, status)
+
+    def fail(self, name: str, status: int) -> NoReturn:
+        """Raise for a bad status."""
+        self._worst = max(self._worst, status if status <= FATAL else ERROR)
+        kind = DiscardError if status == DISCARD else SimulationError
+        name = name.replace("fmi1", "fmi")
+        raise kind(
+            f"{self.description.model_name}: {name} returned {_STATUS.get(status, status)}{self.log.tail()}",
+            time=self.time,
+        )
+
+    # -- access to variables --------------------------------------------------------------
+
+    def access(self, variables: Sequence[Variable]) -> Access:
+        """Return prepared access to `variables`; the FMU is not called yet."""
+        return Access(self, variables)
+
+    # -- life cycle -----------------------------------------------------------------------
+
+    @abstractmethod
+    def _instantiate(self) -> Any:
+        """Return the component, None if the FMU refuses."""
+
+    @abstractmethod
+    def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
+        """Enter initialisation at `start_time` [s]; co-simulation is told `tolerance`."""
+
+    @abstractmethod
+    def exit_initialisation(self) -> None:
+        """Leave initialisation; the first event iteration comes next (see obligation 3)."""
+
+    def close(self) -> None:
+        """Terminate if that is allowed, then free."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._worst >= FATAL:
+            return
+        if self._running and self._worst < ERROR:
+            self.library[self.CALLS["terminate"]](self.component)
+        self.library[self.CALLS["free"]](self.component)
+
+    # -- model exchange -------------------------------------------------------------------
+
+    def set_time(self, time: float) -> None:
+        """Set the independent variable [s]."""
+        self.time = time
+        self.call(self.CALLS["set_time"], time)
+
+    def set_states(self) -> None:
+        """Give the FMU the states that stand in `x`."""
+        if self.nx:
+            self.call(self.CALLS["set_states"], self._xbuf, self.nx)
+
+    def get_states(self) -> None:
+        """Read the states into `x`."""
+        if self.nx:
+            self.call(self.CALLS["get_states"], self._xbuf, self.nx)
+
+    def get_derivatives(self) -> None:
+        """Read the derivatives into `dx`."""
+        if self.nx:
+            self.call(self.CALLS["get_derivatives"], self._dxbuf, self.nx)
+
+    def get_indicators(self) -> None:
+        """Read the event indicators into `z`."""
+        if self.nz:
+            self.call(self.CALLS["get_indicators"], self._zbuf, self.nz)
+
+    def get_nominals(self) -> NDArray[np.float64]:
+        """Return the nominal values of the states as the FMU gives them, shape (nx,)."""
+        buffer, view = _buffer(self.nx)
+        view[:] = 1.0
+        if self.nx and self.library.has(self.CALLS["get_nominals"]):
+            self.call(self.CALLS["get_nominals"], buffer, self.nx)
+        return view
+
+    @abstractmethod
+    def enter_event_mode(self) -> None:
+        """Enter event mode."""
+
+    @abstractmethod
+    def enter_continuous_mode(self) -> None:
+        """Leave event mode (model exchange)."""
+
+    @abstractmethod
+    def update_discrete_states(self) -> tuple[bool, EventInfo]:
+        """Evaluate the event once; the first value says whether it must be called again."""
+
+    @abstractmethod
+    def completed_step(self) -> tuple[bool, bool]:
+        """Report an accepted step; returns (enter event mode, terminate)."""
+
+    def iterate_events(self) -> EventInfo:
+        """Iterate in event mode until nothing changes.
+
+        Raises:
+            SimulationError: it does not settle.
+        """
+        states = nominals = False
+        for _ in range(MAX_EVENT_ITERATIONS):
+            again, info = self.update_discrete_states()
+            states |= info.states_changed
+            nominals |= info.nominals_changed
+            if not again or info.terminate:
+                return EventInfo(info.terminate, states, nominals, info.next_time)
+        raise SimulationError(
+            f"{self.description.model_name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds",
+            time=self.time,
+        )
+
+    # -- co-simulation --------------------------------------------------------------------
+
+    @abstractmethod
+    def do_step(self, time: float, step: float) -> StepResult:
+        """Advance a co-simulation FMU from `time` by `step` [s]."""
+
+    def enter_step_mode(self) -> None:
+        """Leave event mode (co-simulation with `event_mode`)."""
+        raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no step mode")
+
+    def set_input_slopes(self, access: Access, slopes: Sequence[float]) -> None:
+        """Give the time derivatives of real inputs [1/s] for the next step (FMI 2.0)."""
+        raise FmuError(f"{self.source}: FMI {self.description.fmi_version} takes no input derivatives")
+
+    # -- FMU state ------------------------------------------------------------------------
+
+    def get_state(self) -> Any:
+        """Return a new FMU state; give it back with `free_state`."""
+        state = ctypes.c_void_p()
+        self.call(self.CALLS["get_fmu_state"], byref(state))
+        return state
+
+    def set_state(self, state: Any) -> None:
+        """Go back to an FMU state."""
+        self.call(self.CALLS["set_fmu_state"], state)
+
+    def free_state(self, state: Any) -> None:
+        """Free an FMU state."""
+        if not self._closed:
+            self.call(self.CALLS["free_fmu_state"], byref(state))
+
+    @abstractmethod
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        """Return Σ ∂unknown/∂known · seed, shape (len(unknowns),); scalars only."""
+
+
+def _buffer(size: int) -> tuple[Any, NDArray[np.float64]]:
+    """Return a C array of doubles and a NumPy view of it, shape (size,)."""
+    buffer = (ctypes.c_double * max(size, 1))()
+    return buffer, np.frombuffer(buffer, dtype=np.float64)[:size]

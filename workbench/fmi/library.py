@@ -1,0 +1,104 @@
+"""The C functions of one shared library, with FMPy's signatures."""
+
+from __future__ import annotations
+
+import ctypes
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import FmuError
+from workbench.fmi.fmpy_access import fmi1, fmi2, fmi3
+
+__all__ = ["Library", "load_library"]
+
+_CLASSES: Mapping[tuple[int, str], Any] = {
+    (1, "me"): fmi1.FMU1Model,
+    (1, "cs"): fmi1.FMU1Slave,
+    (2, "me"): fmi2.FMU2Model,
+    (2, "cs"): fmi2.FMU2Slave,
+    (3, "me"): fmi3._FMU3,  # noqa: SLF001  holds every function of FMI 3.0
+    (3, "cs"): fmi3._FMU3,  # noqa: SLF001
+}
+_TEXT = ("Version", "TypesPlatform")
+
+Function = Callable[..., int]
+
+
+def _ctype(annotation: Any) -> Any:
+    if isinstance(annotation, types.UnionType):
+        annotation = typing.get_args(annotation)[0]
+    return {int: ctypes.c_int, bytes: ctypes.c_char_p}.get(annotation, annotation)
+
+
+@lru_cache(maxsize=8)
+def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]]:
+    """Function name → (result type, argument types), from the annotations of FMPy's methods."""
+    found = {}
+    for name, member in inspect.getmembers(_CLASSES[version, interface], inspect.isfunction):
+        if not name.startswith(f"fmi{version}"):
+            continue
+        signature = inspect.signature(member)
+        arguments = [_ctype(p.annotation) for p in list(signature.parameters.values())[1:]]
+        result = _ctype(signature.return_annotation)
+        # FMPy declares FMI 1.0 status results as strings; an error status would be read as an
+        # address and end the process.
+        if result is ctypes.c_char_p and not name.endswith(_TEXT):
+            result = ctypes.c_int
+        found[name] = (result, arguments)
+    return found
+
+
+class Library:
+    """C functions by their FMI name (`fmi2DoStep`); FMI 1.0 names carry the prefix `fmi1`."""
+
+    def __init__(self, functions: Mapping[str, Function]) -> None:
+        self._functions = functions
+
+    def __getitem__(self, name: str) -> Function:
+        return self._functions[name]
+
+    def has(self, name: str) -> bool:
+        """Whether the binary exports the function."""
+        return not getattr(self._functions[name], "missing", False)
+
+
+def load_library(path: Path, *, version: int, interface: str, identifier: str) -> Library:
+    """Load the shared library at `path`.
+
+    A function that it does not export becomes one that raises when it is called: third-party
+    binaries often lack optional ones.
+
+    Raises:
+        FmuError: the system cannot load it, e.g. a library it needs is absent.
+    """
+    try:
+        dll = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {error}") from None
+    functions = {}
+    for name, (result, arguments) in _signatures(version, interface).items():
+        symbol = f"{identifier}_fmi{name[4:]}" if version == 1 else name
+        functions[name] = _bind(dll, symbol, result, arguments)
+    return Library(functions)
+
+
+def _bind(dll: ctypes.CDLL, symbol: str, result: Any, arguments: list[Any]) -> Function:
+    function: Any = getattr(dll, symbol, None)
+    if function is None:
+        return _missing(symbol)
+    function.restype = result
+    function.argtypes = arguments
+    return typing.cast(Function, function)
+
+
+def _missing(symbol: str) -> Function:
+    def missing(*_: object) -> int:
+        raise FmuError(f"{symbol}: the FMU's binary does not have this function")
+
+    missing.missing = True  # type: ignore[attr-defined]
+    return missing
