@@ -14,14 +14,14 @@ model Rudder "Electro-hydraulic rudder actuator with surface, example 4-3 and ch
   parameter Real width(unit = "m", min = 1e-4, max = 0.1, nominal = 0.01) = 0.02 "Area gradient of the ports";
   parameter Real lap(unit = "m", min = 1e-7, max = 1e-4, nominal = 1e-5) = 1e-5 "Rounding of the port edges";
   parameter Real dpLaminar(unit = "Pa", min = 1, max = 1e6, nominal = 1e5) = 1e5 "Pressure drop at which orifice flow becomes laminar";
-  parameter Real spoolGain(unit = "m/A", min = 1e-4, max = 1, nominal = 0.01) = 0.04 "Spool position per current";
+  parameter Real spoolGain(unit = "m/A", min = 1e-4, max = 1, nominal = 0.01) = 0.01 "Spool position per current";
   parameter Real spoolMax(unit = "m", min = 1e-5, max = 1e-2, nominal = 1e-4) = 3.6e-4 "Travel limit of the spool";
   parameter Real spoolRateMax(unit = "m/s", min = 1e-4, max = 1, nominal = 0.01) = 0.013 "Rate limit of the spool";
   parameter Real tauSpool(unit = "s", min = 1e-4, max = 1, nominal = 0.01) = 0.007 "Time constant of the spool";
   parameter Real bypassArea(unit = "m2", min = 1e-8, max = 1e-3, nominal = 1e-6) = 5e-6 "Damping orifice of each chamber in bypass";
   // Servo amplifier
-  parameter Real loopGain(unit = "A/rad", min = 1e-3, max = 10, nominal = 0.1) = 0.128 "Current per position error";
-  parameter Real currentMax(unit = "A", min = 1e-4, max = 1, nominal = 0.01) = 0.01 "Limit of the current";
+  parameter Real loopGain(unit = "A/rad", min = 1e-3, max = 10, nominal = 0.1) = 0.512 "Current per position error";
+  parameter Real currentMax(unit = "A", min = 1e-4, max = 1, nominal = 0.01) = 0.04 "Limit of the current";
   parameter Real tauCurrent(unit = "s", min = 1e-4, max = 1, nominal = 0.01) = 0.017 "Time constant of roll-off filter and coil";
   parameter Real delMax(unit = "deg", min = 1, max = 90, nominal = 10) = 25 "Limit of the command";
   // Cylinder
