@@ -1,0 +1,159 @@
+"""One point of a nonlinear frequency response: one sine, until the response has settled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.analysis.harmonics import ORDERS, measure_period
+from workbench.analysis.settling import Outcome, Response, Settling
+from workbench.errors import SimulationError
+from workbench.model import Model
+from workbench.session import Session
+from workbench.signals import Sine
+
+__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
+
+# Rows per period at which the output is recorded; for co-simulation the communication points.
+ROWS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointTask:
+    """What is to be measured at one point.
+
+    Attributes:
+        input, output: names of the variables.
+        frequency: [Hz].
+        amplitude: [unit of the input].
+        errcrit: error criterion of `Settling`.
+        max_periods: largest number of periods.
+        rows: samples per period.
+    """
+
+    input: str
+    output: str
+    frequency: float
+    amplitude: float
+    errcrit: float
+    max_periods: int
+    rows: int = ROWS
+
+    @property
+    def step(self) -> float:
+        """Distance of two rows [s]."""
+        return 1.0 / (self.frequency * self.rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NfrPoint:
+    """The response at one frequency and one amplitude.
+
+    Attributes:
+        frequency: [Hz].
+        amplitude: [unit of the input].
+        response: complex, output over input; None where the point failed.
+        offset: mean of the output [unit of the output]; None where the point failed.
+        periods: number of periods run (of the run that is reported).
+        averaged: whether it never settled and is the mean of the last half of the periods.
+        resolved: whether the transient was identified and removed (see `Settling`).
+        step: communication step of co-simulation [s]; None for model exchange.
+        reason: why the point failed; None where it did not.
+    """
+
+    frequency: float
+    amplitude: float
+    response: complex | None = None
+    offset: float | None = None
+    periods: int = 0
+    averaged: bool = False
+    resolved: bool = False
+    step: float | None = None
+    reason: str | None = None
+
+
+def run_fresh(model: Model, task: PointTask) -> NfrPoint:
+    """Measure a point in a session of its own, from the model's initial state."""
+    start = Sine(amplitude=task.amplitude, frequency=task.frequency)
+    try:
+        with model.open_session(signals={task.input: start}) as session:
+            point = run_point(session, task)
+    except SimulationError as error:
+        point = _failed(task, 0, str(error))
+    return replace(point, step=task.step if model.interface == "cs" else None)
+
+
+def run_point(session: Session, task: PointTask) -> NfrPoint:
+    """Measure a point in `session` from where it stands; the sine begins there with phase zero.
+
+    Whole periods are run, each resumed from the last, so that the next point in the same session
+    begins where this one's sine is zero again: the input of a carried sweep has no jump.
+    After a failed point the session cannot be continued.
+    """
+    settling = Settling(errcrit=task.errcrit, most=task.max_periods)
+    begin = session.time
+    sine = Sine(amplitude=task.amplitude, frequency=task.frequency, start=begin)
+    try:
+        # A response that runs away may overflow before it is recognised; that is an answer, not a warning.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k in range(task.max_periods):
+                response = _one_period(session, task, sine, k, settling)
+                if response is not None:
+                    return _point(task, response, k + 1)
+    except SimulationError as error:
+        return _failed(task, len(settling.periods), str(error))
+    return _failed(task, task.max_periods, "no period was run")
+
+
+def _one_period(session: Session, task: PointTask, sine: Sine, k: int, settling: Settling) -> Response | None:
+    # Times are computed from the first period's begin, not added up, so that they do not drift.
+    fractions = k + np.arange(1, task.rows + 1) / task.rows
+    points = sine.start + fractions / task.frequency
+    record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
+    period = measure_period(
+        record,
+        input=task.input,
+        output=task.output,
+        begin=sine.start,
+        frequency=task.frequency,
+        orders=max(1, min(ORDERS, task.rows // 4)),
+    )
+    if not np.all(np.isfinite(period.harmonics)):
+        raise SimulationError(f"{task.output} is not finite", time=session.time)
+    if period.drive == 0.0:
+        raise SimulationError(f"{task.input} does not move under an amplitude of {task.amplitude:g}", time=session.time)
+    return settling.add(period)
+
+
+def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:
+    if response.outcome is Outcome.DIVERGED:
+        return _failed(task, periods, f"{task.output} grows without bound; it is unstable at this amplitude")
+    return NfrPoint(
+        frequency=task.frequency,
+        amplitude=task.amplitude,
+        response=response.value,
+        offset=response.offset,
+        periods=periods,
+        averaged=response.outcome is Outcome.AVERAGED,
+        resolved=response.outcome is Outcome.RESOLVED,
+    )
+
+
+def _failed(task: PointTask, periods: int, reason: str) -> NfrPoint:
+    return NfrPoint(frequency=task.frequency, amplitude=task.amplitude, periods=periods, reason=reason)
+
+
+def change(old: NfrPoint, new: NfrPoint) -> tuple[float, float]:
+    """Return by how much two measurements of one point differ: gain [1, relative], phase [deg].
+
+    A failed point differs from everything without bound.
+    """
+    if old.response is None or new.response is None:
+        return math.inf, math.inf
+    if old.response == 0.0 or new.response == 0.0:
+        same = old.response == new.response
+        return (0.0, 0.0) if same else (math.inf, math.inf)
+    quotient = new.response / old.response
+    return abs(abs(quotient) - 1.0), abs(math.degrees(math.atan2(quotient.imag, quotient.real)))

@@ -1,0 +1,279 @@
+"""The result of a nonlinear frequency response."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.nfr_point import NfrPoint
+from workbench.errors import InputError
+from workbench.model import Model, Variable
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from control import FrequencyResponseData
+    from matplotlib.figure import Figure
+
+__all__ = ["FailedPoint", "NfrResult", "assemble"]
+
+# A jump of the phase by more than this upwards is a turn of −360° (1.74533 rad in the source report).
+_JUMP_DEG = 100.0
+
+
+@dataclass(frozen=True)
+class FailedPoint:
+    """A point without a value.
+
+    Attributes:
+        frequency_hz: [Hz].
+        amplitude: [unit of the input].
+        reason: why, in one line.
+    """
+
+    frequency_hz: float
+    amplitude: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NfrResult:
+    """Nonlinear frequency response: gain, phase and offset over frequency and amplitude.
+
+    Arrays have the shape (n_a, n_f), [amplitude][frequency], both rising; NaN where a point failed.
+
+    Attributes:
+        model: name of the model.
+        interface: "me" or "cs".
+        solver: integration method.
+        input: forced input.
+        output: output measured.
+        input_unit: unit of the input, None where the model names none.
+        output_unit: unit of the output, None where the model names none.
+        frequency_hz: shape (n_f,), [Hz].
+        amplitude: shape (n_a,), [unit of the input].
+        response: complex, output over input, [unit of the output / unit of the input].
+        phase_deg: [deg], followed along rising frequency (source report, chapter 4.4.2); NaN also where the gain is 0.
+        offset: mean of the output, [unit of the output].
+        averaged: bool; not settled, mean of the last half of the periods.
+        periods: int, periods run.
+        step: communication step of the run that is reported [s]; NaN for model exchange.
+        failed: the points without a value, each with its reason.
+        warnings: remarks on single points, one line each.
+    """
+
+    model: str
+    interface: str
+    solver: str
+    input: str
+    output: str
+    input_unit: str | None
+    output_unit: str | None
+    frequency_hz: Floats
+    amplitude: Floats
+    response: NDArray[np.complex128]
+    phase_deg: Floats
+    offset: Floats
+    averaged: NDArray[np.bool_]
+    periods: NDArray[np.int64]
+    step: Floats
+    failed: tuple[FailedPoint, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def gain(self) -> Floats:
+        """Magnitude of the response, shape (n_a, n_f), [unit of the output / unit of the input]."""
+        return np.abs(self.response)
+
+    @property
+    def gain_db(self) -> Floats:
+        """20·log10 of the gain, shape (n_a, n_f), [dB]; −inf where the gain is 0."""
+        with np.errstate(divide="ignore"):
+            return 20.0 * np.log10(self.gain)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain lists and numbers, ready for JSON; a failed value is None."""
+        return {
+            "model": self.model,
+            "interface": self.interface,
+            "solver": self.solver,
+            "input": {"name": self.input, "unit": self.input_unit},
+            "output": {"name": self.output, "unit": self.output_unit},
+            "frequency_hz": self.frequency_hz.tolist(),
+            "amplitude": self.amplitude.tolist(),
+            "gain": _nullable(self.gain),
+            "gain_db": _nullable(self.gain_db),
+            "phase_deg": _nullable(self.phase_deg),
+            "offset": _nullable(self.offset),
+            "averaged": self.averaged.tolist(),
+            "periods": self.periods.tolist(),
+            "step": _nullable(self.step),
+            "failed": [vars(f) for f in self.failed],
+            "warnings": list(self.warnings),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line per point: amplitude, frequency, gain, dB, deg, offset, averaged, periods, reason.
+
+        Args:
+            path: file to write, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        if not isinstance(path, str | Path):
+            csv.writer(path, lineterminator="\n").writerows(self._csv_rows())
+            return
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                self.to_csv(file)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def _csv_rows(self) -> list[list[Any]]:
+        reasons = {(f.amplitude, f.frequency_hz): f.reason for f in self.failed}
+        rows: list[list[Any]] = [
+            ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "averaged", "periods", "failed"]
+        ]
+        numbers = [_nullable(x) for x in (self.gain, self.gain_db, self.phase_deg, self.offset)]
+        for i, a in enumerate(self.amplitude.tolist()):
+            for j, f in enumerate(self.frequency_hz.tolist()):
+                values = [x[i][j] for x in numbers]
+                rows.append([a, f, *values, int(self.averaged[i, j]), int(self.periods[i, j]), reasons.get((a, f), "")])
+        return rows
+
+    def to_frd(self, amplitude: float | None = None) -> FrequencyResponseData:
+        """Return the response at one amplitude as python-control's frequency response data.
+
+        Failed points are left out. A describing-function-like object: for a nonlinear model it
+        holds for this amplitude only.
+
+        Args:
+            amplitude: [unit of the input]; may be left out where there is only one.
+
+        Raises:
+            InputError: this amplitude was not measured, or no point of it has a value.
+        """
+        import control  # noqa: PLC0415 - slow to import, and needed here only
+
+        row = self.response[self._row(amplitude)]
+        good = np.isfinite(row)
+        if not np.any(good):
+            raise InputError(f"no point at amplitude {amplitude} has a value; see `failed`")
+        omega_rad_s = 2.0 * np.pi * self.frequency_hz[good]
+        names = {"inputs": [self.input], "outputs": [self.output], "name": _identifier(self.model)}
+        frd: FrequencyResponseData = control.frd(row[good], omega_rad_s, **names)
+        return frd
+
+    def _row(self, amplitude: float | None) -> int:
+        known = ", ".join(f"{a:g}" for a in self.amplitude)
+        if amplitude is None:
+            if self.amplitude.size != 1:
+                raise InputError(f"amplitude: several were measured ({known}); say which")
+            return 0
+        hits = np.flatnonzero(np.isclose(self.amplitude, amplitude, rtol=1e-9, atol=0.0))
+        if hits.size == 0:
+            raise InputError(f"amplitude {amplitude:g} was not measured; known: {known}")
+        return int(hits[0])
+
+    def plot(self, path: str | Path | None = None, *, offset: bool = False) -> Figure:
+        """Draw gain [dB] and phase [deg] over frequency [Hz], one curve per amplitude.
+
+        Circles: settled; triangles: averaged (take them with care); crosses on the lower edge: failed.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+            offset: add the mean of the output as a third picture.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.bode import plot_nfr  # noqa: PLC0415 - matplotlib is slow to import
+
+        return plot_nfr(self, path, offset=offset)
+
+
+def assemble(
+    model: Model,
+    *,
+    input: str,
+    output: str,
+    frequencies: Sequence[float],
+    amplitudes: Sequence[float],
+    points: Sequence[NfrPoint],
+    warnings: Sequence[str] = (),
+    missing: str = "not measured: the sweep was interrupted",
+) -> NfrResult:
+    """Make a result of measured points; what is missing fails with the reason `missing`.
+
+    Args:
+        model: what was measured.
+        input: name of the forced input.
+        output: name of the output.
+        frequencies: [Hz], any order.
+        amplitudes: [unit of the input], any order.
+        points: in any order.
+        warnings: passed on.
+        missing: reason for points that are not among `points`.
+    """
+    f, a = sorted(frequencies), sorted(amplitudes)
+    found = {(p.amplitude, p.frequency): p for p in points}
+    grid = [[found.get((ai, fj)) or NfrPoint(frequency=fj, amplitude=ai, reason=missing) for fj in f] for ai in a]
+    response = np.array([[complex("nan") if p.response is None else p.response for p in row] for row in grid])
+    return NfrResult(
+        model=model.name,
+        interface=model.interface,
+        solver=model.solver,
+        input=input,
+        output=output,
+        input_unit=_unit(model.inputs, input),
+        output_unit=_unit((*model.outputs, *model.states), output),
+        frequency_hz=np.array(f),
+        amplitude=np.array(a),
+        response=response,
+        phase_deg=np.array([follow_phase(row) for row in response]),
+        offset=np.array([[np.nan if p.offset is None else p.offset for p in row] for row in grid]),
+        averaged=np.array([[p.averaged for p in row] for row in grid]),
+        periods=np.array([[p.periods for p in row] for row in grid]),
+        step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
+        failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
+        warnings=tuple(warnings),
+    )
+
+
+def follow_phase(response: NDArray[np.complex128]) -> Floats:
+    """Return the phase [deg] followed along rising frequency.
+
+    Of all angles φ + k·360° the one in (last − 260°, last + 100°] is taken, last being the phase
+    of the point before, 0 at first. That is the published rule, an upward jump of more than 100° means
+    one turn down, carried on over several turns and made single-valued in the other direction.
+
+    Args:
+        response: shape (n,), complex; NaN and 0 have no phase and are passed over.
+    """
+    phase = np.full(response.shape, np.nan)
+    last = 0.0
+    for i, g in enumerate(response):
+        if np.isfinite(g) and g != 0.0:
+            angle = float(np.degrees(np.angle(g)))
+            last = phase[i] = angle - 360.0 * np.ceil((angle - last - _JUMP_DEG) / 360.0)
+    return phase
+
+
+def _unit(variables: Sequence[Variable], name: str) -> str | None:
+    return next((v.unit for v in variables if v.name == name), None)
+
+
+def _nullable(values: Floats) -> list[Any]:
+    """Nested lists with None in place of what is not finite."""
+    return [[x if np.isfinite(x) else None for x in row] for row in values.tolist()]
+
+
+def _identifier(name: str) -> str:
+    # python-control allows no dots and blanks in the names of systems.
+    return "".join(c if c.isalnum() or c == "_" else "_" for c in name)

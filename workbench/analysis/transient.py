@@ -1,0 +1,121 @@
+"""Remove a decaying transient from a sequence of nearly periodic periods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.harmonics import fundamental
+from workbench.session.base import Floats
+
+__all__ = ["Limit", "remove_transient"]
+
+# Decaying modes that are looked for together: two pairs of complex poles.
+_MOST_MODES = 4
+
+# Parts that a mode may keep over the periods at hand: one that decays monotonically, any other.
+_KEPT_MONOTONIC, _KEPT = 0.9, 0.5
+
+# Differences smaller than this part of the response do not steer the prediction.
+_RIDGE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """What a sequence of periods tends to.
+
+    Attributes:
+        harmonics: Fourier coefficients of the periodic response, laid out as in `Period`.
+        defect: how far this response is from repeating itself, relative to its fundamental:
+            root of the sum of squares over the harmonics' changes in one period.
+        modes: number of decaying modes that were removed.
+    """
+
+    harmonics: Floats
+    defect: float
+    modes: int
+
+
+def remove_transient(periods: Floats) -> Limit:
+    """Return the periodic response that successive periods tend to.
+
+    Around a stable periodic response the periods obey h(k) = h∞ + Σ v(i)·μ(i)^k, with one
+    Floquet multiplier μ for each mode that is still alive: e^(λT) for a pole λ of a linear model
+    and a period T. The differences d(k) = h(k+1) − h(k) have no constant part, so each is
+    predicted from the m before it,
+
+        d(k) + Σ c(j)·d(k−j) = 0,    the roots of the polynomial 1, c(1) … c(m) being the μ,
+
+    and the same weights, divided by their sum, applied to the periods give h∞ (minimal polynomial
+    extrapolation, exact once m counts the modes that are alive). The c are the least-squares
+    solution over all harmonics of the last m differences: 2m differences are asked for, as many as
+    one harmonic alone would need, so that the other harmonics are a check. What the prediction leaves
+    unexplained, divided by the same sum, is the `defect`: by so much would the extrapolated response
+    still change in one period. m = 0 is the last period itself. All m that the
+    periods allow are tried; the smallest defect wins.
+
+    A description that does not decay is none of a transient and is left out. A multiplier that is real and positive
+    must lose a tenth over the periods at hand. Any other must lose half: a sampled model whose
+    rate is nearly commensurate with the forcing also alternates from period to period (multiplier
+    near −1 or a complex pair near the unit circle), but it never settles.
+
+    Modes much slower than the period (multiplier near 1) look like a ramp: they move the mean by
+    the same amount in each period and leave −δ/(πn) in the n-th in-phase part. The part of the
+    change that is a ramp is therefore taken out of the harmonics directly, which does not need
+    the mode's (then badly known) multiplier, and the defect counts the harmonics without the mean. The mean
+    itself of such a mode, and of an integrator, stays as measured.
+
+    Not for periods that wander without decay (beats between a sampled model and the forcing,
+    noise): the defect then stays large, which is the sign to believe a plain mean.
+
+    Args:
+        periods: shape (K, 1 + 2·orders), K ≥ 2, the harmonics of successive periods.
+
+    Source: A. Sidi, Vector Extrapolation Methods with Applications, SIAM 2017, chapter 2
+    (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
+    """
+    return min(_candidates(periods), key=lambda limit: limit.defect)
+
+
+def _decays(polynomial: Floats, count: int) -> bool:
+    """Whether all modes of the prediction lose enough over `count` periods to be a transient."""
+    roots = np.roots(polynomial)
+    monotonic = (np.abs(roots.imag) == 0.0) & (roots.real >= 0.0)
+    most = np.where(monotonic, _KEPT_MONOTONIC, _KEPT) ** (1.0 / count)
+    return bool(np.all(np.abs(roots) <= most))
+
+
+def _candidates(periods: Floats) -> Iterator[Limit]:
+    differences = np.diff(periods, axis=0)
+    yield _limit(periods, differences, np.ones(1), checks=1)
+    scale = abs(fundamental(periods[-1]))
+    for modes in range(1, min(_MOST_MODES, len(differences) // 2, (periods.shape[1] - 1) // 2) + 1):
+        polynomial = _prediction(differences, modes, _RIDGE * scale)
+        if _decays(polynomial, len(periods)):
+            yield _limit(periods, differences, polynomial / polynomial.sum(), checks=modes)
+
+
+def _prediction(differences: Floats, modes: int, ridge: float) -> Floats:
+    """Coefficients 1, c(1) … c(m), newest first, that predict each of the last m differences from the m before it."""
+    newest_first = differences[::-1]
+    earlier = [newest_first[i + 1 : i + 1 + modes].T for i in range(modes)]
+    matrix = np.vstack([*earlier, ridge * np.eye(modes)])
+    right = np.concatenate([-newest_first[:modes].ravel(), np.zeros(modes)])
+    c, *_ = np.linalg.lstsq(matrix, right, rcond=None)
+    return np.concatenate([[1.0], c])
+
+
+def _limit(periods: Floats, differences: Floats, weights: Floats, *, checks: int) -> Limit:
+    """Weigh the last periods, newest first, and see how well the same weights cancel the last `checks` changes."""
+    n = weights.size
+    changes = [weights @ differences[::-1][i : i + n] for i in range(checks)]
+    harmonics = weights @ periods[::-1][:n]
+    orders = np.arange(1, (harmonics.size - 1) // 2 + 1)
+    harmonics[1::2] += changes[0][0] / (math.pi * orders)
+    scale = abs(fundamental(harmonics))
+    rest = max(float(np.linalg.norm(change[1:])) for change in changes)
+    defect = rest / scale if scale > 0.0 else math.inf
+    return Limit(harmonics, defect, n - 1)

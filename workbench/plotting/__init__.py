@@ -1,0 +1,1 @@
+"""Pictures of results; reached through a result's `plot` method."""

@@ -1,0 +1,132 @@
+"""Bode picture of a nonlinear frequency response."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
+
+from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from workbench.analysis.nfr_result import NfrResult
+
+__all__ = ["plot_nfr"]
+
+# Above so many amplitudes a legend would cover the curves: it moves to the side.
+_LEGEND_INSIDE = 6
+
+
+def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool = False) -> Figure:
+    """Draw gain [dB], phase [deg] and, if wanted, offset over frequency [Hz], one curve per amplitude.
+
+    Circles: settled; triangles: averaged; crosses on the lower edge: failed.
+
+    Args:
+        result: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+        offset: draw the mean of the output too.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    title = f"{result.model}: {result.input} → {result.output}"
+    figure, axes = rows(3 if offset else 2, title=title)
+    pictures = [(result.gain_db, "gain [dB]"), (result.phase_deg, "phase [deg]")]
+    if offset:
+        pictures.append((result.offset, label(f"offset of {result.output}", result.output_unit)))
+    for ax, (values, name) in zip(axes, pictures, strict=False):
+        _curves(ax, result, values)
+        ax.set_ylabel(name)
+    axes[1].yaxis.set_major_locator(_degrees(result.phase_deg))
+    _failures(axes[0], result)
+    _frequency_axis(axes[-1], result.frequency_hz)
+    _legend(figure, axes[0], result)
+    figure.align_ylabels(axes)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
+    for i, row in enumerate(values):
+        finite = np.where(np.isfinite(row), row, np.nan)
+        colour = COLOURS[i % len(COLOURS)]
+        ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3)
+        for marker, chosen in (("o", ~result.averaged[i]), ("^", result.averaged[i])):
+            style: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "markeredgewidth": 1.1}
+            ax.plot(
+                result.frequency_hz[chosen],
+                finite[chosen],
+                marker,
+                markersize=4.0 if marker == "o" else 6.0,
+                **style,
+            )
+
+
+def _failures(ax: Axes, result: NfrResult) -> None:
+    """Mark failed points by crosses on the lower edge, one line of crosses per amplitude."""
+    for i, amplitude in enumerate(result.amplitude):
+        at = [f.frequency_hz for f in result.failed if f.amplitude == amplitude]
+        if not at:
+            continue
+        height = np.full(len(at), 0.04 + 0.05 * i)
+        colour = COLOURS[i % len(COLOURS)]
+        ax.plot(at, height, "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform(), clip_on=False)
+
+
+def _degrees(phase: Floats) -> MultipleLocator:
+    """Ticks at parts of a right angle, six to eight of them."""
+    finite = phase[np.isfinite(phase)]
+    span = float(np.ptp(finite)) if finite.size else 90.0
+    step = next((s for s in (5.0, 15.0, 30.0, 45.0, 90.0, 180.0) if span / s <= 7.0), 360.0)
+    return MultipleLocator(step)
+
+
+def _frequency_axis(ax: Axes, frequency: Floats) -> None:
+    ax.set_xscale("log")
+    low, high = float(frequency[0]), float(frequency[-1])
+    margin = (high / low) ** 0.03 if high > low else 1.5
+    ax.set_xlim(low / margin, high * margin)
+    ax.set_xlabel("frequency [Hz]")
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    if high / low < 4.0:
+        # Less than a decade has no or one power of ten in it: let the minor ticks speak, too.
+        ax.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0, 0.5))))
+        ax.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(10.0, 10.0)))
+    elif high / low < 30.0:
+        ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
+        ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    else:
+        ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
+    unit = f" {result.input_unit}" if result.input_unit and result.input_unit != "1" else ""
+    style: dict[str, Any] = {"linewidth": 1.3, "markersize": 4.0, "markerfacecolor": "white"}
+    handles = [
+        Line2D([], [], color=COLOURS[i % len(COLOURS)], marker="o", label=f"{a:g}{unit}", **style)
+        for i, a in enumerate(result.amplitude)
+    ]
+    style = {"color": "#666666", "linestyle": "none", "markerfacecolor": "white"}
+    if np.any(result.averaged):
+        handles.append(Line2D([], [], marker="^", markersize=6.0, label="averaged", **style))
+    if result.failed:
+        handles.append(Line2D([], [], marker="x", markersize=5.0, label="failed", **style))
+    settings: dict[str, Any] = {
+        "title": "amplitude",
+        "fontsize": 8.5,
+        "title_fontsize": 8.5,
+        "framealpha": 0.9,
+        "edgecolor": "#cccccc",
+    }
+    if len(handles) > _LEGEND_INSIDE:
+        figure.legend(handles=handles, loc="outside right upper", **settings)
+    else:
+        ax.legend(handles=handles, loc="best", **settings)
