@@ -1,0 +1,358 @@
+"""Write the model as C: one file, model.c, that core.c drives through model.h."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+from workbench.build.causalise import Assignment
+from workbench.build.differentiate import tangent
+from workbench.build.emit_tables import c_number, c_string, indicator_references, tables
+from workbench.build.expressions import (
+    COMPARISONS,
+    CONDITION,
+    CONDITION_PRE,
+    DOT,
+    DOT_TANGENT,
+    INITIAL,
+    NUMBER,
+    PRE,
+    QUOTIENT,
+    RELATION,
+    TANGENT,
+    TICK,
+    VARIABLE,
+    ExpressionGraph,
+    Node,
+)
+from workbench.build.scalar_model import TIME, ScalarModel
+
+_INFIX = {
+    "add": "+", "subtract": "-", "multiply": "*", "divide": "/",
+    "greater": ">", "greater_equal": ">=", "less": "<", "less_equal": "<=", "equal": "==", "not_equal": "!=",
+}  # fmt: skip
+_CALLS = {
+    "power": "pow", "min": "smaller", "max": "larger", "abs": "fabs", "sign": "sign_of", "truncate": "trunc",
+}  # fmt: skip
+# Operation → text, out of the operands' texts and the same as conditions.
+_SPECIAL: dict[str, Callable[[list[str], list[str]], str]] = {
+    "negate": lambda t, _c: f"(-{t[0]})",
+    "and": lambda _t, c: f"({c[0]} && {c[1]})",
+    "or": lambda _t, c: f"({c[0]} || {c[1]})",
+    "not": lambda _t, c: f"(!{c[0]})",
+    "select": lambda t, c: f"({c[0]} ? {t[1]} : {t[2]})",
+    "lookup": lambda t, _c: f"pick({t[0]}, {len(t) - 1}, (const double[]){{{', '.join(t[1:])}}})",
+}
+_BOOLEAN = {*COMPARISONS, "and", "or", "not"}
+_LINE = 110  # an expression longer than this gets a name of its own
+
+
+@dataclass(slots=True)
+class _Writer:
+    """Emits statements of one C function; common parts are computed once."""
+
+    graph: ExpressionGraph
+    n_relations: int
+    uses: dict[int, int]
+    lines: list[str] = field(default_factory=list)
+    texts: dict[int, str] = field(default_factory=dict)
+
+    def text(self, expression: int) -> str:
+        """Return C text for `expression`, after emitting the parts that deserve a name."""
+        for number in self.graph.reachable([expression]):
+            if number in self.texts:
+                continue
+            node = self.graph[number]
+            written = self._write(number)
+            if node.operands and (self.uses.get(number, 0) > 1 or len(written) > _LINE):
+                name = f"t{number}"
+                self.lines.append(f"const double {name} = {_bare(written)};")
+                written = name
+            self.texts[number] = written
+        return self.texts[expression]
+
+    def _write(self, number: int) -> str:
+        node = self.graph[number]
+        if not node.operands:
+            return self._leaf(node)
+        texts = [self.texts[o] for o in node.operands]
+        operation = node.operation
+        if operation in _INFIX:
+            return f"({texts[0]} {_INFIX[operation]} {texts[1]})"
+        if operation in _SPECIAL:
+            conditions = [self._condition(o) for o in node.operands]
+            return _SPECIAL[operation](texts, conditions)
+        return f"{_CALLS.get(operation, operation)}({', '.join(_bare(t) for t in texts)})"
+
+    def _condition(self, number: int) -> str:
+        text = self.texts[number]
+        is_boolean = self.graph[number].operation in _BOOLEAN and text.startswith("(")
+        return text if is_boolean else f"({text} != 0.0)"
+
+    def _leaf(self, node: Node) -> str:
+        operation = node.operation
+        if operation == NUMBER:
+            return c_number(node.number)
+        if operation in {DOT, DOT_TANGENT}:
+            a, stride_a, x, stride_x, length = node.row
+            other = "d" if operation == DOT_TANGENT else "f->v"
+            return f"dot(f->v + {a}, {stride_a}, {other} + {x}, {stride_x}, {length})"
+        if operation == QUOTIENT:
+            return f"f->frozen[{self.n_relations + node.reference}]"
+        if operation == INITIAL:
+            return "(double)f->initial"
+        return _LEAVES[operation].format(node.reference)
+
+
+_LEAVES = {
+    VARIABLE: "f->v[{}]",
+    PRE: "f->pre[{}]",
+    TANGENT: "d[{}]",
+    RELATION: "f->frozen[{}]",
+    CONDITION: "f->condition[{}]",
+    CONDITION_PRE: "f->condition_pre[{}]",
+    TICK: "f->tick[{}]",
+}
+
+
+def _bare(text: str) -> str:
+    """Drop one pair of brackets that encloses the whole text."""
+    if not (text.startswith("(") and text.endswith(")")):
+        return text
+    depth = 0
+    for position, character in enumerate(text):
+        depth += (character == "(") - (character == ")")
+        if depth == 0 and position < len(text) - 1:
+            return text
+    return text[1:-1]
+
+
+class _Emitter:
+    def __init__(self, model: ScalarModel, order: Sequence[Assignment]) -> None:
+        self.model, self.order, self.graph = model, order, model.graph
+        self.indicators = indicator_references(model)
+
+    def _writer(self, expressions: Iterable[int]) -> _Writer:
+        """Count how often each node is used in one function, then write it."""
+        roots = list(expressions)
+        uses: dict[int, int] = {}
+        for number in self.graph.reachable(roots):
+            for operand in self.graph[number].operands:
+                uses[operand] = uses.get(operand, 0) + 1
+        for root in roots:
+            uses[root] = uses.get(root, 0) + 1
+        return _Writer(self.graph, len(self.model.relations), uses)
+
+    def function(self, signature: str, writer: _Writer, unused: Sequence[str] = ()) -> str:
+        body = [f"(void){name};" for name in unused] + writer.lines
+        return signature + "\n{\n" + "".join(f"    {line}\n" for line in body) + "}\n"
+
+    # Evaluation
+
+    def continuous(self) -> str:
+        steps = [s for s in self.order if s.kind in {"variable", "relation", "quotient"}]
+        writer = self._writer(e for s in steps for e in self._read(s))
+        for step in steps:
+            self._assign(writer, step)
+        return self.function("void model_continuous(const Frame *f)", writer, ["f"])
+
+    def discrete(self) -> str:
+        writer = self._writer(e for s in self.order for e in self._read(s))
+        for step in self.order:
+            self._assign(writer, step)
+        return self.function("void model_discrete(const Frame *f)", writer, ["f"])
+
+    def _read(self, step: Assignment) -> list[int]:
+        if step.discrete is not None:
+            return [e for b in step.discrete.branches for e in (b.fires, b.value) if e is not None]
+        if step.kind == "relation":
+            relation = self.model.relations[step.target]
+            return [relation.indicator if relation.deadline is None else relation.deadline]
+        return [] if step.expression is None else [step.expression]
+
+    def _assign(self, writer: _Writer, step: Assignment) -> None:
+        handlers = {
+            "variable": self._assign_variable,
+            "relation": self._assign_relation,
+            "quotient": self._assign_quotient,
+            "condition": self._assign_condition,
+            "discrete": self._assign_discrete,
+        }
+        handlers[step.kind](writer, step)
+
+    def _assign_variable(self, writer: _Writer, step: Assignment) -> None:
+        text = _bare(writer.text(step.expression or 0)) if step.expression is not None else "0.0"
+        writer.lines.append(f"f->v[{step.target}] = {text}; /* {_comment(self.model.variables[step.target].name)} */")
+
+    def _assign_relation(self, writer: _Writer, step: Assignment) -> None:
+        relation, slot = self.model.relations[step.target], step.target
+        if relation.deadline is not None:
+            after = f"reached(f->v[{TIME}], {_bare(writer.text(relation.deadline))})"
+            value = after if relation.holds_when_positive else f"!{after}"
+        else:
+            reference = self.indicators["relation", slot]
+            writer.lines.append(f"f->v[{reference}] = {_bare(writer.text(relation.indicator))};")
+            value = f"f->v[{reference}] {'>' if relation.holds_when_positive else '<='} 0.0"
+        writer.lines.append(f"f->frozen[{slot}] = f->fresh ? {value} : f->frozen[{slot}];")
+
+    def _assign_quotient(self, writer: _Writer, step: Assignment) -> None:
+        argument = writer.text(self.model.quotients[step.target].argument)
+        slot = len(self.model.relations) + step.target
+        first = self.indicators["quotient", step.target]
+        writer.lines.append(f"f->frozen[{slot}] = f->fresh ? floor({_bare(argument)}) : f->frozen[{slot}];")
+        writer.lines.append(f"f->v[{first}] = f->frozen[{slot}] + 1.0 - {argument};")
+        writer.lines.append(f"f->v[{first + 1}] = f->frozen[{slot}] - {argument};")
+
+    def _assign_condition(self, writer: _Writer, step: Assignment) -> None:
+        if step.expression is not None:
+            writer.lines.append(f"f->condition[{step.target}] = {_bare(writer.text(step.expression))};")
+
+    def _assign_discrete(self, writer: _Writer, step: Assignment) -> None:
+        if step.discrete is None:
+            return
+        value = f"f->pre[{step.target}]"
+        for branch in reversed(step.discrete.branches):
+            chosen = writer.text(branch.value)
+            if branch.fires is None:
+                value = chosen
+            else:
+                fires = writer.text(branch.fires)
+                value = f"(({fires} != 0.0) ? {chosen} : {value})"
+        name = self.model.variables[step.target].name
+        writer.lines.append(f"f->v[{step.target}] = {_bare(value)}; /* {_comment(name)} */")
+
+    # Starts and parameters
+
+    def start_values(self) -> str:
+        lines = []
+        for reference, variable in enumerate(self.model.variables):
+            value = self.graph.value(variable.start)
+            if value:
+                lines.append(f"v[{reference}] = {c_number(value)}; /* {_comment(variable.name)} */")
+        writer = _Writer(self.graph, 0, {}, ["(void)v;", *lines])
+        return self.function("void model_start_values(double *v)", writer)
+
+    def parameters(self) -> str:
+        order = parameter_order(self.model)
+        writer = self._writer(self.model.bindings[r] for r in order)
+        for reference in order:
+            text = _bare(writer.text(self.model.bindings[reference]))
+            name = _comment(self.model.variables[reference].name)
+            writer.lines.append(f"f->v[{reference}] = {text}; /* {name} */")
+        return self.function("void model_parameters(const Frame *f)", writer, ["f"])
+
+    def start_expressions(self) -> str:
+        items = [
+            (reference, v.start)
+            for reference, v in enumerate(self.model.variables)
+            if self.graph.variables(v.start) and v.kind != "calculated"
+        ]
+        writer = self._writer(start for _, start in items)
+        for reference, start in items:
+            writer.lines.append(f"f->v[{reference}] = f->pre[{reference}] = {_bare(writer.text(start))};")
+        return self.function("void model_start_expressions(const Frame *f)", writer, ["f"])
+
+    # Events
+
+    def actions(self) -> str:
+        states = {reference: number for number, reference in enumerate(self.model.states)}
+        expressions = [e for a in self.model.actions for e in (a.fires, a.value) if e is not None]
+        writer = self._writer(expressions)
+        writer.lines.append("unsigned fired = ACTION_NONE;")
+        for action in self.model.actions:
+            fires = writer.text(action.fires)
+            if action.kind == "reinit" and action.state is not None and action.value is not None:
+                then = f"x[{states[action.state]}] = {_bare(writer.text(action.value))};"
+            else:
+                then = f"*message = {c_string(action.message)};"
+            flag = f"fired |= (unsigned)ACTION_{action.kind.upper()};"
+            writer.lines += [f"if ({fires} != 0.0) {{", f"    {then}", f"    {flag}", "}"]
+        writer.lines.append("return fired;")
+        signature = "unsigned model_actions(const Frame *f, double *x, const char **message)"
+        return self.function(signature, writer, ["f", "x", "message"])
+
+    def next_deadline(self) -> str:
+        deadlines = [r.deadline for r in self.model.relations if r.deadline is not None]
+        writer = self._writer(deadlines)
+        writer.lines.append("double next = HUGE_VAL;")
+        for deadline in deadlines:
+            text = writer.text(deadline)
+            writer.lines.append(f"if (!reached(f->v[{TIME}], {_bare(text)})) {{")
+            writer.lines += [f"    next = smaller(next, {_bare(text)});", "}"]
+        writer.lines.append("return next;")
+        return self.function("double model_next_deadline(const Frame *f)", writer, ["f"])
+
+    # Derivatives
+
+    def tangents(self) -> str:
+        """Forward mode over parameters, then over all continuous assignments in their order."""
+        moving = {
+            r for r, v in enumerate(self.model.variables) if v.type == "real" and v.kind not in {"time", "constant"}
+        }
+        targets = [(r, self.model.bindings[r]) for r in parameter_order(self.model)]
+        for step in self.order:
+            if step.kind == "variable" and step.expression is not None:
+                targets.append((step.target, step.expression))
+            elif step.kind == "relation" and ("relation", step.target) in self.indicators:
+                reference = self.indicators["relation", step.target]
+                targets.append((reference, self.model.relations[step.target].indicator))
+            elif step.kind == "quotient":
+                argument = self.graph.negate(self.model.quotients[step.target].argument)
+                reference = self.indicators["quotient", step.target]
+                targets += [(reference, argument), (reference + 1, argument)]
+        derivatives = [(r, tangent(self.graph, e, moving)) for r, e in targets]
+        writer = self._writer(e for _, e in derivatives)
+        for reference, expression in derivatives:
+            writer.lines.append(f"d[{reference}] = {_bare(writer.text(expression))};")
+        return self.function("void model_tangent(const Frame *f, double *d)", writer, ["f", "d"])
+
+
+def parameter_order(model: ScalarModel) -> list[int]:
+    """Return the calculated parameters, each after those it needs."""
+    order: list[int] = []
+
+    def visit(reference: int) -> None:
+        if reference in model.bindings and reference not in order:
+            for needed in sorted(model.graph.variables(model.bindings[reference])):
+                visit(needed)
+            order.append(reference)
+
+    for reference in sorted(model.bindings):
+        visit(reference)
+    return order
+
+
+def _comment(text: str) -> str:
+    return text.replace("*/", "* /")
+
+
+def emit_equations(model: ScalarModel, order: Sequence[Assignment]) -> str:
+    """Return all functions of model.h as C text."""
+    emitter = _Emitter(model, order)
+    return "\n".join(
+        [
+            emitter.start_values(),
+            emitter.parameters(),
+            emitter.start_expressions(),
+            emitter.continuous(),
+            emitter.discrete(),
+            emitter.actions(),
+            emitter.next_deadline(),
+            emitter.tangents(),
+        ]
+    )
+
+
+def emit_model(model: ScalarModel, equations: str, token: str, *, stiff: bool, tolerance: float) -> str:
+    """Return the whole of model.c.
+
+    Args:
+        model: The scalar model.
+        equations: What :func:`emit_equations` returned.
+        token: FMI 2 GUID and FMI 3 instantiation token.
+        stiff: Whether Co-Simulation integrates with the implicit method.
+        tolerance: Relative tolerance of Co-Simulation when the environment gives none.
+    """
+    head = f"/* model.c: {_comment(model.name)}, generated from its Modelica source. */\n"
+    constants = tables(model, token, stiff=stiff, tolerance=tolerance)
+    return f'{head}#include "model.h"\n\n{constants}\n{equations}'

@@ -1,0 +1,247 @@
+"""From Modelica files to FMUs: the public functions of the build chain."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files as package_files
+from pathlib import Path
+
+import fmpy
+
+from workbench.build.causalise import causalise
+from workbench.build.compile import PLATFORMS, Platform, compile_all
+from workbench.build.describe import (
+    Description,
+    Experiment,
+    build_description,
+    model_description_2,
+    model_description_3,
+)
+from workbench.build.emit_c import emit_equations, emit_model
+from workbench.build.frontend import Checked, check, models_in
+from workbench.build.pack import pack
+from workbench.build.scalarise import scalarise
+from workbench.build.stiffness import is_stiff
+from workbench.errors import BuildError, suggest
+
+TOOL = "FMI workbench"
+DEFAULT_TOLERANCE = 1.0e-6
+FMI_VERSIONS = (2, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class BuildResult:
+    """What was built.
+
+    Attributes:
+        model: Name of the Modelica model.
+        files: The FMUs written, one for each FMI version asked for.
+        platforms: FMI 3 platform tuples of the binaries inside.
+        stiff: Whether Co-Simulation integrates with the implicit method.
+        n_states: Number of continuous states.
+    """
+
+    model: str
+    files: tuple[Path, ...]
+    platforms: tuple[str, ...]
+    stiff: bool
+    n_states: int
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the result for JSON."""
+        return {
+            "model": self.model,
+            "files": [str(f) for f in self.files],
+            "platforms": list(self.platforms),
+            "stiff": self.stiff,
+            "states": self.n_states,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """The generated model: C files by name, model descriptions by FMI version."""
+
+    name: str
+    identifier: str
+    c_files: Mapping[str, bytes]
+    descriptions: Mapping[int, bytes]
+    build_description: bytes
+    stiff: bool
+    n_states: int
+    compiled: tuple[str, ...] = field(default=())
+
+
+def build_fmu(
+    sources: Sequence[Path],
+    *,
+    model: str | None = None,
+    out: Path,
+    fmi: int = 2,
+    platforms: Sequence[str] | None = None,
+    stiff: bool | None = None,
+) -> BuildResult:
+    """Build one model into one FMU that serves Model Exchange and Co-Simulation.
+
+    Args:
+        sources: Modelica files, or folders that hold them.
+        model: Name of the model; needed only where the sources hold several.
+        out: The FMU to write.
+        fmi: FMI version, 2 or 3.
+        platforms: FMI 3 platform tuples to build for; default: all five.
+        stiff: Integrator of Co-Simulation: implicit where True, explicit where False; default: chosen from the
+            eigenvalues at the start values.
+
+    Raises:
+        BuildError: A file is missing, the model is outside the supported subset, or the compiler failed.
+    """
+    found = _find(sources)
+    name = _choose(found, model)
+    return _build(found[name], name, {fmi: out}, platforms, stiff=stiff)
+
+
+def build_all(
+    sources: Sequence[Path],
+    *,
+    out: Path,
+    fmi: Sequence[int] = FMI_VERSIONS,
+    platforms: Sequence[str] | None = None,
+) -> list[BuildResult]:
+    """Build every model in `sources` into ``out/fmi2/NAME.fmu`` and ``out/fmi3/NAME.fmu``.
+
+    Args:
+        sources: Modelica files or folders.
+        out: Folder for the FMUs.
+        fmi: FMI versions to build.
+        platforms: FMI 3 platform tuples to build for; default: all five.
+
+    Raises:
+        BuildError: As :func:`build_fmu`.
+    """
+    results = []
+    for name, file in sorted(_find(sources).items()):
+        targets = {version: out / f"fmi{version}" / f"{name.replace('.', '_')}.fmu" for version in fmi}
+        results.append(_build(file, name, targets, platforms, stiff=None))
+    return results
+
+
+def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
+    """Generate all C and XML of one model without compiling it.
+
+    Raises:
+        BuildError: The model is outside the supported subset.
+    """
+    checked = check(file, model)
+    scalar = scalarise(checked.dae, checked.name, checked.description)
+    order = causalise(scalar)
+    implicit = is_stiff(scalar, order) if stiff is None else stiff
+    equations = emit_equations(scalar, order)
+    runtime = _runtime()
+    tolerance = checked.tolerance or DEFAULT_TOLERANCE
+    # The token names the equations and the runtime, so a changed model never passes for the old one.
+    draft = emit_model(scalar, equations, "", stiff=implicit, tolerance=tolerance)
+    digest = hashlib.sha256()
+    for name in sorted(runtime):
+        digest.update(name.encode() + b"\0" + runtime[name] + b"\0")
+    digest.update(draft.encode())
+    token = "{" + digest.hexdigest()[:32] + "}"
+    c_files = {**runtime, "model.c": emit_model(scalar, equations, token, stiff=implicit, tolerance=tolerance).encode()}
+    compiled = tuple(sorted(n for n in c_files if n.endswith(".c")))
+    description = Description(scalar, order, token, TOOL, _experiment(checked, tolerance), compiled)
+    return Sources(
+        name=model,
+        identifier=description.identifier,
+        c_files=c_files,
+        descriptions={2: model_description_2(description), 3: model_description_3(description)},
+        build_description=build_description(description),
+        stiff=implicit,
+        n_states=len(scalar.states),
+        compiled=compiled,
+    )
+
+
+def _experiment(checked: Checked, tolerance: float) -> Experiment:
+    return Experiment(checked.stop_time, tolerance, checked.interval)
+
+
+def _runtime() -> dict[str, bytes]:
+    """Return the C runtime and the standard's headers."""
+    folder = package_files("workbench.build").joinpath("runtime")
+    found = {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith((".c", ".h"))}
+    headers = Path(fmpy.__file__).parent / "c-code"
+    for header in sorted(headers.glob("fmi[23]*.h")):
+        found[header.name] = header.read_bytes()
+    return found
+
+
+def _find(sources: Sequence[Path]) -> dict[str, Path]:
+    """Return {model: file} of all models in `sources`."""
+    found: dict[str, Path] = {}
+    for source in sources:
+        if not source.exists():
+            raise BuildError(f"{source}: no such file or folder; give a Modelica file (.mo) or a folder of them")
+        for file in sorted(source.rglob("*.mo")) if source.is_dir() else [source]:
+            for name in models_in(file):
+                found[name] = file
+    if not found:
+        raise BuildError(f"{', '.join(map(str, sources))}: no model found; a source needs a `model` or `block`")
+    return found
+
+
+def _choose(found: Mapping[str, Path], model: str | None) -> str:
+    if model is None:
+        if len(found) > 1:
+            raise BuildError(f"several models: {', '.join(sorted(found))}; choose one with --model")
+        return next(iter(found))
+    matches = [name for name in found if name == model or name.endswith("." + model)]
+    if len(matches) != 1:
+        raise BuildError(f"no model {model} in the sources; {suggest(model, found)}")
+    return matches[0]
+
+
+def _platforms(names: Sequence[str] | None) -> list[Platform]:
+    if names is None:
+        return list(PLATFORMS)
+    known = {p.name: p for p in PLATFORMS}
+    for name in names:
+        if name not in known:
+            raise BuildError(f"no platform {name}; known: {', '.join(known)}")
+    return [known[name] for name in names]
+
+
+def _build(
+    file: Path, model: str, targets: Mapping[int, Path], platforms: Sequence[str] | None, *, stiff: bool | None
+) -> BuildResult:
+    for version in targets:
+        if version not in FMI_VERSIONS:
+            raise BuildError(f"FMI {version} cannot be built; choose 2 or 3")
+    chosen = _platforms(platforms)
+    generated = generate(file, model, stiff=stiff)
+    with tempfile.TemporaryDirectory(prefix="workbench-build-") as temporary:
+        folder = Path(temporary) / "sources"
+        folder.mkdir()
+        for name, contents in generated.c_files.items():
+            (folder / name).write_bytes(contents)
+        libraries = compile_all(folder, generated.compiled, chosen, Path(temporary) / "lib", generated.identifier)
+        binaries = {name: library.read_bytes() for name, library in libraries.items()}
+    for version, target in targets.items():
+        pack(target, _contents(generated, version, chosen, binaries))
+    return BuildResult(
+        model, tuple(targets.values()), tuple(p.name for p in chosen), generated.stiff, generated.n_states
+    )
+
+
+def _contents(
+    generated: Sources, version: int, platforms: Sequence[Platform], binaries: Mapping[str, bytes]
+) -> dict[str, bytes]:
+    contents = {"modelDescription.xml": generated.descriptions[version]}
+    contents |= {f"sources/{name}": data for name, data in generated.c_files.items()}
+    if version == 3:
+        contents["sources/buildDescription.xml"] = generated.build_description
+    for platform in platforms:
+        folder = platform.name if version == 3 else platform.name_2
+        contents[f"binaries/{folder}/{generated.identifier}{platform.suffix}"] = binaries[platform.name]
+    return contents

@@ -1,0 +1,138 @@
+"""The Modelica front end: rumoca, pinned, called as a library."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.build.ir import Dae
+from workbench.errors import BuildError
+
+REQUIRED_VERSION = "0.10.2"
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A model that the front end accepted."""
+
+    name: str
+    description: str
+    dae: Dae
+    stop_time: float | None
+    tolerance: float | None
+    interval: float | None
+
+
+def _front_end() -> Any:  # noqa: ANN401 - the module, untyped because it is optional
+    try:
+        import rumoca  # noqa: PLC0415 - optional: only building needs it
+    except ImportError as error:
+        raise BuildError(
+            'building FMUs needs the Modelica front end and the compiler: pip install "fmi-workbench[build]"'
+        ) from error
+    if rumoca.version().split()[-1].lstrip("v") != REQUIRED_VERSION:
+        raise BuildError(
+            f"the Modelica front end is rumoca {rumoca.version()}, needed is {REQUIRED_VERSION}: "
+            'pip install "fmi-workbench[build]"'
+        )
+    return rumoca
+
+
+def check(file: Path, model: str) -> Checked:
+    """Parse, check and flatten `model` out of `file`; its folder is on the search path.
+
+    Raises:
+        BuildError: The front end is missing or refuses the model; the message carries file and line.
+    """
+    rumoca = _front_end()
+    if not file.is_file():
+        raise BuildError(f"{file}: no such file; give a Modelica file (.mo)")
+    text = file.read_text(encoding="utf-8")
+    try:
+        session = rumoca.Session(roots=[])
+        checked = session.loads(text, model=model, filename=file.name)
+        dae = json.loads(checked.to_json("dae"))
+        flat = json.loads(checked.to_json("flat"))
+    except rumoca.RumocaError as error:
+        raise BuildError(_diagnosis(file, error)) from error
+    experiment = _experiment(text, model)
+    return Checked(
+        name=model,
+        description=_description(text, model),
+        dae=Dae(dae, flat),
+        stop_time=experiment.get("StopTime"),
+        tolerance=experiment.get("Tolerance"),
+        interval=experiment.get("Interval"),
+    )
+
+
+def _diagnosis(file: Path, error: Exception) -> str:
+    diagnostics: Sequence[Any] = getattr(error, "diagnostics", ())
+    for diagnostic in diagnostics:
+        if diagnostic.level == "error":
+            where = f"{diagnostic.file or file.name}:{diagnostic.line}" if diagnostic.line else str(file)
+            hint = f"; {diagnostic.suggestion}" if diagnostic.suggestion else ""
+            return f"{where}: {diagnostic.message}{hint}"
+    return f"{file}: {error}"
+
+
+def models_in(file: Path) -> list[str]:
+    """Return the names of the models and blocks that stand at the top of `file`.
+
+    A package's models come as ``Package.Model``. A light scan: the front end checks the rest.
+    """
+    text = _without_comments(file.read_text(encoding="utf-8"))
+    names: list[str] = []
+    scopes: list[str] = []
+    pattern = re.compile(
+        r"\b(end)\s+(\w+)\s*;|\b(?:(partial)\s+)?(package|model|block|class|function|connector|record|type)\s+(\w+)"
+        r"(\s*=|\s+extends\b)?"
+    )
+    for match in pattern.finditer(text):
+        end, closed, partial, kind, name, short = match.groups()
+        if end:
+            if scopes and scopes[-1].rpartition(".")[2] == closed:
+                scopes.pop()
+            continue
+        if short and short.strip() == "=":
+            continue
+        full = f"{scopes[-1]}.{name}" if scopes else name
+        outer_is_package = all(scope in packages for scope in scopes) if (packages := _packages(text)) else not scopes
+        if kind in {"model", "block", "class"} and not partial and outer_is_package:
+            names.append(full)
+        scopes.append(full)
+    return names
+
+
+def _packages(text: str) -> set[str]:
+    found: set[str] = set()
+    prefix: list[str] = []
+    for match in re.finditer(r"\bpackage\s+(\w+)|\bend\s+(\w+)\s*;", text):
+        opened, closed = match.groups()
+        if opened:
+            prefix.append(opened)
+            found.add(".".join(prefix))
+        elif prefix and prefix[-1] == closed:
+            prefix.pop()
+    return found
+
+
+def _without_comments(text: str) -> str:
+    return re.sub(r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', lambda m: " " * len(m.group()), text, flags=re.DOTALL)
+
+
+def _description(text: str, model: str) -> str:
+    match = re.search(rf'\b(?:model|block|class)\s+{re.escape(model.rpartition(".")[2])}\s+"((?:\\.|[^"\\])*)"', text)
+    return match.group(1) if match else ""
+
+
+def _experiment(text: str, model: str) -> dict[str, float]:
+    local = re.escape(model.rpartition(".")[2])
+    body = re.search(rf"\b(?:model|block|class)\s+{local}\b(.*?)\bend\s+{local}\s*;", text, flags=re.DOTALL)
+    annotation = re.search(r"\bexperiment\s*\(([^)]*)\)", body.group(1)) if body else None
+    pairs = re.findall(r"(\w+)\s*=\s*([-+.\deE]+)", annotation.group(1)) if annotation else []
+    return {name: float(value) for name, value in pairs}

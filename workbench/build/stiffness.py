@@ -1,0 +1,120 @@
+"""Decide at build time whether Co-Simulation needs the implicit integrator.
+
+The equations are evaluated once at the start values, in plain Python, and the eigenvalues of ∂ẋ/∂x tell
+the ratio of the fastest to the slowest time constant (Hairer and Wanner, *Solving Ordinary Differential
+Equations II*, IV.1). It judges the start only: a model that turns stiff later is integrated correctly
+but slowly; `build_fmu(stiff=…)` overrides the choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.build.causalise import Assignment
+from workbench.build.differentiate import tangent
+from workbench.build.emit_c import parameter_order
+from workbench.build.expressions import (
+    DOT,
+    DOT_TANGENT,
+    PRE,
+    QUOTIENT,
+    RELATION,
+    TANGENT,
+    VARIABLE,
+    Node,
+    evaluate,
+)
+from workbench.build.scalar_model import ScalarModel
+
+STIFF_RATIO = 1.0e3
+
+
+class _Point:
+    """The equations evaluated at the start values."""
+
+    def __init__(self, model: ScalarModel, order: Sequence[Assignment]) -> None:
+        self.model = model
+        self.values = [0.0] * len(model.variables)
+        self.frozen: dict[tuple[str, int], float] = {}
+        self.tangents: dict[int, float] = {}
+        self._start()
+        for step in order:
+            self._evaluate(step)
+
+    def _start(self) -> None:
+        graph = self.model.graph
+        for reference, variable in enumerate(self.model.variables):
+            self.values[reference] = graph.value(variable.start) or 0.0
+        for reference in parameter_order(self.model):
+            self.values[reference] = self.number(self.model.bindings[reference])
+        for reference, variable in enumerate(self.model.variables):
+            if graph.value(variable.start) is None and reference not in self.model.bindings:
+                self.values[reference] = self.number(variable.start)
+
+    def number(self, expression: int) -> float:
+        return evaluate(self.model.graph, expression, self._leaf)
+
+    def _leaf(self, node: Node) -> float:
+        if node.operation in {DOT, DOT_TANGENT}:
+            a, stride_a, x, stride_x, length = node.row
+            pairs = [(a + i * stride_a, x + i * stride_x) for i in range(length)]
+            if node.operation == DOT:
+                return sum(self.values[i] * self.values[j] for i, j in pairs)
+            return sum(self.values[i] * self.tangents.get(j, 0.0) for i, j in pairs)
+        reference = node.reference
+        if node.operation in {VARIABLE, PRE}:
+            return self.values[reference]
+        if node.operation == TANGENT:
+            return self.tangents.get(reference, 0.0)
+        if node.operation in {RELATION, QUOTIENT}:
+            return self.frozen.get((node.operation, reference), 0.0)
+        return 0.0
+
+    def _evaluate(self, step: Assignment) -> None:
+        if step.kind == "variable" and step.expression is not None:
+            self.values[step.target] = self.number(step.expression)
+        elif step.kind == "relation":
+            relation = self.model.relations[step.target]
+            positive = self.number(relation.indicator) > 0.0
+            self.frozen[RELATION, step.target] = float(positive == relation.holds_when_positive)
+        elif step.kind == "quotient":
+            self.frozen[QUOTIENT, step.target] = float(
+                np.floor(self.number(self.model.quotients[step.target].argument))
+            )
+
+
+def jacobian(model: ScalarModel, order: Sequence[Assignment]) -> NDArray[np.float64]:
+    """Return ∂ẋ/∂x [1/s], shape (n, n), at the start values and zero inputs."""
+    point = _Point(model, order)
+    moving = set(model.references("state", "algebraic", "derivative"))
+    steps = [
+        (s.target, tangent(model.graph, s.expression, moving))
+        for s in order
+        if s.kind == "variable" and s.expression is not None
+    ]
+    states = model.states
+    rows = [model.derivative(s) for s in states]
+    matrix = np.zeros((len(states), len(states)))
+    for column, state in enumerate(states):
+        point.tangents = {state: 1.0}
+        for target, expression in steps:
+            point.tangents[target] = point.number(expression)
+        matrix[:, column] = [point.tangents[r] for r in rows]
+    return matrix
+
+
+def is_stiff(model: ScalarModel, order: Sequence[Assignment]) -> bool:
+    """Return whether the fastest decay is :data:`STIFF_RATIO` times faster than the slowest motion."""
+    if not model.states:
+        return False
+    matrix = jacobian(model, order)
+    if not np.isfinite(matrix).all():
+        return True
+    eigenvalues = np.linalg.eigvals(matrix)
+    decay = float(np.max(-eigenvalues.real, initial=0.0))
+    moving = np.abs(eigenvalues)[np.abs(eigenvalues) > 1e-9 * max(1.0, decay)]
+    slowest = float(np.min(moving, initial=np.inf))
+    return bool(np.isfinite(slowest) and decay > STIFF_RATIO * slowest)
