@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import codecs
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from workbench.errors import FmuError, one_line
 from workbench.fmi.fmpy_access import model_description
@@ -75,6 +76,7 @@ class Description:
         derivatives: their derivatives, in the same order.
         state_count, indicator_count: numbers of continuous states and event indicators.
         shapes: value reference → shape, for FMI 3.0 arrays.
+        log_categories: names of the FMU's log categories.
         notes: rules of FMI that the file bends.
     """
 
@@ -93,6 +95,7 @@ class Description:
     state_count: int
     indicator_count: int
     shapes: Mapping[int, tuple[int, ...]]
+    log_categories: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -110,7 +113,7 @@ def read_description(folder: Path, *, source: str) -> Description:
     _refuse_entities(folder / "modelDescription.xml", source)
     raw, notes = _read(folder, source)
     try:
-        return _convert(raw, platforms_in(folder), notes)
+        return _convert(raw, platforms_in(folder), notes, _directional(folder))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise FmuError(f"{source}: modelDescription.xml cannot be understood: {error}") from error
 
@@ -145,7 +148,16 @@ def _read(folder: Path, source: str) -> tuple[Any, list[str]]:
     return raw, [f"modelDescription.xml bends a rule: {problems[0]}{more}"]
 
 
-def _convert(raw: Any, platforms: tuple[str, ...], notes: list[str]) -> Description:
+def _directional(folder: Path) -> frozenset[str]:
+    """Return the FMI 3.0 interfaces that provide directional derivatives; FMPy drops the attribute."""
+    root = etree.parse(str(folder / "modelDescription.xml")).getroot()
+    claims = {e.tag: e.get("providesDirectionalDerivatives") for e in root if isinstance(e.tag, str)}
+    return frozenset(tag for tag, value in claims.items() if value in ("true", "1"))
+
+
+def _convert(
+    raw: Any, platforms: tuple[str, ...], notes: list[str], directional: Set[str]
+) -> Description:
     version = str(raw.fmiVersion)
     depends = _dependencies(raw)
     arrays = {int(v.valueReference): tuple(v.shape) for v in raw.modelVariables if v.shape}
@@ -158,7 +170,7 @@ def _convert(raw: Any, platforms: tuple[str, ...], notes: list[str]) -> Descript
         token=raw.guid or "",
         generation_tool=raw.generationTool,
         description=raw.description,
-        interfaces=_interfaces(raw),
+        interfaces=_interfaces(raw, directional),
         platforms=platforms,
         experiment=_experiment(raw.defaultExperiment),
         variables=variables,
@@ -167,27 +179,28 @@ def _convert(raw: Any, platforms: tuple[str, ...], notes: list[str]) -> Descript
         state_count=int(raw.numberOfContinuousStates),
         indicator_count=int(raw.numberOfEventIndicators),
         shapes=arrays,
+        log_categories=tuple(c.name for c in raw.logCategories if c.name),
         notes=tuple(notes),
     )
 
 
-def _interfaces(raw: Any) -> dict[str, Capabilities]:
+def _interfaces(raw: Any, directional: Set[str]) -> dict[str, Capabilities]:
     found = {}
-    for name, element in (("me", raw.modelExchange), ("cs", raw.coSimulation)):
+    for name, element_name, element in (
+        ("me", "ModelExchange", raw.modelExchange),
+        ("cs", "CoSimulation", raw.coSimulation),
+    ):
         if element is not None and element.modelIdentifier:
-            found[name] = _capabilities(raw.fmiVersion, name, element)
+            found[name] = _capabilities(raw.fmiVersion, name, element, directional=element_name in directional)
     return found
 
 
-def _capabilities(version: str, name: str, element: Any) -> Capabilities:
-    directional = getattr(element, "providesDirectionalDerivative", False) or getattr(
-        element, "providesDirectionalDerivatives", False
-    )
+def _capabilities(version: str, name: str, element: Any, *, directional: bool) -> Capabilities:
     cs = name == "cs"
     return Capabilities(
         identifier=element.modelIdentifier,
         state=bool(element.canGetAndSetFMUstate),
-        directional_derivatives=bool(directional),
+        directional_derivatives=bool(element.providesDirectionalDerivative) or directional,
         # FMPy does not read FMI 1.0's co-simulation capabilities; constant steps would be the
         # cautious reading, but most FMI 1.0 exports take any step.
         variable_step=not cs

@@ -51,15 +51,15 @@ class Instance1(Instance):
         "cs": ("fmi1TerminateSlave", "fmi1FreeSlaveInstance"),
     }
 
-    def _instantiate(self) -> Any:
+    def _instantiate(self, *, logging: bool) -> Any:
         terminate, free = self._ENDS[self.interface]
         self.CALLS = {**type(self).CALLS, "terminate": terminate, "free": free}  # type: ignore[misc]
         name, token = self.log.key.encode(), self.description.token.encode()
         if self.interface == "me":
-            return self.library["fmi1InstantiateModel"](name, token, callbacks1, b"\0")
+            return self.library["fmi1InstantiateModel"](name, token, callbacks1, _byte(logging))
         location, kind = self.folder.as_uri().encode(), b"application/x-fmu-sharedlibrary"
         return self.library["fmi1InstantiateSlave"](
-            name, token, location, kind, 0.0, b"\0", b"\0", callbacks1, b"\0"
+            name, token, location, kind, 0.0, b"\0", b"\0", callbacks1, _byte(logging)
         )
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import Access, TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instance import WARNING, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
@@ -35,6 +35,7 @@ class Instance2(Instance):
         "String": TypeCalls.text("fmi2GetString", "fmi2SetString"),
     }
     CALLS: ClassVar[Mapping[str, str]] = {
+        "set_debug_logging": "fmi2SetDebugLogging",
         "terminate": "fmi2Terminate",
         "free": "fmi2FreeInstance",
         "set_time": "fmi2SetTime",
@@ -48,7 +49,7 @@ class Instance2(Instance):
         "free_fmu_state": "fmi2FreeFMUstate",
     }
 
-    def _instantiate(self) -> Any:
+    def _instantiate(self, *, logging: bool) -> Any:
         return self.library["fmi2Instantiate"](
             self.log.key.encode(),
             _KINDS[self.interface],
@@ -56,7 +57,7 @@ class Instance2(Instance):
             (self.folder / "resources").as_uri().encode(),
             byref(callbacks2),
             0,
-            0,
+            int(logging),
         )
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
@@ -95,12 +96,16 @@ class Instance2(Instance):
         self.call("fmi2DoStep", time, step, 1)
         return StepResult(time + step)
 
-    def set_input_slopes(self, access: Access, slopes: Sequence[float]) -> None:
+    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
+        if not self.library.has("fmi2SetRealInputDerivatives"):
+            return False
         n = len(access.variables)
         references = (ctypes.c_uint * n)(*(v.value_reference for v in access.variables))
         orders = (ctypes.c_int * n)(*([1] * n))
         values = (ctypes.c_double * n)(*slopes)
-        self.call("fmi2SetRealInputDerivatives", references, n, orders, values)
+        # Some FMUs claim to interpolate inputs but answer with an error; theirs are held then.
+        function = self.library["fmi2SetRealInputDerivatives"]
+        return function(self.component, references, n, orders, values) <= WARNING
 
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]

@@ -48,6 +48,7 @@ class Instance3(Instance):
         "String": TypeCalls.text("fmi3GetString", "fmi3SetString"),
     }
     CALLS: ClassVar[Mapping[str, str]] = {
+        "set_debug_logging": "fmi3SetDebugLogging",
         "terminate": "fmi3Terminate",
         "free": "fmi3FreeInstance",
         "set_time": "fmi3SetTime",
@@ -61,10 +62,11 @@ class Instance3(Instance):
         "free_fmu_state": "fmi3FreeFMUState",
     }
 
-    def _instantiate(self) -> Any:
+    def _instantiate(self, *, logging: bool) -> Any:
         self._callback = log_callback3(self.log)  # kept alive as long as the instance
         resources = str(self.folder / "resources") + "/"
-        common = (self.log.key.encode(), self.description.token.encode(), resources.encode(), False, False)
+        name, token = self.log.key.encode(), self.description.token.encode()
+        common = (name, token, resources.encode(), False, logging)
         if self.interface == "me":
             return self.library["fmi3InstantiateModelExchange"](*common, None, self._callback)
         no_update = fmi3.fmi3IntermediateUpdateCallback()

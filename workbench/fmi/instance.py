@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from ctypes import byref
@@ -25,6 +26,7 @@ __all__ = ["DiscardError", "EventInfo", "Instance", "StepResult"]
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
+_TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
 
 
@@ -97,10 +99,22 @@ class Instance(ABC):
         self._setup(description, library, interface=interface)
         self.source = source
         self.folder = folder.resolve()
-        self.component = self._instantiate()
+        self.component: Any = self._instantiate(logging=False)
+        if not self.component:
+            # Many FMUs say why only if logging is on; only then is the noise wanted.
+            self.component = self._instantiate(logging=True)
         if not self.component:
             self._closed = True
             raise FmuError(f"{source}: the FMU refuses to be instantiated{self.log.tail()}")
+        self._log_trouble()
+
+    def _log_trouble(self) -> None:
+        """Switch on the log categories that tell of trouble, and no others: they cost no time."""
+        names = [c for c in self.description.log_categories if _TROUBLE.search(c)]
+        function = self.CALLS.get("set_debug_logging")
+        if names and function and self.library.has(function):
+            texts = (ctypes.c_char_p * len(names))(*(n.encode() for n in names))
+            self.library[function](self.component, True, len(names), texts)  # noqa: FBT003  a C call
 
     def _setup(self, description: Description, library: Library, *, interface: str) -> None:
         self.description = description
@@ -110,7 +124,6 @@ class Instance(ABC):
         self.log = open_log(description.model_name)
         self.event_mode = interface == "me" or self.capabilities.event_mode
         self.time = 0.0
-        self.component: Any = None
         self._worst = 0
         self._running = False
         self._closed = False
@@ -140,6 +153,11 @@ class Instance(ABC):
             time=self.time,
         )
 
+    @property
+    def healthy(self) -> bool:
+        """Whether it lives and no call has failed for good."""
+        return not self._closed and self._worst < ERROR
+
     # -- access to variables --------------------------------------------------------------
 
     def access(self, variables: Sequence[Variable]) -> Access:
@@ -149,7 +167,7 @@ class Instance(ABC):
     # -- life cycle -----------------------------------------------------------------------
 
     @abstractmethod
-    def _instantiate(self) -> Any:
+    def _instantiate(self, *, logging: bool) -> Any:
         """Return the component, None if the FMU refuses."""
 
     @abstractmethod
@@ -250,9 +268,9 @@ class Instance(ABC):
         """Leave event mode (co-simulation with `event_mode`)."""
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no step mode")
 
-    def set_input_slopes(self, access: Access, slopes: Sequence[float]) -> None:
-        """Give the time derivatives of real inputs [1/s] for the next step (FMI 2.0)."""
-        raise FmuError(f"{self.source}: FMI {self.description.fmi_version} takes no input derivatives")
+    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:  # noqa: ARG002
+        """Give the time derivatives of real inputs [1/s] for the next step; False: it cannot."""
+        return False
 
     # -- FMU state ------------------------------------------------------------------------
 
@@ -281,4 +299,5 @@ class Instance(ABC):
 def _buffer(size: int) -> tuple[Any, NDArray[np.float64]]:
     """Return a C array of doubles and a NumPy view of it, shape (size,)."""
     buffer = (ctypes.c_double * max(size, 1))()
-    return buffer, np.frombuffer(buffer, dtype=np.float64)[:size]
+    view: NDArray[np.float64] = np.ctypeslib.as_array(buffer)[:size]
+    return buffer, view

@@ -2,5 +2,7 @@
 
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
+from workbench.model.fmu_model import FmuModel
+from workbench.model.load import load
 
-__all__ = ["Model", "Variable"]
+__all__ = ["FmuModel", "Model", "Variable", "load"]

@@ -56,10 +56,13 @@ class Session(ABC):
       4. After `restore(s)` the session stands exactly where it stood at `s`; what is computed
          after two restores of one snapshot is equal to the last bit.
       5. `close` may be called at any time, also after an error, and more than once.
-      6. After a SimulationError nothing but `restore` and `close` may be called.
+      6. `communication_step` is the longest step of the last `advance` of a co-simulation [s]; None
+         where the workbench integrates.
+      7. After a SimulationError nothing but `restore` and `close` may be called.
     """
 
     time: float
+    communication_step: float | None = None
 
     @abstractmethod
     def advance(

@@ -1,0 +1,234 @@
+"""Time histories: run a model under given inputs and record its outputs."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.model.base import Model
+from workbench.session.base import Floats, Record, Session
+from workbench.signals import Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["SimulationResult", "simulate"]
+
+DEFAULT_POINTS = 500
+MAX_POINTS = 10_000_000
+WORRYING_CHANGE = 0.01
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """Time histories.
+
+    Attributes:
+        model, interface, solver: what ran.
+        time: shape (n,) [s], never falling; a time given twice is an event (left, right limit).
+        signals: name → shape (n,): the outputs, then the forced inputs as the model saw them.
+        units: name → unit, None where the model declares none.
+        notes: doubts about the result, e.g. a communication step that is too long.
+    """
+
+    model: str
+    interface: str
+    solver: str
+    time: Floats
+    signals: dict[str, Floats]
+    units: dict[str, str | None]
+    notes: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Return a picture with one panel per signal."""
+        from workbench.plotting.time_history import time_history  # noqa: PLC0415  matplotlib is slow
+
+        return time_history(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists, as the command line writes them to JSON."""
+        return {
+            "time": self.time.tolist(),
+            "signals": {name: values.tolist() for name, values in self.signals.items()},
+            "units": dict(self.units),
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write time [s] and every signal as columns with a heading line."""
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", *self.signals])
+            writer.writerows(zip(*self._columns(), strict=True))
+
+    def _columns(self) -> list[list[float]]:
+        return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
+
+
+def simulate(
+    model: Model,
+    *,
+    stop: float,
+    inputs: Mapping[str, Signal] | None = None,
+    outputs: Sequence[str] | None = None,
+    start_time: float = 0.0,
+    interval: float | None = None,
+    points: Sequence[float] | Floats | None = None,
+    verify_step: bool = True,
+) -> SimulationResult:
+    """Simulate a model.
+
+    Args:
+        model: what to run; it stays open.
+        stop: final time [s], after `start_time`.
+        inputs: forced inputs; the others keep their start value.
+        outputs: names of variables to record; None: all outputs (all states if there are none).
+        start_time: [s].
+        interval: distance of the recorded points [s]; None: 1/500 of the run. Events are
+            recorded besides.
+        points: recorded points themselves, rising, in (start_time, stop] [s]; instead of `interval`.
+        verify_step: co-simulation only: run again with half the communication step and note where
+            the answer changes by more than 1 %.
+
+    Raises:
+        InputError: unknown name, an output forced, times or points out of order.
+        FmuError: the FMU cannot be instantiated.
+        SimulationError: the model failed while running.
+    """
+    inputs = dict(inputs or {})
+    _check_inputs(model, inputs)
+    names = _names(model, outputs)
+    at = _points(start_time, stop, interval, points)
+    run = _Run(model, start_time, stop, inputs, names, at)
+    record, step = run.once(None)
+    notes = () if step is None or not verify_step else run.doubts(record, step)
+    units = _units(model, [*names, *inputs])
+    columns = {**record.values, **record.inputs}
+    return SimulationResult(model.name, model.interface, model.solver, record.time, columns, units, notes)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What to run, so that it can be run again with another communication step."""
+
+    model: Model
+    start: float
+    stop: float
+    inputs: dict[str, Signal]
+    names: list[str]
+    points: Floats
+
+    def once(self, step: float | None) -> tuple[Record, float | None]:
+        """Return the record and the communication step that was used (None: model exchange)."""
+        with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
+            record = session.advance(
+                self.stop, signals=self.inputs, record=self.names, points=self.points
+            )
+            used = session.communication_step
+            record = _with_end(session, record, self.inputs, self.names)
+        return (record if used is None else _at_points(record, self.start, self.points)), used
+
+    def doubts(self, record: Record, step: float) -> tuple[str, ...]:
+        """Repeat with half the communication step; return a note if the answer changes."""
+        advice = f"use a step below {step:.3g} s, or interface me"
+        try:
+            finer, _ = self.once(0.5 * step)
+        except SimulationError as error:
+            return (f"with half the communication step the run fails ({error}); {advice}",)
+        except InputError:  # a constant step that cannot be halved
+            return ()
+        change, name = _largest_change(record, finer)
+        if change <= WORRYING_CHANGE:
+            return ()
+        return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
+
+
+def _largest_change(coarse: Record, fine: Record) -> tuple[float, str]:
+    """Return the largest difference at common times relative to the signal's range, and its name."""
+    worst, name = 0.0, ""
+    for signal, values in coarse.values.items():
+        last = np.searchsorted(fine.time, coarse.time, side="right") - 1
+        other = fine.values[signal][last]
+        right = np.append(coarse.time[1:] > coarse.time[:-1], True)
+        span = max(float(np.ptp(other)), 1e-9 * float(np.max(np.abs(other))), 1e-300)
+        change = float(np.max(np.abs(values - other)[right])) / span
+        if change > worst:
+            worst, name = change, signal
+    return worst, name
+
+
+def _check_inputs(model: Model, inputs: Mapping[str, Signal]) -> None:
+    known = [v.name for v in model.inputs]
+    others = {v.name: v.causality for v in (*model.outputs, *model.parameters, *model.states)}
+    for name in inputs:
+        if name not in known:
+            what = f"is a {others[name]}" if name in others else "is unknown"
+            raise InputError(f"'{name}' {what}, but an input is needed here; {suggest(name, known)}")
+
+
+def _names(model: Model, outputs: Sequence[str] | None) -> list[str]:
+    if outputs is not None:
+        return list(dict.fromkeys(outputs))
+    chosen = model.outputs or model.states
+    return [v.name for v in chosen if v.is_number]
+
+
+def _points(
+    start: float, stop: float, interval: float | None, points: Sequence[float] | Floats | None
+) -> Floats:
+    if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
+        raise InputError(f"stop must lie after the start at {start:g} s, not at {stop:g} s")
+    if points is not None:
+        return np.asarray(points, dtype=np.float64)
+    span = stop - start
+    interval = span / DEFAULT_POINTS if interval is None else interval
+    if not interval > 0.0:
+        raise InputError(f"interval must be positive, not {interval:g} s")
+    count = max(1, round(span / interval, 9).__floor__())
+    if count > MAX_POINTS:
+        raise InputError(f"interval {interval:g} s gives {count} points; at most {MAX_POINTS} are recorded")
+    grid = start + interval * np.arange(1, count + 1)
+    return np.append(grid[grid < stop - 1e-9 * interval], stop)
+
+
+def _with_end(
+    session: Session, record: Record, inputs: Mapping[str, Signal], names: Sequence[str]
+) -> Record:
+    """Append the right limit at the end if an event there changes something."""
+    last = session.advance(session.time, signals=inputs, record=names)
+    same = all(last.values[n][0] == record.values[n][-1] for n in record.values)
+    if same and all(last.inputs[n][0] == record.inputs[n][-1] for n in record.inputs):
+        return record
+    return Record(
+        time=np.append(record.time, last.time[:1]),
+        values={n: np.append(v, last.values[n][:1]) for n, v in record.values.items()},
+        inputs={n: np.append(v, last.inputs[n][:1]) for n, v in record.inputs.items()},
+    )
+
+
+def _at_points(record: Record, start: float, points: Floats) -> Record:
+    """Keep the rows at the points only; co-simulation records every communication point twice."""
+    wanted = np.isin(record.time, np.append(start, points))
+    same_time = np.append(record.time[1:] == record.time[:-1], False)
+    repeats = same_time.copy()
+    for column in record.values.values():
+        repeats &= np.append(column[1:] == column[:-1], False)
+    keep = wanted & ~repeats
+    return Record(
+        time=record.time[keep],
+        values={n: v[keep] for n, v in record.values.items()},
+        inputs={n: v[keep] for n, v in record.inputs.items()},
+    )
+
+
+def _units(model: Model, names: Sequence[str]) -> dict[str, str | None]:
+    every = (*model.parameters, *model.states, *model.outputs, *model.inputs)
+    known = {v.name: v.unit for v in every}
+    return {name: known.get(name) for name in names}

@@ -1,0 +1,118 @@
+"""A model that is one FMU."""
+
+from __future__ import annotations
+
+import dataclasses
+import weakref
+from collections.abc import Mapping
+
+from workbench.errors import FmuError, InputError
+from workbench.fmi.archive import Unpacked
+from workbench.fmi.binding import instantiate
+from workbench.fmi.description import Description
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
+from workbench.model.base import Model
+from workbench.session.cs import CsSession
+from workbench.session.fmu import FmuSession, Setup
+from workbench.session.me import MeSession
+from workbench.session.probe import state_can_be_trusted
+from workbench.signals import Signal
+
+__all__ = ["FmuModel"]
+
+_SESSIONS: Mapping[str, type[FmuSession]] = {"me": MeSession, "cs": CsSession}
+_PARAMETERS = ("parameter", "structuralParameter")
+
+
+class FmuModel(Model):
+    """One FMU with a chosen interface and solver; made by `load`.
+
+    Attributes:
+        description: all that the FMU says about itself.
+        source: what the user named.
+    """
+
+    def __init__(
+        self,
+        unpacked: Unpacked,
+        description: Description,
+        *,
+        interface: str,
+        setup: Setup,
+        notes: tuple[str, ...],
+    ) -> None:
+        self.description = description
+        self.source = str(unpacked.source)
+        self.name = description.model_name
+        self.interface = interface
+        self.solver = setup.solver
+        self.notes = notes
+        self.inputs = self._with("input")
+        self.outputs = self._with("output")
+        self.parameters = self._with(*_PARAMETERS)
+        self.states = description.states
+        self._unpacked = unpacked
+        self._setup = dataclasses.replace(
+            setup, open_instance=self._open_instance, state_works=self._state_works
+        )
+        self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
+        self._trusted: bool | None = None
+        self._closed = False
+
+    def _with(self, *causalities: str) -> tuple[Variable, ...]:
+        return tuple(v for v in self.description.variables if v.causality in causalities)
+
+    def open_session(
+        self,
+        *,
+        start_time: float = 0.0,
+        step: float | None = None,
+        signals: Mapping[str, Signal] | None = None,
+    ) -> FmuSession:
+        if self._closed:
+            raise InputError(f"{self.source}: the model is closed")
+        if step is not None and not step > 0.0:
+            raise InputError(f"step must be positive, not {step:g}")
+        self._check_single()
+        setup = dataclasses.replace(
+            self._setup,
+            step=step or self._setup.step,
+            start_time=float(start_time),
+            signals=dict(signals or {}),
+        )
+        session = self._open(setup)
+        self._sessions.add(session)
+        return session
+
+    def _open(self, setup: Setup) -> FmuSession:
+        return _SESSIONS[self.interface](setup)
+
+    def _check_single(self) -> None:
+        if self.description.interfaces[self.interface].once_per_process and self._live():
+            raise FmuError(f"{self.source}: the FMU allows one instance per process, and one is in use")
+
+    def _live(self) -> bool:
+        return any(s.instance.healthy for s in self._sessions)
+
+    def _open_instance(self) -> Instance:
+        return instantiate(
+            self.description, self._unpacked.folder, interface=self.interface, source=self.source
+        )
+
+    def _state_works(self) -> bool:
+        if self._trusted is None:
+            claims = self.description.interfaces[self.interface]
+            may = claims.state and not (claims.once_per_process and self._live())
+            self._trusted = may and state_can_be_trusted(self._open, self._setup)
+        return self._trusted
+
+    def snapshot_method(self) -> str:
+        """Return how snapshots are taken: "state" (the FMU's, probed) or "replay"."""
+        return "state" if self._state_works() else "replay"
+
+    def close(self) -> None:
+        self._closed = True
+        for session in list(self._sessions):
+            session.close()
+        self._unpacked.close()

@@ -1,0 +1,180 @@
+"""Load a model from a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from workbench.errors import InputError, suggest
+from workbench.fmi.archive import unpack
+from workbench.fmi.binding import INTERFACES
+from workbench.fmi.description import Description, read_description
+from workbench.fmi.instance import Instance
+from workbench.fmi.platforms import binary_path
+from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.model.fmu_model import FmuModel
+from workbench.session.fmu import Setup
+from workbench.session.solvers import SOLVERS, choose_solver
+
+__all__ = ["load"]
+
+DEFAULT_TOLERANCE = 1e-6
+_SETTABLE = ("parameter", "input", "local", "output")
+
+
+def load(
+    path: str | Path,
+    interface: str = "auto",
+    solver: str = "auto",
+    *,
+    step: float | None = None,
+    tolerance: float | None = None,
+    start_values: Mapping[str, Value] | None = None,
+    bias: Mapping[str, float] | None = None,
+) -> FmuModel:
+    """Load an FMU.
+
+    Args:
+        path: an `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`.
+        interface: "me", "cs", or "auto", which takes model exchange where both are offered.
+        solver: "vkm", "gear", or "auto"; co-simulation FMUs bring their own.
+        step: communication step of co-simulation [s]; None: the FMU's default experiment, else
+            derived from the signals.
+        tolerance: relative tolerance of the integration; None: 1e-6.
+        start_values: parameters and start values to set, by name.
+        bias: constants added to inputs, by name, whether forced or not.
+
+    Returns:
+        The model; close it, or use it in a `with` block, to remove its temporary folder.
+
+    Raises:
+        InputError: no such file, interface, solver, variable; a value out of range.
+        FmuError: the file is no usable FMU, or has no binary for this platform.
+    """
+    _check_number("step", step, upper=math.inf)
+    _check_number("tolerance", tolerance, upper=1.0)
+    unpacked = unpack(path)
+    try:
+        source = str(unpacked.source)
+        description = read_description(unpacked.folder, source=source)
+        chosen = _choose_interface(interface, description, source)
+        binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
+        name, note = _choose_solver(solver, chosen, description)
+        variables = {v.name: v for v in description.variables}
+        setup = Setup(
+            open_instance=_not_yet,
+            variables=variables,
+            start_values=_starts(start_values or {}, variables),
+            bias=_biases(bias or {}, variables),
+            rtol=tolerance or DEFAULT_TOLERANCE,
+            tolerance=tolerance or description.experiment.tolerance,
+            step=step,
+            solver=name,
+        )
+        notes = (*description.notes, *_notes(interface, chosen, description, step), *filter(None, [note]))
+        return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes)
+    except BaseException:
+        unpacked.close()
+        raise
+
+
+def _not_yet() -> Instance:
+    raise NotImplementedError  # FmuModel puts its own in place
+
+
+def _check_number(name: str, value: float | None, *, upper: float) -> None:
+    if value is not None and not (math.isfinite(value) and 0.0 < value < upper):
+        limit = f" and below {upper:g}" if math.isfinite(upper) else ""
+        raise InputError(f"{name} must be positive{limit}, not {value:g}")
+
+
+def _choose_interface(wanted: str, description: Description, source: str) -> str:
+    offered = description.interfaces
+    if wanted != "auto" and wanted not in INTERFACES:
+        raise InputError(f"interface '{wanted}' is unknown; {suggest(wanted, ('auto', *INTERFACES))}")
+    if not offered:
+        raise InputError(f"{source}: offers neither model exchange nor co-simulation")
+    if wanted == "auto":
+        return "me" if "me" in offered else "cs"
+    if wanted not in offered:
+        raise InputError(f"{source}: interface {wanted} is not offered; it has: {', '.join(offered)}")
+    return wanted
+
+
+def _choose_solver(wanted: str, interface: str, description: Description) -> tuple[str, str]:
+    if interface == "me":
+        return choose_solver(wanted, states=description.state_count)
+    if wanted not in ("auto", "fmu"):
+        if wanted not in SOLVERS:
+            raise InputError(f"solver '{wanted}' is unknown; {suggest(wanted, ('auto', *SOLVERS))}")
+        raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
+    return "fmu", ""
+
+
+def _notes(wanted: str, chosen: str, description: Description, step: float | None) -> list[str]:
+    notes = []
+    if wanted == "auto" and len(description.interfaces) > 1:
+        notes.append(f"interface: {chosen} (chosen by auto; it has: {', '.join(description.interfaces)})")
+    if chosen == "cs" and step is None:
+        default = description.experiment.step
+        notes.append(
+            "communication step: derived from the signals and points; --step sets it"
+            if default is None
+            else f"communication step: {default:g} s, the FMU's default experiment; --step sets it"
+        )
+    if description.interfaces[chosen].needs_tool:
+        notes.append("the FMU says that it needs its authoring tool installed on this machine")
+    return notes
+
+
+def _starts(values: Mapping[str, Value], variables: Mapping[str, Variable]) -> dict[str, Value]:
+    return {name: _start(name, value, variables) for name, value in values.items()}
+
+
+def _start(name: str, value: Value, variables: Mapping[str, Variable]) -> Value:
+    if name not in variables:
+        raise InputError(f"'{name}' is not a variable of the model; {suggest(name, variables)}")
+    variable = variables[name]
+    if variable.causality not in _SETTABLE or variable.variability == "constant":
+        raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
+    try:
+        return _as_type(variable, value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is a {variable.type}; '{value}' is not") from None
+
+
+def _as_type(variable: Variable, value: Value) -> Value:
+    """Return `value` as the variable's type; raises ValueError if it cannot be that."""
+    if variable.type in ("String", "Binary"):
+        return str(value)
+    if variable.type == "Boolean":
+        return _as_boolean(value)
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(value)
+    if variable.type in FLOAT_TYPES:
+        return number
+    if number != int(number):
+        raise ValueError(value)
+    return int(value) if isinstance(value, int | str) and "." not in str(value) else int(number)
+
+
+def _as_boolean(value: Value) -> bool:
+    text = str(value).lower()
+    if text not in ("true", "false", "1", "0", "1.0", "0.0"):
+        raise ValueError(value)
+    return text in ("true", "1", "1.0")
+
+
+def _biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
+    inputs = {n: v for n, v in variables.items() if v.causality == "input"}
+    for name, value in bias.items():
+        if name not in inputs:
+            what = f"is a {variables[name].causality}" if name in variables else "is unknown"
+            raise InputError(f"bias: '{name}' {what}, but an input is needed; {suggest(name, inputs)}")
+        if inputs[name].type not in FLOAT_TYPES:
+            raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
+        if not math.isfinite(value):
+            raise InputError(f"bias: {name} must be a finite number, not {value}")
+    return dict(bias)

@@ -1,0 +1,162 @@
+"""Co-simulation: the FMU integrates, the workbench steps it from one communication point to the next."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from workbench.errors import InputError, SimulationError
+from workbench.fmi.instance import StepResult
+from workbench.session.fmu import FmuSession
+from workbench.session.rows import Rows
+
+__all__ = ["CsSession"]
+
+STEPS_PER_SHAPE = 25  # of a signal's longest step: 200 steps per period of a sine
+STEPS_PER_CALL = 500  # where nothing else says how long a step should be
+GRID_ERROR = 1e-6  # of a step: how far a point may lie off a constant grid
+MAX_EARLY_RETURNS = 10_000
+
+
+class CsSession(FmuSession):
+    """Steps one FMU.
+
+    Communication points are the recorded points, the breaks of the signals, and as many more
+    between them as keep every step within the communication step. Continuous inputs are held, or
+    linear between communication points where the FMU interpolates its inputs.
+    """
+
+    _fixed: float | None = None
+    _slopes_work = True
+
+    def _started(self) -> None:
+        self._fixed = None
+        if self.instance.event_mode:
+            self._leave_event_mode()
+
+    def _leave_event_mode(self) -> None:
+        if self.instance.iterate_events().terminate:
+            raise self._ended()
+        self.instance.enter_step_mode()
+
+    def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
+        self._set_inputs(jump=True)
+        rows.add(self.time)
+        waiting = targets[::-1]
+        longest = self._longest(until)
+        while self.time < until:
+            while waiting[-1] <= self.time:
+                waiting.pop()
+            target = min(waiting[-1], self.forcing.next_break(self.time))
+            self._to_target(target, until, longest, rows)
+
+    def _to_target(self, target: float, until: float, longest: float, rows: Rows) -> None:
+        start = self.time
+        count = self._steps(start, target, longest)
+        for i in range(1, count + 1):
+            end = target if i == count else start + (target - start) * (i / count)
+            self._communicate(end, rows, last=end == until)
+
+    def _communicate(self, end: float, rows: Rows, *, last: bool) -> None:
+        """Make one step and record its two rows; at `until` the right limit is the next call's."""
+        start = self.time
+        seen = self._give_slopes(end)
+        self._step_to(end)
+        self.forcing.written = seen
+        rows.add(self.time, inputs=seen)
+        if not last:
+            self._set_inputs(jump=self.forcing.next_break(start) <= end)
+            rows.add(self.time)
+
+    # -- inputs ---------------------------------------------------------------------------
+
+    def _set_inputs(self, *, jump: bool) -> None:
+        """Set the right limits; jumps and discrete inputs need event mode where there is one."""
+        if not self.forcing.names:
+            return
+        wanted = self.forcing.at(self.time)
+        if not self.instance.event_mode:
+            self.forcing.write_all(wanted)
+        elif (jump and wanted != self.forcing.written) or self.forcing.discrete_differ(wanted):
+            self.instance.enter_event_mode()
+            self.forcing.write_all(wanted)
+            self._leave_event_mode()
+        else:
+            self.forcing.write_continuous(self.time)
+
+    def _give_slopes(self, end: float) -> list[float]:
+        """Tell the FMU how its inputs go on, if it can; returns what it sees just before `end`."""
+        usable = self.instance.capabilities.interpolates_inputs and self._slopes_work
+        if not usable or not self.forcing.continuous.variables:
+            return list(self.forcing.written)
+        slopes, ends = self.forcing.ramp(self.time, end)
+        self._slopes_work = self.instance.try_input_slopes(self.forcing.continuous, slopes)
+        return ends if self._slopes_work else list(self.forcing.written)
+
+    # -- steps ----------------------------------------------------------------------------
+
+    def _step_to(self, end: float) -> None:
+        """Step to `end`, going on after early returns and handling events on the way."""
+        for _ in range(MAX_EARLY_RETURNS):
+            result = self.instance.do_step(self.time, end - self.time)
+            early = result.time < end - 1e-12 * max(abs(end), end - self.time)
+            self._after(result, early=early)
+            if not early:
+                self.time = self.instance.time = end
+                return
+        raise SimulationError(
+            f"the FMU returned early from doStep {MAX_EARLY_RETURNS} times in one step", time=self.time
+        )
+
+    def _after(self, result: StepResult, *, early: bool) -> None:
+        if early:
+            self.time = result.time
+        if result.terminate:
+            raise self._ended()
+        if result.event:
+            if not self.instance.event_mode:
+                raise SimulationError("the FMU wants event mode, which it does not offer", time=result.time)
+            self.instance.enter_event_mode()
+            self._leave_event_mode()
+
+    def _longest(self, until: float) -> float:
+        """Return the longest communication step of this advance [s]."""
+        self.communication_step = self._choose_step(until)
+        return self.communication_step
+
+    def _choose_step(self, until: float) -> float:
+        if self.setup.step is not None:
+            return self.setup.step
+        experiment = self.instance.description.experiment.step
+        if experiment is not None:
+            return experiment
+        shape = self.forcing.longest_step / STEPS_PER_SHAPE
+        return shape if math.isfinite(shape) else max(until - self.time, 1e-300) / STEPS_PER_CALL
+
+    def _steps(self, start: float, target: float, longest: float) -> int:
+        """Return into how many equal steps the way to `target` is cut."""
+        span = target - start
+        if self._fixed is None:
+            count = max(1, math.ceil(span / longest - 1e-9))
+            if not self.instance.capabilities.variable_step:
+                self._fixed = longest if self.setup.step is not None else span / count
+            if self._fixed is None:
+                return count
+        count = round(span / self._fixed)
+        if count < 1 or abs(span - count * self._fixed) > GRID_ERROR * self._fixed:
+            raise InputError(
+                f"the FMU needs a constant communication step of {self._fixed:.9g} s, but a point or a "
+                f"break of a signal lies at {target:.9g} s, off that grid; use another step"
+            )
+        return count
+
+    # -- snapshots ------------------------------------------------------------------------
+
+    def _memory(self) -> Any:
+        return self._fixed
+
+    def _resume(self, memory: Any) -> None:
+        self._fixed = memory
+
+    def _forget(self) -> None:
+        """The FMU's solver is its own; there is nothing to reset."""

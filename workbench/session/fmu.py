@@ -1,0 +1,248 @@
+"""What sessions on FMUs share: start-up, recording, snapshots by FMU state or by replay."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, SimulationError
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Value, Variable
+from workbench.session.base import Floats, Record, Session, Snapshot
+from workbench.session.forcing import Forcing
+from workbench.session.rows import Rows, find, read_finite
+from workbench.signals import Signal
+
+__all__ = ["FmuSession", "Setup"]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How sessions of one model begin.
+
+    Attributes:
+        open_instance: returns a new instance of the FMU.
+        variables: name → variable, all of the model's.
+        start_values: parameters and start values set before initialisation.
+        bias: constants added to inputs.
+        rtol: relative tolerance of the integration.
+        tolerance: what a co-simulation FMU is told; None: nothing.
+        start_time: [s].
+        step: communication step [s]; None: derived from signals and points.
+        signals: what forces the inputs during initialisation.
+        solver: name in `SOLVERS`, or "fmu".
+        state_works: asks once whether the FMU's own state can be trusted for snapshots.
+    """
+
+    open_instance: Callable[[], Instance]
+    variables: Mapping[str, Variable]
+    start_values: Mapping[str, Value] = field(default_factory=dict)
+    bias: Mapping[str, float] = field(default_factory=dict)
+    rtol: float = 1e-6
+    tolerance: float | None = None
+    start_time: float = 0.0
+    step: float | None = None
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    solver: str = "gear"
+    state_works: Callable[[], bool] = lambda: False
+
+
+@dataclass(frozen=True, eq=False)
+class _Call:
+    """One `advance`, kept for replay; a `restore` is kept as a call without signals."""
+
+    until: float
+    signals: Mapping[str, Signal]
+    points: Floats | None
+    restored: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FmuSnapshot(Snapshot):
+    """A snapshot of an FMU session: the FMU's state, or the calls that led here."""
+
+    owner: Any
+    instance: Instance
+    state: Any
+    calls: tuple[_Call, ...]
+    memory: Any
+
+
+class FmuSession(Session):
+    """A session on one instance of an FMU."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.inputs = {n: v for n, v in setup.variables.items() if v.causality == "input"}
+        self._calls: list[_Call] = []
+        self._states: list[Any] = []
+        self._open()
+
+    # -- start ----------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        self.instance = self.setup.open_instance()
+        try:
+            self._initialise()
+            self._started()
+        except BaseException:
+            self.close()
+            raise
+
+    def _initialise(self) -> None:
+        instance, setup = self.instance, self.setup
+        self.time = setup.start_time
+        self._write_starts()
+        self.forcing = Forcing(instance, self.inputs, setup.bias, setup.signals)
+        instance.enter_initialisation(setup.start_time, setup.tolerance)
+        if setup.signals:
+            self.forcing.write_all(self.forcing.at(self.time))
+        instance.exit_initialisation()
+
+    def _write_starts(self) -> None:
+        variables = self.setup.variables
+        values = dict(self.setup.start_values)
+        for name, bias in self.setup.bias.items():
+            start = values.get(name, variables[name].start)
+            values[name] = float(start or 0.0) + bias
+        if values:
+            self.instance.access([variables[n] for n in values]).write(list(values.values()))
+
+    @abstractmethod
+    def _started(self) -> None:
+        """Go on after initialisation until the FMU can be advanced."""
+
+    # -- advance --------------------------------------------------------------------------
+
+    def advance(
+        self,
+        until: float,
+        *,
+        signals: Mapping[str, Signal],
+        record: Sequence[str] = (),
+        points: Floats | None = None,
+    ) -> Record:
+        until = float(until)
+        targets = self._targets(until, points)
+        variables = find(record, self.setup.variables)
+        self._calls.append(_Call(until, dict(signals), points))
+        new = signals != self.forcing.signals
+        if new:
+            before = self.forcing
+            self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
+            self._forcing_changed(before)
+        rows = Rows(self.instance, variables, self.forcing)
+        self._run(until, targets, rows, new=new)
+        return rows.record()
+
+    def _forcing_changed(self, before: Forcing) -> None:
+        """Carry over what the FMU sees from the previous signals to the present ones."""
+        known = dict(zip(before.names, before.written, strict=True))
+        self.forcing.written = [known.get(n, math.nan) for n in self.forcing.names]
+
+    @abstractmethod
+    def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
+        """Advance to `until`; `targets` are the points, rising, the last is `until`."""
+
+    def _targets(self, until: float, points: Floats | None) -> list[float]:
+        if not math.isfinite(until) or until < self.time:
+            raise InputError(f"cannot advance to {until:g} s: the session stands at {self.time:.9g} s")
+        if points is None or len(points) == 0:
+            return [until]
+        values = np.asarray(points, dtype=np.float64)
+        rising = bool((np.diff(values) > 0.0).all())
+        if not rising or not values[0] > self.time or not values[-1] <= until:
+            raise InputError(f"points must rise and lie in ({self.time:.9g}, {until:.9g}] s")
+        targets: list[float] = values.tolist()
+        return targets if targets[-1] == until else [*targets, until]
+
+    def values(self, names: Sequence[str]) -> dict[str, float]:
+        variables = find(names, self.setup.variables)
+        if not variables:
+            return {}
+        values = read_finite(self.instance.access(variables), variables, self.time)
+        return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+    def _ended(self) -> SimulationError:
+        return SimulationError(
+            f"the FMU asks to end the simulation{self.instance.log.tail()}", time=self.time
+        )
+
+    # -- snapshots ------------------------------------------------------------------------
+
+    @abstractmethod
+    def _memory(self) -> Any:
+        """Return what a restore needs besides the FMU's state."""
+
+    @abstractmethod
+    def _resume(self, memory: Any) -> None:
+        """Go on from a restored FMU state with what `_memory` returned."""
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Reset the solver's memory, as every restore does."""
+
+    def snapshot(self) -> Snapshot:
+        state = None
+        if self.setup.state_works():
+            state = self.instance.get_state()
+            self._states.append(state)
+        return FmuSnapshot(
+            self.time, self, self.instance, state, tuple(self._calls), (self._memory(), self.forcing.written)
+        )
+
+    def restore(self, snapshot: Snapshot) -> None:
+        if not isinstance(snapshot, FmuSnapshot) or snapshot.owner is not self:
+            raise InputError("this snapshot belongs to another session")
+        if snapshot.state is not None and snapshot.instance is self.instance and self.instance.healthy:
+            self._restore_state(snapshot)
+        else:
+            self._replay(snapshot.calls)
+        self._calls = [*snapshot.calls, _Call(self.time, {}, None, restored=True)]
+
+    def _restore_state(self, snapshot: FmuSnapshot) -> None:
+        self.instance.set_state(snapshot.state)
+        self.time = self.instance.time = snapshot.time
+        memory, written = snapshot.memory
+        signals = _last_signals(snapshot.calls, self.setup.signals)
+        self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
+        self.forcing.written = list(written)
+        self._resume(memory)
+
+    def _replay(self, calls: Sequence[_Call]) -> None:
+        """Do again, in a new instance, what led to the snapshot."""
+        self.close()
+        self._calls = []
+        self._open()
+        for call in calls:
+            if call.restored:
+                self._forget()
+            else:
+                self.advance(call.until, signals=call.signals, points=call.points)
+        self._forget()
+
+    def close(self) -> None:
+        instance: Instance | None = getattr(self, "instance", None)
+        if instance is None:
+            return
+        if instance.healthy:
+            for state in self._states:
+                instance.free_state(state)
+        self._states = []
+        self._close_solver()
+        instance.close()
+
+    def _close_solver(self) -> None:
+        """Free the solver, if there is one."""
+
+
+def _last_signals(calls: Sequence[_Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:
+    for call in reversed(calls):
+        if not call.restored:
+            return call.signals
+    return initial

@@ -1,0 +1,113 @@
+"""The forced inputs of one session: evaluate their signals, write them, remember what was written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from workbench.errors import InputError, suggest
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.signals import Signal
+
+__all__ = ["Forcing", "convert"]
+
+
+def convert(variable: Variable, value: float) -> Value:
+    """Return `value` as the variable's type: integers are rounded, Booleans are value ≥ 0.5."""
+    if variable.type in FLOAT_TYPES:
+        return value
+    if variable.type == "Boolean":
+        return value >= 0.5
+    return round(value)
+
+
+class Forcing:
+    """The signals in force and the values last written to their inputs.
+
+    Attributes:
+        signals: input name → signal.
+        written: what the FMU sees now, in the order of `signals`.
+    """
+
+    def __init__(
+        self,
+        instance: Instance,
+        inputs: Mapping[str, Variable],
+        bias: Mapping[str, float],
+        signals: Mapping[str, Signal],
+    ) -> None:
+        self.signals = dict(signals)
+        self.names = tuple(self.signals)
+        variables = [_input(name, inputs) for name in self.names]
+        self._pairs = [(self.signals[n], bias.get(n, 0.0)) for n in self.names]
+        self._fast = [i for i, v in enumerate(variables) if v.is_continuous_input]
+        self._slow = [i for i, v in enumerate(variables) if not v.is_continuous_input]
+        self._variables = variables
+        self.continuous = instance.access([variables[i] for i in self._fast])
+        self._discrete = instance.access([variables[i] for i in self._slow])
+        self._fast_pairs = [self._pairs[i] for i in self._fast]
+        self._only_fast = not self._slow
+        self.written: list[float] = [math.nan] * len(variables)
+
+    @property
+    def has_discrete(self) -> bool:
+        """Whether some forced input may change at events only."""
+        return bool(self._slow)
+
+    @property
+    def longest_step(self) -> float:
+        """The longest step [s] that cannot overlook a signal's shape."""
+        return min((s.longest_step for s in self.signals.values()), default=math.inf)
+
+    def next_break(self, t: float) -> float:
+        """Return the first time > t [s] at which a signal or its slope jumps."""
+        return min((s.next_break(t) for s in self.signals.values()), default=math.inf)
+
+    def at(self, t: float) -> list[float]:
+        """Return all values at t, biased, as the FMU would see them."""
+        return [
+            float(convert(v, s(t) + b)) for v, (s, b) in zip(self._variables, self._pairs, strict=True)
+        ]
+
+    def write_continuous(self, t: float) -> None:
+        """Write the inputs that may change in continuous time."""
+        if not self._fast_pairs:
+            return
+        values = [s(t) + b for s, b in self._fast_pairs]
+        self.continuous.write(values)
+        if self._only_fast:
+            self.written = values
+        else:
+            for i, value in zip(self._fast, values, strict=True):
+                self.written[i] = value
+
+    def write_all(self, values: Sequence[float]) -> None:
+        """Write every forced input; allowed in event mode and between co-simulation steps."""
+        if self._fast:
+            self.continuous.write([values[i] for i in self._fast])
+        if self._slow:
+            self._discrete.write([convert(self._variables[i], values[i]) for i in self._slow])
+        self.written = list(values)
+
+    def discrete_differ(self, values: Sequence[float]) -> bool:
+        """Whether an input that may change at events only has another value now."""
+        return any(values[i] != self.written[i] for i in self._slow)
+
+    def ramp(self, t: float, end: float) -> tuple[list[float], list[float]]:
+        """Return the continuous inputs' mean slopes over (t, end) [1/s], and all inputs before `end`."""
+        left = end if self.next_break(t) > end else math.nextafter(end, -math.inf)
+        values = list(self.written)
+        for i in self._fast:
+            signal, bias = self._pairs[i]
+            values[i] = signal(left) + bias
+        return [(values[i] - self.written[i]) / (end - t) for i in self._fast], values
+
+
+def _input(name: str, inputs: Mapping[str, Variable]) -> Variable:
+    if name not in inputs:
+        raise InputError(f"'{name}' is not an input of the model; {suggest(name, inputs)}")
+    variable = inputs[name]
+    if not variable.is_number:
+        raise InputError(f"input '{name}' is a {variable.type}; a signal cannot force it")
+    return variable

@@ -1,0 +1,260 @@
+"""Model exchange: the workbench integrates, with event handling, in plain readable Python."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+from workbench.session.fmu import FmuSession
+from workbench.session.forcing import Forcing
+from workbench.session.problem import Problem
+from workbench.session.rows import Rows
+from workbench.session.solvers import SOLVERS, Solver, Tolerance
+from workbench.signals import Signal
+
+__all__ = ["MeSession"]
+
+MAX_STEPS = 20_000  # between two recorded points or events
+ZENO_EVENTS = 200  # in a row, each closer to the last than ZENO_GAP of the time scale
+ZENO_GAP = 1e-9
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """What a restored session needs besides the FMU's state."""
+
+    next_time: float
+    scale: Floats
+    signals: dict[str, Signal]
+
+
+class MeSession(FmuSession):
+    """Integrates one FMU from stop to stop.
+
+    A stop is the next of: `until`, a break of a signal, a time event. Between stops the solver
+    steps freely and recorded points are interpolated; state events end a step early. At an event
+    the FMU goes to event mode, gets the right limits of all inputs, and iterates.
+
+    Inputs that are not continuous reals change at events only: at breaks of any signal and, if
+    their value differs there, at recorded points.
+    """
+
+    _solver: Solver | None = None
+
+    # -- start ----------------------------------------------------------------------------
+
+    def _started(self) -> None:
+        instance = self.instance
+        self._next_time = math.inf
+        self._crowd = 0
+        self._last_event = -math.inf
+        self._span = 1.0
+        self.instance.set_time(self.time)
+        self._iterate()
+        instance.get_states()
+        self._make_solver()
+
+    def _make_solver(self) -> None:
+        states = self.instance.description.states
+        declared = np.zeros(self.instance.nx, dtype=bool)
+        named = states[: self.instance.nx]
+        declared[: len(named)] = [s.nominal is not None for s in named]
+        nominal = np.abs(self.instance.get_nominals())
+        usable = np.isfinite(nominal) & (nominal > 0.0)
+        # A nominal value other than the default 1.0 was given on purpose even if not in the file.
+        known = usable & (declared | (nominal != 1.0))
+        self.problem = Problem(self.instance, self.forcing)
+        tolerance = Tolerance(self.setup.rtol, np.where(usable, nominal, 1.0), known)
+        self._solver = SOLVERS[self.setup.solver](self.problem, tolerance)
+        self._restart()
+
+    @property
+    def solver(self) -> Solver:
+        """The solver; its `problem.evaluations` counts right-hand sides."""
+        if self._solver is None:
+            raise SimulationError("the session is closed")
+        return self._solver
+
+    def _restart(self) -> None:
+        self.solver.restart(self.time, self.instance.x.copy())
+
+    # -- advance --------------------------------------------------------------------------
+
+    def _forcing_changed(self, before: Forcing) -> None:
+        super()._forcing_changed(before)
+        self.problem.forcing = self.forcing
+
+    def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
+        self._span = max(until - self.time, abs(until), 1e-9)
+        self._enter(new=new)
+        rows.add(self.time)
+        waiting = targets[::-1]
+        while self.time < until:
+            end = min(until, self.forcing.next_break(self.time))
+            self.problem.limit = math.nextafter(end, -math.inf)
+            if end == until and self.forcing.next_break(math.nextafter(until, -math.inf)) > until:
+                self.problem.limit = math.inf
+            stop = min(end, self._next_time)
+            if self.forcing.has_discrete:
+                stop = min(stop, waiting[-1])
+            self._to_stop(stop, waiting, rows)
+            if self.time < until and self.time == stop:
+                self._at_stop(end, waiting, rows)
+        self.problem.limit = math.inf
+
+    def _enter(self, *, new: bool) -> None:
+        """Take the right limit at the present time: inputs that jump, an event that is due."""
+        wanted = self.forcing.at(self.time)
+        if wanted != self.forcing.written or self._next_time <= self.time:
+            self._event()
+        elif new:
+            self._put()
+            self._restart()
+
+    def _at_stop(self, end: float, waiting: list[float], rows: Rows) -> None:
+        """Handle what the session stopped for before `until`."""
+        due = self.time in (end, self._next_time)
+        if due or self.forcing.discrete_differ(self.forcing.at(self.time)):
+            self._event_rows(rows)
+        elif waiting and waiting[-1] == self.time:
+            rows.add(self.time)
+        _drop(waiting, self.time)
+
+    def _to_stop(self, stop: float, waiting: list[float], rows: Rows) -> None:
+        """Step until `stop`, recording points on the way and handling events found on the way."""
+        solver, longest = self.solver, self.forcing.longest_step
+        if stop - self.time <= 1e-14 * max(abs(stop), abs(self.time)):
+            self._hop(stop, waiting, rows)
+            return
+        steps = 0
+        while self.time < stop:
+            found = solver.step(stop, longest)
+            steps = 0 if self._record_points(waiting, rows, before=solver.t) else steps + 1
+            self._count(steps)
+            self.time = solver.t
+            self._put()
+            if self._completed() or found:
+                self._event_rows(rows)
+                _drop(waiting, self.time)
+                steps = 0
+                if self._next_time < stop:
+                    return
+        self._record_end(waiting, rows)
+
+    def _hop(self, stop: float, waiting: list[float], rows: Rows) -> None:
+        """Cross a gap too small for any solver."""
+        self.time = stop
+        x = self.solver.x.copy()
+        self.instance.x[:] = x
+        self._put(x)
+        self.solver.restart(stop, x)
+        self._record_end(waiting, rows)
+
+    def _record_points(self, waiting: list[float], rows: Rows, *, before: float) -> bool:
+        """Record the points inside the last step; FMUs must not be asked about them later."""
+        some = False
+        while waiting and waiting[-1] < before:
+            point = waiting.pop()
+            self.problem.put(point, self.solver.interpolate(point))
+            rows.add(point)
+            some = True
+        return some
+
+    def _record_end(self, waiting: list[float], rows: Rows) -> None:
+        """Record `until`; other stops are recorded with their event."""
+        if len(waiting) == 1 and waiting[0] == self.time:
+            rows.add(self.time)
+            waiting.pop()
+
+    def _count(self, steps: int) -> None:
+        if steps > MAX_STEPS:
+            advice = "; use solver gear" if self.setup.solver == "vkm" else ""
+            raise SimulationError(
+                f"{self.setup.solver}: more than {MAX_STEPS} steps needed between two points{advice}",
+                time=self.solver.t,
+            )
+
+    def _put(self, x: Floats | None = None) -> None:
+        self.problem.put(self.time, self.solver.x if x is None else x)
+
+    def _completed(self) -> bool:
+        """Report the accepted step; True if the FMU wants an event."""
+        if not self.instance.capabilities.completed_step:
+            return False
+        event, terminate = self.instance.completed_step()
+        if terminate:
+            raise self._ended()
+        return event
+
+    # -- events ---------------------------------------------------------------------------
+
+    def _event_rows(self, rows: Rows) -> None:
+        rows.add(self.time)
+        self._event()
+        rows.add(self.time)
+
+    def _event(self) -> None:
+        """Handle an event at the present time; the FMU stands at its left limit."""
+        self._guard_zeno()
+        self.problem.limit = math.inf
+        self._put()
+        self.instance.enter_event_mode()
+        if self.forcing.names:
+            self.forcing.write_all(self.forcing.at(self.time))
+        changed = self._iterate()
+        if changed:
+            self.instance.get_states()
+        else:
+            self.instance.x[:] = self.solver.x
+        self._restart()
+
+    def _iterate(self) -> bool:
+        """Iterate in event mode and go to continuous time; True if the states jumped."""
+        info = self.instance.iterate_events()
+        if info.terminate:
+            raise self._ended()
+        self._next_time = info.next_time
+        self.instance.enter_continuous_mode()
+        return info.states_changed
+
+    def _guard_zeno(self) -> None:
+        """Refuse to go on when events follow each other without time passing."""
+        close = self.time - self._last_event <= ZENO_GAP * self._span
+        self._crowd = self._crowd + 1 if close else 0
+        self._last_event = self.time
+        if self._crowd > ZENO_EVENTS:
+            raise SimulationError(
+                f"more than {ZENO_EVENTS} events without time passing (chattering or Zeno behaviour)",
+                time=self.time,
+            )
+
+    # -- snapshots ------------------------------------------------------------------------
+
+    def _memory(self) -> _Memory:
+        return _Memory(self._next_time, self.solver.tolerance.scale.copy(), dict(self.forcing.signals))
+
+    def _resume(self, memory: _Memory) -> None:
+        self._next_time = memory.next_time
+        self.solver.tolerance.copy_from(memory.scale)
+        self.problem.forcing = self.forcing
+        self.instance.get_states()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._crowd, self._last_event = 0, -math.inf
+        self.solver.restart(self.time, self.instance.x.copy())
+
+    def _close_solver(self) -> None:
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
+
+
+def _drop(waiting: list[float], time: float) -> None:
+    """Forget the points up to `time`: they have their rows."""
+    while waiting and waiting[-1] <= time:
+        waiting.pop()

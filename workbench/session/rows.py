@@ -1,0 +1,86 @@
+"""The rows one advance records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.fmi.access import Access
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
+from workbench.session.base import Floats, Record
+from workbench.session.forcing import Forcing
+
+__all__ = ["Rows", "find", "read_finite"]
+
+
+def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variable]:
+    """Return the variables called `names`; each must stand for a number.
+
+    Raises:
+        InputError: unknown name, or a text.
+    """
+    found = []
+    for name in names:
+        if name not in variables:
+            raise InputError(f"'{name}' is not a variable of the model; {suggest(name, variables)}")
+        if not variables[name].is_number:
+            raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
+        found.append(variables[name])
+    return found
+
+
+class Rows:
+    """Collects rows of (time, recorded values, forced inputs)."""
+
+    def __init__(self, instance: Instance, variables: Sequence[Variable], forcing: Forcing) -> None:
+        self._variables = variables
+        self._access = instance.access(variables)
+        self._forcing = forcing
+        self._times: list[float] = []
+        self._values: list[list[float]] = []
+        self._inputs: list[list[float]] = []
+
+    def add(self, time: float, *, inputs: Sequence[float] | None = None) -> None:
+        """Read the FMU as it stands and keep the row.
+
+        Raises:
+            SimulationError: a value is not finite.
+        """
+        if self._variables:
+            self._values.append(read_finite(self._access, self._variables, time))
+        self._times.append(time)
+        self._inputs.append(list(self._forcing.written if inputs is None else inputs))
+
+    def record(self) -> Record:
+        """Return all rows as arrays."""
+        names = [v.name for v in self._variables]
+        return Record(
+            time=np.array(self._times, dtype=np.float64),
+            values=_columns(names, self._values),
+            inputs=_columns(self._forcing.names, self._inputs),
+        )
+
+
+def read_finite(access: Access, variables: Sequence[Variable], time: float) -> list[float]:
+    """Return the values of a prepared access, each finite.
+
+    Raises:
+        SimulationError: one is not; the message names it.
+    """
+    values: list[float] = access.read()
+    if not math.isfinite(sum(values)):
+        for variable, value in zip(variables, values, strict=True):
+            if not math.isfinite(value):
+                raise SimulationError(f"{variable.name} is {value:g}, not a finite number", time=time)
+    return values
+
+
+def _columns(names: Sequence[str], rows: list[list[float]]) -> dict[str, Floats]:
+    if not names:
+        return {}
+    table = np.array(rows, dtype=np.float64)
+    return {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}

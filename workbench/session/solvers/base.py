@@ -1,0 +1,99 @@
+"""What a solver of ordinary differential equations is to a session."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+from workbench.session.problem import Problem
+
+__all__ = ["Solver", "Tolerance"]
+
+SMALLEST_SCALE = 1e-6
+
+
+class Tolerance:
+    """Error weights: |error_i| ≤ rtol · (|x_i| + scale_i).
+
+    The scale of a state is its declared nominal value. Where the FMU declares none (or 0), it is
+    the largest magnitude the state has had, at least 1e-6: taking the 1.0 that FMI prescribes as
+    default would drown a state that lives at 1e-4.
+
+    Attributes:
+        rtol: relative tolerance.
+        scale: shape (n,).
+    """
+
+    def __init__(self, rtol: float, nominal: Floats, declared: NDArray[np.bool_]) -> None:
+        self.rtol = rtol
+        self.scale = np.where(declared, np.abs(nominal), SMALLEST_SCALE)
+        self._grows = ~declared
+        self._any = bool(self._grows.any())
+
+    def grow(self, x: Floats) -> bool:
+        """Take note of the states; True if a scale more than doubled."""
+        if not self._any:
+            return False
+        size = np.abs(x)
+        larger = self._grows & (size > 2.0 * self.scale)
+        if not larger.any():
+            return False
+        self.scale[larger] = size[larger]
+        return True
+
+    def copy_from(self, scale: Floats) -> None:
+        """Take the scales of a snapshot back."""
+        self.scale[:] = scale
+
+
+class Solver(ABC):
+    """Integrates a `Problem` step by step.
+
+    Obligations of a subclass:
+      1. `restart` forgets the past; nothing computed later depends on what was before it.
+      2. `step` makes one accepted step from (t, x), never beyond `stop`; it ends early, just
+         after it (within 1e-12 relative), where an event indicator changes between > 0 and ≤ 0.
+         A step that reaches `stop` ends with t exactly `stop`.
+      3. `interpolate(p)` is valid for t_old ≤ p ≤ t of the last step.
+      4. Trouble is a SimulationError with the time; DiscardError from the problem and values that are
+         not finite shorten the step first.
+
+    Attributes:
+        t: present time [s].
+        x: present states, shape (n,).
+        t_old: where the last step began [s].
+    """
+
+    def __init__(self, problem: Problem, tolerance: Tolerance) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self.t = self.t_old = 0.0
+        self.x: Floats = np.zeros(problem.n)
+
+    @abstractmethod
+    def restart(self, t: float, x: Floats) -> None:
+        """Begin anew at (t, x)."""
+
+    @abstractmethod
+    def step(self, stop: float, longest: float) -> bool:
+        """Make one step of at most `longest` [s]; True if it ended at a state event."""
+
+    @abstractmethod
+    def interpolate(self, t: float) -> Floats:
+        """Return the states at t [s] inside the last step, shape (n,)."""
+
+    def close(self) -> None:
+        """Free what the solver owns."""
+
+    def check_finite(self) -> None:
+        """Raise a SimulationError that names the state if one is not finite."""
+        if np.isfinite(self.x.sum()) or np.isfinite(self.x).all():
+            return
+        bad = int(np.flatnonzero(~np.isfinite(self.x))[0])
+        states = self.problem.instance.description.states
+        name = states[bad].name if bad < len(states) else f"state[{bad + 1}]"
+        raise SimulationError(f"state {name} is not a finite number", time=self.t)
