@@ -38,6 +38,7 @@ PLATFORMS = (
 FLAGS = (
     "-std=c11", "-O2", "-shared", "-s", "-fvisibility=hidden", "-ffp-contract=off",
     "-Wall", "-Wextra", "-Wpedantic", "-Werror",
+    "-Wno-strict-prototypes",  # the standard's FMI 3 headers declare functions with ()
 )  # fmt: skip
 
 

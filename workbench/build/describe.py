@@ -40,10 +40,10 @@ class Description:
 
 
 LOG_CATEGORIES = {
-    "logEvents": "Events of the model",
-    "logStatusWarning": "Warnings",
-    "logStatusError": "Errors: wrong calls, values that are not finite, failed assertions",
-    "logStatusFatal": "Errors after which the instance cannot go on",
+    "logEvents": "Events of Co-Simulation and information from the model",
+    "logStatusWarning": "A value outside its declared range and the like",
+    "logStatusDiscard": "An evaluation that failed and may succeed with other values",
+    "logStatusError": "Why a call returned an error",
     "logAll": "All messages",
 }
 

@@ -58,7 +58,7 @@ def check(file: Path, model: str) -> Checked:
         dae = json.loads(checked.to_json("dae"))
         flat = json.loads(checked.to_json("flat"))
     except rumoca.RumocaError as error:
-        raise BuildError(_diagnosis(file, error)) from error
+        raise BuildError(_diagnosis(rumoca, file, text, error)) from error
     experiment = _experiment(text, model)
     return Checked(
         name=model,
@@ -70,14 +70,31 @@ def check(file: Path, model: str) -> Checked:
     )
 
 
-def _diagnosis(file: Path, error: Exception) -> str:
-    diagnostics: Sequence[Any] = getattr(error, "diagnostics", ())
-    for diagnostic in diagnostics:
-        if diagnostic.level == "error":
-            where = f"{diagnostic.file or file.name}:{diagnostic.line}" if diagnostic.line else str(file)
-            hint = f"; {diagnostic.suggestion}" if diagnostic.suggestion else ""
-            return f"{where}: {diagnostic.message}{hint}"
-    return f"{file}: {error}"
+def _diagnosis(rumoca: Any, file: Path, text: str, error: Exception) -> str:  # noqa: ANN401 - see _front_end
+    """Return the front end's complaint with file and line, which it draws rather than tells."""
+    drawn = "\n".join(str(d.message) for d in _validate(rumoca, file, text))
+    place = re.search(rf"{re.escape(file.name)}:(\d+)", drawn)
+    if place:
+        problem = re.search(r"×\s*(.+)", drawn)
+        wanted = re.search(r"help:\s*(.+)", drawn, flags=re.DOTALL)
+        hint = f"; {' '.join(wanted.group(1).split())}" if wanted else ""
+        return f"{file.name}:{place.group(1)}: {problem.group(1) if problem else 'syntax error'}{hint}"
+    message = str(error).splitlines()[0]
+    named = re.search(r"'(\w+)'", message)
+    line = _line_of(_without_comments(text), named.group(1)) if named else None
+    return f"{file.name}{f':{line}' if line else ''}: {message}"
+
+
+def _validate(rumoca: Any, file: Path, text: str) -> Sequence[Any]:  # noqa: ANN401 - see _front_end
+    try:
+        return list(rumoca.validate_source(text, filename=file.name))
+    except rumoca.RumocaError:
+        return []
+
+
+def _line_of(text: str, name: str) -> int | None:
+    match = re.search(rf"\b{re.escape(name)}\b", text)
+    return text[: match.start()].count("\n") + 1 if match else None
 
 
 def models_in(file: Path) -> list[str]:
@@ -122,7 +139,8 @@ def _packages(text: str) -> set[str]:
 
 
 def _without_comments(text: str) -> str:
-    return re.sub(r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', lambda m: " " * len(m.group()), text, flags=re.DOTALL)
+    blank = lambda m: re.sub(r"[^\n]", " ", m.group())  # noqa: E731 - keeps the line numbers
+    return re.sub(r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', blank, text, flags=re.DOTALL)
 
 
 def _description(text: str, model: str) -> str:

@@ -232,6 +232,8 @@ class Translator:
         operands = [self.array(o, scope) for o in self.dae.operands(number)]
         if name in _ROUNDINGS:
             return self._map(place, operands, lambda a: self._rounded(name, a, scope))
+        if name in _QUOTIENTS:
+            return self._map(place, operands, lambda x, y: self._quotient(name, x, y, scope))
         if name in _REDUCTIONS and len(operands) == 1:
             return Array((), (self._reduce(name, operands[0].elements),))
         if name in _ELEMENTARY:
@@ -270,15 +272,13 @@ class Translator:
 
     def _quotient_owner(self, number: int, body: Json, scope: Scope) -> Array:
         x, y = self.scalar(body["lhs"], scope), self.scalar(body["rhs"], scope)
+        return Array((), (self._quotient(str(body["builtin"]), x, y, scope),))
+
+    def _quotient(self, name: str, x: int, y: int, scope: Scope) -> int:
+        """Return mod(x, y) = x - floor(x/y)·y, div(x, y) = truncate(x/y) or rem(x, y) = x - div(x, y)·y."""
         ratio = self.graph.divide(x, y)
-        name = str(body["builtin"])
-        if name == "mod":
-            whole = self._rounded("floor", ratio, scope)
-            return Array((), (self.graph.subtract(x, self.graph.multiply(whole, y)),))
-        whole = self._truncated(ratio, scope)
-        if name == "div":
-            return Array((), (whole,))
-        return Array((), (self.graph.subtract(x, self.graph.multiply(whole, y)),))
+        whole = self._rounded("floor", ratio, scope) if name == "mod" else self._truncated(ratio, scope)
+        return whole if name == "div" else self.graph.subtract(x, self.graph.multiply(whole, y))
 
     def _rounded(self, name: str, argument: int, scope: Scope) -> int:
         if name == "ceil":
@@ -417,6 +417,7 @@ _COORDINATES = {
     "pre_state", "pre_discrete_real", "pre_discrete_value",
 }  # fmt: skip
 _REDUCTIONS = {"sum", "product", "min", "max"}
+_QUOTIENTS = {"mod", "div", "rem"}
 _ROUNDINGS = {"floor", "ceil", "integer"}
 _ELEMENTARY = {
     "abs", "sign", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp",

@@ -1,0 +1,104 @@
+"""What is outside the Modelica subset is refused before any C is written: file, line, construct, remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from workbench.build.fmu import build_fmu, generate
+from workbench.build.frontend import models_in
+from workbench.errors import BuildError
+
+REFUSED = {
+    "delay": ("Real y;\nequation\n  y = delay(time, 0.1);", 4, "delay", "first-order lags"),
+    "initial equation": (
+        "Real x;\ninitial equation\n  x = 2;\nequation\n  der(x) = -x;",
+        4,
+        "initial equation",
+        "fixed = true",
+    ),
+    "nonlinear unknown": ("Real y;\nequation\n  y^3 + y = time;", 4, "not affine in y", "by hand"),
+    "algebraic loop": ("Real a;\nReal b;\nequation\n  a = 2*b + time;\n  b = 3*a;", 5, "algebraic loop", "by hand"),
+    "parameter as period": (
+        "parameter Real T = 0.1;\ndiscrete Real d(start = 0, fixed = true);\n"
+        "equation\n  when sample(0, T) then\n    d = time;\n  end when;",
+        5,
+        "parameter T as a sample period",
+        "final parameter",
+    ),
+    "String": ('parameter String s = "a";\nReal y;\nequation\n  y = time;', 2, "String", "Integer"),
+    "unresolved parameter": (
+        "parameter Real p(fixed = false);\nReal y;\nequation\n  y = p*time;",
+        2,
+        "fixed = false",
+        "value",
+    ),
+}
+
+
+def write(folder: Path, body: str) -> Path:
+    file = folder / "M.mo"
+    file.write_text(f"model M\n{body}\nend M;\n")
+    return file
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusal_names_file_line_construct_and_remedy(tmp_path: Path, case: str) -> None:
+    body, line, construct, remedy = REFUSED[case]
+    with pytest.raises(BuildError) as caught:
+        generate(write(tmp_path, body), "M")
+    message = str(caught.value)
+    assert message.startswith(f"M.mo:{line}:"), message
+    assert construct in message
+    assert remedy in message
+
+
+def test_syntax_error_names_the_line(tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match=r"M\.mo:\d+"):
+        generate(write(tmp_path, "Real x\nequation\n  x = 1;"), "M")
+
+
+def test_unknown_name_is_the_front_ends_message(tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match="y"):
+        generate(write(tmp_path, "Real x(start = 0, fixed = true);\nequation\n  der(x) = y;"), "M")
+
+
+def test_nothing_is_written_when_a_model_is_refused(tmp_path: Path) -> None:
+    file = write(tmp_path, "Real y;\nequation\n  y = delay(time, 0.1);")
+    with pytest.raises(BuildError):
+        build_fmu([file], out=tmp_path / "M.fmu")
+    assert [p.name for p in tmp_path.iterdir()] == ["M.mo"]
+
+
+def test_models_are_found_in_packages_and_not_in_comments(tmp_path: Path) -> None:
+    file = tmp_path / "P.mo"
+    file.write_text(
+        "package P // model Hidden\n"
+        "  function f input Real x; output Real y; algorithm y := x; end f;\n"
+        "  partial model Base Real x; end Base;\n"
+        '  model A "model B in a text" Real y; equation y = time; end A;\n'
+        "  /* model C end C; */\n"
+        "  block D Real y; equation y = time; end D;\n"
+        "end P;\n"
+    )
+    assert models_in(file) == ["P.A", "P.D"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"model": "Nothing"}, "no model Nothing"),
+        ({"fmi": 1}, "FMI 1 cannot be built"),
+        ({"platforms": ["amiga"]}, "no platform amiga"),
+    ],
+)
+def test_bad_arguments(tmp_path: Path, arguments: dict[str, object], message: str) -> None:
+    file = write(tmp_path, "Real y;\nequation\n  y = time;")
+    with pytest.raises(BuildError, match=message):
+        build_fmu([file], out=tmp_path / "M.fmu", **arguments)  # type: ignore[arg-type]
+
+
+def test_missing_source(tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match="no such file"):
+        build_fmu([tmp_path / "none.mo"], out=tmp_path / "M.fmu")
