@@ -1,3 +1,84 @@
-"""FMI workbench: analyses of FMUs from Python and from the command line."""
+"""FMI workbench: analyses of FMUs from Python and from the command line.
+
+```python
+import workbench as wb
+
+with wb.load("fmu:Rudder") as rudder:
+    result = wb.nfr(rudder, "delC", "del", band=(0.5, 20.0), amplitudes=[1.0, 4.0])
+result.plot("bode.png")
+```
+
+Names are loaded when they are first used, so that importing the package is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from workbench.analysis.nfr import NfrSweep, nfr
+    from workbench.analysis.nfr_point import NfrPoint
+    from workbench.analysis.nfr_result import FailedPoint, NfrResult
+    from workbench.analysis.simulate import SimulationResult, simulate
+    from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
+    from workbench.model import FmuModel, Model, Variable, load
+    from workbench.session import Record, Session, Snapshot
+    from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "BuildError",
+    "Constant",
+    "FailedPoint",
+    "FmuError",
+    "FmuModel",
+    "InputError",
+    "Model",
+    "NfrPoint",
+    "NfrResult",
+    "NfrSweep",
+    "Prbs",
+    "Record",
+    "Session",
+    "Signal",
+    "SimulationError",
+    "SimulationResult",
+    "Sine",
+    "Snapshot",
+    "Step",
+    "Table",
+    "Variable",
+    "WorkbenchError",
+    "load",
+    "nfr",
+    "parse_signal",
+    "simulate",
+]
+
+_HOMES = {
+    "workbench.analysis.nfr": ("NfrSweep", "nfr"),
+    "workbench.analysis.nfr_point": ("NfrPoint",),
+    "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
+    "workbench.analysis.simulate": ("SimulationResult", "simulate"),
+    "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
+    "workbench.model": ("FmuModel", "Model", "Variable", "load"),
+    "workbench.session": ("Record", "Session", "Snapshot"),
+    "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from the module it lives in."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'workbench' has no attribute '{name}'")
+    value: object = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted([*globals(), *__all__])

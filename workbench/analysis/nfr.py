@@ -9,7 +9,7 @@ from workbench.analysis.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import at_step, refine
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
 from workbench.signals import Sine
 
@@ -77,7 +77,7 @@ def nfr(
 
     Raises:
         InputError: unknown variable, a value out of its range.
-        FmuError: the FMU cannot be started.
+        FmuError, SimulationError: the FMU cannot be started.
 
     Source: the source report, chapter 4 and appendix 11.2; the carried variant chapter 4.3.
     """
@@ -163,7 +163,7 @@ class NfrSweep:
         """Measure point by point; may be run once.
 
         Raises:
-            FmuError: the FMU cannot be started.
+            FmuError, SimulationError: the FMU cannot be started.
         """
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies]
@@ -217,13 +217,7 @@ def _carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
     rest = list(tasks)
     while rest:
         first = Sine(amplitude=rest[0].amplitude, frequency=rest[0].frequency)
-        try:
-            session = model.open_session(signals={rest[0].input: first})
-        except SimulationError as error:
-            yield NfrPoint(frequency=rest[0].frequency, amplitude=rest[0].amplitude, reason=str(error))
-            rest.pop(0)
-            continue
-        with session:
+        with model.open_session(signals={rest[0].input: first}) as session:
             while rest:
                 task = rest.pop(0)
                 point = run_point(session, task)

@@ -19,6 +19,14 @@ __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
 
+_REASONS = {
+    Outcome.DIVERGED: "grows without bound; the model is unstable under this input",
+    Outcome.SCATTERED: (
+        "does not follow the input: its periods scatter more than they agree; wait longer (--max-periods), "
+        "raise the amplitude, or tighten --tolerance"
+    ),
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class PointTask:
@@ -75,13 +83,14 @@ class NfrPoint:
 
 
 def run_fresh(model: Model, task: PointTask) -> NfrPoint:
-    """Measure a point in a session of its own, from the model's initial state."""
+    """Measure a point in a session of its own, from the model's initial state.
+
+    Raises:
+        FmuError, SimulationError: the session cannot be opened; no other point would fare better.
+    """
     start = Sine(amplitude=task.amplitude, frequency=task.frequency)
-    try:
-        with model.open_session(signals={task.input: start}) as session:
-            point = run_point(session, task)
-    except SimulationError as error:
-        point = _failed(task, 0, str(error))
+    with model.open_session(signals={task.input: start}) as session:
+        point = run_point(session, task)
     return replace(point, step=task.step if model.interface == "cs" else None)
 
 
@@ -128,8 +137,8 @@ def _one_period(session: Session, task: PointTask, sine: Sine, k: int, settling:
 
 
 def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:
-    if response.outcome is Outcome.DIVERGED:
-        return _failed(task, periods, f"{task.output} grows without bound; it is unstable at this amplitude")
+    if response.outcome in _REASONS:
+        return _failed(task, periods, f"{task.output} {_REASONS[response.outcome]}")
     return NfrPoint(
         frequency=task.frequency,
         amplitude=task.amplitude,

@@ -29,6 +29,7 @@ class Outcome(Enum):
     SETTLED = "settled by the published rule"
     AVERAGED = "averaged"
     DIVERGED = "grows without bound"
+    SCATTERED = "scattered"
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,9 @@ class Settling:
       2. SETTLED: the periods resist that description (sampling beats, noise), but the published
          test passes in the second half of the periods allowed, from where on the source report,
          too, takes the model to be stationary. The value is the plain one-period value of the report.
-      3. AVERAGED: neither by the last period; as published.
+      3. AVERAGED: neither by the last period; as published. SCATTERED, which is a failure, if
+         those periods lie farther from their mean (root mean square) than the mean from zero: then gain and
+         phase are anything.
       4. DIVERGED: the change from period to period itself grows, exponentially. Tested by its
          logarithm over the second half: it rises in both halves of that window, and in the later
          at least 0.9 times as much as in the earlier. Powers of time (integrators in series:
@@ -72,8 +75,9 @@ class Settling:
          waited for. Slower than 10 % in a quarter of the periods is not recognised.
 
     No response at all (gain 0: dead time, a dead band) never counts as settled.
-    The published gain test is absolute, in units of output over input: rule 2 passes easily for a
-    gain far below 1 and hardly ever for one far above (an output in pascal). Rule 1 is relative.
+    The published gain test is absolute, in units of output over input, and so says nothing for a
+    gain far below 1; rule 2 therefore also asks for |Δgain| ≤ errcrit·gain. For a gain far above 1
+    (an output in pascal) it hardly ever passes. Rule 1 is relative.
 
     Attributes:
         errcrit: error criterion, dimensionless [rad for the phase].
@@ -107,10 +111,14 @@ class Settling:
     def _last_resort(self) -> Response:
         if self._grows():
             return self._plain(Outcome.DIVERGED)
-        half = self.periods[len(self.periods) // 2 :]
-        mean = np.mean([p.harmonics for p in half], axis=0)
-        value = self._over_drive(fundamental(mean)) if any(p.responds for p in half) else 0j
-        return Response(value, float(mean[0]), Outcome.AVERAGED)
+        half = np.array([p.harmonics for p in self.periods[len(self.periods) // 2 :]])
+        mean = np.mean(half, axis=0)
+        if not any(p.responds for p in self.periods):
+            return Response(0j, float(mean[0]), Outcome.AVERAGED)
+        scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
+        scattered = scatter > abs(fundamental(mean))
+        outcome = Outcome.SCATTERED if scattered else Outcome.AVERAGED
+        return Response(self._over_drive(fundamental(mean)), float(mean[0]), outcome)
 
     def _over_drive(self, output: complex) -> complex:
         return output / self.periods[-1].drive
@@ -127,7 +135,7 @@ class Settling:
         # The angle of the quotient is the difference modulo 2π, with no jump at ±180°.
         turned = abs(cmath.phase(new / old))
         grown = abs(abs(new) - abs(old))
-        return turned <= self.errcrit and grown <= self.errcrit / 10.0
+        return turned <= self.errcrit and grown <= min(self.errcrit / 10.0, self.errcrit * abs(new))
 
     def _runs_away(self) -> bool:
         sizes = [p.size for p in self.periods[-_RUNAWAY_PERIODS - 1 :]]

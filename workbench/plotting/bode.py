@@ -44,7 +44,9 @@ def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool 
     for ax, (values, name) in zip(axes, pictures, strict=False):
         _curves(ax, result, values)
         ax.set_ylabel(name)
-    axes[1].yaxis.set_major_locator(_degrees(result.phase_deg))
+    _open_up(axes[0], result.gain_db, 1.0)
+    _open_up(axes[1], result.phase_deg, 5.0)
+    _degrees(axes[1], result.phase_deg)
     _failures(axes[0], result)
     _frequency_axis(axes[-1], result.frequency_hz)
     _legend(figure, axes[0], result)
@@ -81,12 +83,22 @@ def _failures(ax: Axes, result: NfrResult) -> None:
         ax.plot(at, height, "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform(), clip_on=False)
 
 
-def _degrees(phase: Floats) -> MultipleLocator:
-    """Ticks at parts of a right angle, six to eight of them."""
+def _degrees(ax: Axes, phase: Floats) -> None:
+    """Put ticks at parts of a right angle, seven at most."""
     finite = phase[np.isfinite(phase)]
-    span = float(np.ptp(finite)) if finite.size else 90.0
-    step = next((s for s in (5.0, 15.0, 30.0, 45.0, 90.0, 180.0) if span / s <= 7.0), 360.0)
-    return MultipleLocator(step)
+    span = float(np.ptp(finite)) if finite.size else 0.0
+    if span > 20.0:
+        ax.yaxis.set_major_locator(
+            MultipleLocator(next((s for s in (15.0, 30.0, 45.0, 90.0) if span / s <= 7.0), 180.0))
+        )
+
+
+def _open_up(ax: Axes, values: Floats, least: float) -> None:
+    """Show at least so much of the axis, lest rounding fill the picture."""
+    finite = values[np.isfinite(values)]
+    if finite.size and float(np.ptp(finite)) < least:
+        middle = 0.5 * float(finite.min() + finite.max())
+        ax.set_ylim(middle - 0.6 * least, middle + 0.6 * least)
 
 
 def _frequency_axis(ax: Axes, frequency: Floats) -> None:

@@ -1,0 +1,157 @@
+#!/usr/bin/env python3
+"""Everything a developer or newcomer starts: install, demo, test, build.
+
+    python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
+    python3 scripts/dev.py test       lint, types, tests
+    python3 scripts/dev.py build      rebuild the bundled FMUs from modelica_src/ (--check: only compare)
+    python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
+
+Standard library only; Linux, macOS, Windows. Needs Python 3.11 or newer with venv and pip, and a
+package registry; no compiler.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+import venv
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
+PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
+STAMP = VENV / "workbench-installed"
+DEMO = ROOT / "demo"
+
+# OpenModelica's FMUs come in this wheel; what else it depends on is not needed to run them.
+THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
+
+
+def main() -> int:
+    """Run the command given on the command line and return its exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, function in COMMANDS.items():
+        commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
+    commands.choices["build"].add_argument("--check", action="store_true", help="compare with fmus/, change nothing")
+    arguments = parser.parse_args()
+    if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
+        return _complain(f"needs Python 3.11 or newer, this is {sys.version.split()[0]}")
+    try:
+        if arguments.command == "build":
+            return build(check=arguments.check)
+        return COMMANDS[arguments.command]()
+    except subprocess.CalledProcessError as error:
+        return _complain(f"failed ({error.returncode}): {shlex.join(map(str, error.cmd))}")
+    except KeyboardInterrupt:
+        return 130
+
+
+def install() -> int:
+    """Make .venv and install the project in it, editable, with everything tests and builds need."""
+    if not PYTHON.exists():
+        print(f"making {VENV.relative_to(ROOT)} ...", flush=True)
+        venv.create(VENV, with_pip=True, clear=True)
+    print("installing the project and its tools ...", flush=True)
+    pip: list[str | Path] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    _run([*pip, "--editable", f"{ROOT}[dev]"])
+    _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
+    STAMP.write_text(_fingerprint(), encoding="utf-8")
+    return 0
+
+
+def demo() -> int:
+    """Measure the bundled rudder actuator at several amplitudes and draw its Bode picture."""
+    _ensure_installed()
+    DEMO.mkdir(exist_ok=True)
+    picture = DEMO / "rudder.png"
+    command = [
+        *("workbench", "nfr", "fmu:Rudder", "--input", "delC", "--output", "del"),
+        *("--band", "0.5:20", "--amplitude", "0.25,1,4", "--plot", str(picture.relative_to(ROOT))),
+    ]
+    print(f"$ {shlex.join(command)}\n", flush=True)
+    code = subprocess.call([PYTHON, "-m", *command], cwd=ROOT)
+    if code == 0:
+        print(f"\nThe Bode picture is {picture}\nThe command above, run with {BIN / 'workbench'}, did all of it.")
+    return code
+
+
+def test() -> int:
+    """Check lint, format and types, and run the tests."""
+    _ensure_installed()
+    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), ("pytest", "-q")):
+        print(f"$ {shlex.join(module)}", flush=True)
+        _run([PYTHON, "-m", *module])
+    return 0
+
+
+def build(*, check: bool = False) -> int:
+    """Rebuild the bundled FMUs from modelica_src/ into fmus/.
+
+    Args:
+        check: build elsewhere and compare with what is committed, byte for byte.
+    """
+    _ensure_installed()
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) if check else ROOT / "fmus"
+        differing = [name for source in _sources() for name in _build_both(source, target)]
+        if check and differing:
+            return _complain(f"differ from a rebuild: {', '.join(differing)}; run scripts/dev.py build and commit")
+    return 0
+
+
+def _sources() -> list[Path]:
+    return sorted(path.parent for path in (ROOT / "modelica_src").glob("*/*.mo"))
+
+
+def _build_both(source: Path, target: Path) -> list[str]:
+    """Build one model for both FMI versions; return the files that are not as in fmus/."""
+    differing = []
+    for fmi in ("2", "3"):
+        file = Path(f"fmi{fmi}") / f"{source.name}.fmu"
+        before = _bytes(ROOT / "fmus" / file)
+        (target / file).parent.mkdir(parents=True, exist_ok=True)
+        _run([PYTHON, "-m", "workbench", "build", source, "--out", target / file, "--fmi", fmi])
+        if _bytes(target / file) != before:
+            differing.append(file.as_posix())
+    return differing
+
+
+def _bytes(path: Path) -> bytes:
+    return path.read_bytes() if path.exists() else b""
+
+
+def _ensure_installed() -> None:
+    if not (PYTHON.exists() and STAMP.exists() and STAMP.read_text(encoding="utf-8") == _fingerprint()):
+        install()
+
+
+def _fingerprint() -> str:
+    """What an installation depends on: the settings of the project and of this script, where they lie, the Python."""
+    digest = hashlib.sha256()
+    for part in ((ROOT / "pyproject.toml").read_bytes(), THIRD_PARTY_FMUS.encode(), str(ROOT).encode()):
+        digest.update(part)
+    digest.update(sys.version.encode())
+    return digest.hexdigest()
+
+
+def _run(command: Sequence[str | Path]) -> None:
+    subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
+
+
+def _complain(message: str) -> int:
+    print(f"dev.py: {message}", file=sys.stderr)
+    return 1
+
+
+COMMANDS: dict[str, Callable[[], int]] = {"install": install, "demo": demo, "test": test, "build": build}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""The program: its commands, its exit codes, and errors as one line."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from workbench import __version__
+from workbench.cli.build import build
+from workbench.cli.info import info
+from workbench.cli.nfr import nfr
+from workbench.cli.simulate import simulate
+from workbench.errors import WorkbenchError, one_line
+
+__all__ = ["BAD_INPUT", "INTERRUPTED", "main"]
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="workbench",
+    help="Analyse FMUs: time histories, nonlinear frequency responses; build FMUs from Modelica.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+)
+app.command("info")(info)
+app.command("simulate")(simulate)
+app.command("nfr")(nfr)
+app.command("build")(build)
+
+
+def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so
+    if wanted:
+        typer.echo(f"workbench {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and stop.")
+    ] = False,
+) -> None:
+    """Analyse FMUs: time histories, nonlinear frequency responses; build FMUs from Modelica.
+
+    MODEL is an `.fmu`, an unpacked FMU folder, or a bundled one: `fmu:Rudder` (FMI 2.0), `fmu:Rudder@3` (FMI 3.0).
+
+    Example: `workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png`
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the program and end the process with its exit code.
+
+    0 done, 1 a point failed, 2 bad input (one line on standard error), 130 interrupted.
+
+    Args:
+        arguments: in place of the process's own.
+    """
+    _use_utf8()
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code.
+
+    Args:
+        arguments: in place of the process's own.
+    """
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
+    except typer.TyperException as error:
+        # Called without a command it shows the help, which the error then carries as its text.
+        message = one_line(error.format_message())
+        return _complain(message) if message else BAD_INPUT
+    except WorkbenchError as error:
+        return _complain(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
+    return code if isinstance(code, int) else 0
+
+
+def _complain(message: str) -> int:
+    sys.stderr.write(f"workbench: {message}\n")
+    return BAD_INPUT
+
+
+def _use_utf8() -> None:
+    """Units and arrows are written on every console, whatever its code page."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="replace")

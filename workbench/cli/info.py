@@ -1,0 +1,127 @@
+"""`workbench info`: what an FMU is and can do."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from workbench.cli.options import Json, ModelName
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from workbench.fmi.description import Description
+    from workbench.fmi.variable import Variable
+
+__all__ = ["info"]
+
+
+def info(model: ModelName, json_path: Json = None) -> None:
+    """Show what an FMU is and can do: interfaces, platforms, variables.
+
+    Example: `workbench info fmu:Rudder`
+    """
+    from workbench.cli.output import Output, note
+    from workbench.fmi.archive import locate, unpack
+    from workbench.fmi.description import read_description
+
+    out = Output("info", json_path=json_path)
+    path = locate(model)
+    with unpack(path) as unpacked:
+        description = read_description(unpacked.folder, source=str(path))
+        runnable = [i for i, c in description.interfaces.items() if _runs(unpacked.folder, c.identifier)]
+    for text in description.notes:
+        note(text)
+    out.console.print(_facts(description, runnable))
+    for title, variables in _groups(description).items():
+        if variables:
+            out.console.print(_table(title, variables))
+    out.write(_to_dict(description, runnable))
+
+
+def _runs(folder: Any, identifier: str) -> bool:  # noqa: ANN401 - a path; typed where it is used
+    from workbench.errors import FmuError
+    from workbench.fmi.platforms import binary_path
+
+    try:
+        binary_path(folder, identifier, source="")
+    except FmuError:
+        return False
+    return True
+
+
+def _groups(description: Description) -> dict[str, tuple[Variable, ...]]:
+    def having(causality: str) -> tuple[Variable, ...]:
+        return tuple(v for v in description.variables if v.causality == causality)
+
+    return {
+        "inputs": having("input"),
+        "outputs": having("output"),
+        "states": description.states,
+        "parameters": having("parameter"),
+    }
+
+
+def _to_dict(description: Description, runnable: list[str]) -> dict[str, Any]:
+    return {
+        "model": description.model_name,
+        "description": description.description,
+        "fmi_version": description.fmi_version,
+        "generation_tool": description.generation_tool,
+        "interfaces": sorted(description.interfaces),
+        "platforms": list(description.platforms),
+        "runnable": bool(runnable),
+        **{name: [_variable(v) for v in group] for name, group in _groups(description).items()},
+        "capabilities": {name: asdict(c) for name, c in description.interfaces.items()},
+        "experiment": asdict(description.experiment),
+        "notes": list(description.notes),
+    }
+
+
+def _variable(variable: Variable) -> dict[str, Any]:
+    return {
+        "name": variable.name,
+        "type": variable.type,
+        "unit": variable.unit,
+        "start": variable.start,
+        "description": variable.description,
+    }
+
+
+def _facts(description: Description, runnable: list[str]) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    abilities = {"state": "get/set state", "directional_derivatives": "directional derivatives"}
+    for name, value in {
+        "model": description.model_name,
+        "description": description.description,
+        "FMI": f"{description.fmi_version} ({', '.join(sorted(description.interfaces)) or 'no interface'})",
+        "made by": description.generation_tool,
+        "platforms": ", ".join(description.platforms) or "none",
+        "runs here": ", ".join(sorted(runnable)) or "no",
+        "can": ", ".join(
+            f"{text} ({name})"
+            for name, c in sorted(description.interfaces.items())
+            for key, text in abilities.items()
+            if getattr(c, key)
+        ),
+    }.items():
+        if value:
+            table.add_row(name, escape(str(value)))
+    return table
+
+
+def _table(title: str, variables: tuple[Variable, ...]) -> Table:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=f"{title} ({len(variables)})", title_justify="left", box=box.SIMPLE_HEAD)
+    for heading in ("name", "type", "unit", "start", "description"):
+        table.add_column(heading, justify="right" if heading == "start" else "left", overflow="fold")
+    for v in variables:
+        start = "" if v.start is None else format(v.start, "g") if isinstance(v.start, float) else str(v.start)
+        table.add_row(*(escape(x) for x in (v.name, v.type, v.unit or "", start, v.description or "")))
+    return table

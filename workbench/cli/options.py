@@ -1,0 +1,135 @@
+"""Options that several commands share, and how their values are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.model import FmuModel
+
+__all__ = [
+    "Bias",
+    "Csv",
+    "Interface",
+    "Json",
+    "ModelName",
+    "Plot",
+    "Set",
+    "Solver",
+    "Step",
+    "Tolerance",
+    "numbers",
+    "open_model",
+    "pairs",
+]
+
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="FMU file, unpacked FMU folder, or fmu:NAME[@3].")]
+Interface = Annotated[
+    Literal["auto", "me", "cs"],
+    typer.Option("--interface", help="Model exchange or co-simulation; auto takes me where the FMU offers it."),
+]
+Solver = Annotated[
+    Literal["auto", "vkm", "gear"],
+    typer.Option("--solver", help="Integration of model exchange: Kutta-Merson or Gear (stiff)."),
+]
+Step = Annotated[
+    float | None,
+    typer.Option("--step", metavar="S", help="Communication step of co-simulation, output interval else [s]."),
+]
+Tolerance = Annotated[float | None, typer.Option("--tolerance", help="Relative tolerance of the integration.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter or start value; repeatable.")
+]
+Bias = Annotated[
+    list[str] | None, typer.Option("--bias", metavar="NAME=VALUE", help="Constant added to an input; repeatable.")
+]
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
+]
+Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")]
+Plot = Annotated[Path | None, typer.Option("--plot", metavar="PATH", help="Write the picture: .png, .svg or .pdf.")]
+
+
+def open_model(
+    name: str,
+    *,
+    interface: str,
+    solver: str,
+    step: float | None,
+    tolerance: float | None,
+    set_: Sequence[str] | None,
+    bias: Sequence[str] | None,
+) -> FmuModel:
+    """Load the model that a command names; its notes go to standard error.
+
+    Raises:
+        InputError: nothing there, unknown variable, a value that is none.
+        FmuError: no FMU, no binary for this platform.
+    """
+    from workbench.cli.output import note
+    from workbench.model import load
+
+    model = load(
+        name,
+        interface,
+        solver,
+        step=step,
+        tolerance=tolerance,
+        start_values={n: _value(v) for n, v in pairs("--set", set_).items()},
+        bias={n: _number("--bias", n, v) for n, v in pairs("--bias", bias).items()},
+    )
+    for text in model.notes:
+        note(text)
+    return model
+
+
+def pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
+    """Split repeated NAME=VALUE.
+
+    Raises:
+        InputError: no equals sign, no name, a name given twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"{option}: '{text}' is not of the form NAME=VALUE")
+        if name in found:
+            raise InputError(f"{option}: '{name}' is given twice")
+        found[name] = value
+    return found
+
+
+def numbers(option: str, text: str, *, separator: str = ",") -> tuple[float, ...]:
+    """Split "1,2.5,10" into numbers.
+
+    Raises:
+        InputError: an item that is no number.
+    """
+    return tuple(_number(option, None, item) for item in text.split(separator))
+
+
+def _number(option: str, name: str | None, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        where = f"{option}: {name}" if name else option
+        raise InputError(f"{where}: '{text.strip()}' is not a number") from None
+
+
+def _value(text: str) -> float | int | bool | str:
+    """Read a start value as what it looks like; the model converts it to the variable's type."""
+    if text.lower() in {"true", "false"}:
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -1,0 +1,122 @@
+"""Where a command's result goes: terminal, JSON, CSV, picture."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from workbench import __version__
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["Output", "note"]
+
+_PICTURES = (".png", ".svg", ".pdf")
+
+
+def note(text: str) -> None:
+    """Write a remark to standard error."""
+    sys.stderr.write(f"note: {text}\n")
+
+
+class Output:
+    """The files a command was asked to write, checked before the work begins.
+
+    With `--json -` or `--csv -` nothing else goes to standard output.
+
+    Args:
+        command: its name.
+        json_path: of the JSON, "-" for standard output, None for none.
+        csv_path: of the CSV, likewise.
+        plot: of the picture, or None.
+
+    Raises:
+        InputError: a folder that does not exist, an unknown suffix, both on standard output.
+    """
+
+    def __init__(
+        self, command: str, *, json_path: str | None = None, csv_path: str | None = None, plot: Path | None = None
+    ) -> None:
+        self.command = command
+        self.json_path, self.csv_path, self.plot = json_path, csv_path, plot
+        self._begin = time.monotonic()
+        if json_path == csv_path == "-":
+            raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
+        for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot)):
+            if path is not None and path != "-":
+                _check_writable(option, Path(path))
+        if plot is not None and plot.suffix.lower() not in _PICTURES:
+            raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
+
+    @property
+    def console(self) -> Console:
+        """Where tables go; it swallows them when standard output belongs to JSON or CSV."""
+        from rich.console import Console
+
+        quiet = "-" in {self.json_path, self.csv_path}
+        width = None if sys.stdout.isatty() else 110
+        return Console(quiet=quiet, width=width, highlight=False)
+
+    def write(
+        self,
+        result: Mapping[str, Any],
+        *,
+        csv: Callable[[str | TextIO], None] | None = None,
+        plot: Callable[[Path], object] | None = None,
+    ) -> None:
+        """Write what was asked for.
+
+        Args:
+            result: for JSON; command, version and seconds are added.
+            csv: writes the CSV to a path or stream.
+            plot: writes the picture.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        if self.json_path is not None:
+            self._write_json(result)
+        if self.csv_path is not None and csv is not None:
+            csv(sys.stdout if self.csv_path == "-" else self.csv_path)
+        if self.plot is not None and plot is not None:
+            plot(self.plot)
+        for path in (self.json_path, self.csv_path, self.plot):
+            if path is not None and path != "-":
+                self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
+
+    def _write_json(self, result: Mapping[str, Any]) -> None:
+        seconds = round(time.monotonic() - self._begin, 3)
+        full = {"command": self.command, "version": __version__, "seconds": seconds, **result}
+        text = json.dumps(_finite(full), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        if self.json_path == "-":
+            sys.stdout.write(text)
+            return
+        try:
+            Path(str(self.json_path)).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{self.json_path}: cannot be written: {error.strerror or error}") from None
+
+
+def _check_writable(option: str, path: Path) -> None:
+    if path.is_dir():
+        raise InputError(f"{option}: '{path}' is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise InputError(f"{option}: the folder '{path.parent}' does not exist")
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
+    """Replace what JSON has no number for by None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return value

@@ -1,0 +1,56 @@
+"""A progress bar on standard error, for people who wait longer than a second."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+__all__ = ["Bar"]
+
+_PATIENCE = 1.0
+
+
+class Bar:
+    """Shows how far the work is, once it has taken a second, and only on a terminal.
+
+    Args:
+        total: amount of work.
+    """
+
+    def __init__(self, total: float) -> None:
+        self._total = total
+        self._begin = time.monotonic()
+        self._console = Console(stderr=True)
+        self._progress: Progress | None = None
+        self._task = TaskID(0)
+
+    def update(self, done: float, text: str) -> None:
+        """Tell what was done.
+
+        Args:
+            done: so much of the total.
+            text: what is being worked on.
+        """
+        if self._progress is None and self._console.is_terminal and time.monotonic() - self._begin > _PATIENCE:
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            self._progress = Progress(*columns, console=self._console, transient=True)
+            self._progress.start()
+            self._task = self._progress.add_task(text, total=self._total)
+        if self._progress is not None:
+            self._progress.update(self._task, completed=done, description=text)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._progress is not None:
+            self._progress.stop()

@@ -1,0 +1,133 @@
+"""`workbench simulate`: a time history."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from workbench.cli.options import (
+    Bias,
+    Csv,
+    Interface,
+    Json,
+    ModelName,
+    Plot,
+    Set,
+    Solver,
+    Step,
+    Tolerance,
+    open_model,
+    pairs,
+)
+from workbench.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from workbench.analysis.simulate import SimulationResult
+    from workbench.cli.output import Output
+
+__all__ = ["simulate"]
+
+# A failed run is repeated up to just before the failure.
+_BEFORE = 1.0 - 1e-6
+
+
+def simulate(
+    model: ModelName,
+    stop: Annotated[float, typer.Option("--stop", metavar="T", help="How long [s].")],
+    input: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME=SIGNAL",
+            help="Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable.",
+        ),
+    ] = None,
+    output: Annotated[
+        list[str] | None, typer.Option("--output", metavar="NAME", help="Variable to record; repeatable.")
+    ] = None,
+    interface: Interface = "auto",
+    solver: Solver = "auto",
+    step: Step = None,
+    tolerance: Tolerance = None,
+    set_: Set = None,
+    bias: Bias = None,
+    json_path: Json = None,
+    csv_path: Csv = None,
+    plot: Plot = None,
+) -> int:
+    """Simulate under given inputs and record a time history.
+
+    Example: `workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png`
+    """
+    from workbench.analysis.simulate import simulate as run
+    from workbench.cli.output import Output
+    from workbench.signals import parse_signal
+
+    out = Output("simulate", json_path=json_path, csv_path=csv_path, plot=plot)
+    inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
+    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    interval = step if loaded.interface == "me" else None
+    with loaded:
+        try:
+            result = run(loaded, stop=stop, inputs=inputs, outputs=output, interval=interval)
+        except SimulationError as error:
+            if error.time is None or not error.time > 0.0:
+                raise
+            # Nothing is lost: what came before the failure is run once more and written.
+            result = run(loaded, stop=error.time * _BEFORE, inputs=inputs, outputs=output, interval=interval)
+            _write(result, out)
+            raise
+    _write(result, out)
+    return 0
+
+
+def _write(result: SimulationResult, out: Output) -> None:
+    out.console.print(_table(result))
+    envelope = {"model": result.model, "interface": result.interface, "solver": result.solver}
+    out.write(
+        {**envelope, **result.to_dict()},
+        csv=lambda target: _write_csv(result, target),
+        plot=lambda path: _save(result, path),
+    )
+
+
+def _save(result: SimulationResult, path: Path) -> None:
+    """Write the picture of a time history."""
+    from workbench.plotting.figure import save as write_figure
+
+    write_figure(result.plot(), path)
+
+
+def _write_csv(result: SimulationResult, target: str | TextIO) -> None:
+    if not isinstance(target, str):
+        writer = csv.writer(target, lineterminator="\n")
+        writer.writerow(["time", *result.signals])
+        writer.writerows(zip(result.time.tolist(), *(v.tolist() for v in result.signals.values()), strict=True))
+        return
+    try:
+        result.to_csv(target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+
+
+def _table(result: SimulationResult) -> Table:
+    """A summary: a time history itself belongs into a file."""
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    title = f"{escape(result.model)} ({result.interface}, {result.solver}), {result.time[0]:g} … {result.time[-1]:g} s"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("variable")
+    table.add_column("unit")
+    for heading in ("first", "last", "smallest", "largest"):
+        table.add_column(heading, justify="right")
+    for name, values in result.signals.items():
+        numbers = (values[0], values[-1], values.min(), values.max())
+        table.add_row(escape(name), escape(result.units[name] or ""), *(f"{x:.6g}" for x in numbers))
+    return table
