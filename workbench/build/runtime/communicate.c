@@ -1,0 +1,256 @@
+/* communicate.c: one communication step (see instance.h).
+ *
+ * A step covers [point, point + size): an event that falls on its end belongs to the next step, so
+ * that a sampled input is the one set at that communication point. Until then values are left limits;
+ * the event is made when an input has been set there and a value is looked at, or at the start of the
+ * next doStep, or in FMI 3 Event Mode.
+ */
+#include "instance.h"
+
+#include <float.h>
+#include <math.h>
+
+#define MOST_ITERATIONS 1000
+#define MOST_CLOSE_EVENTS 1000.0
+#define CLOSE 1e-10 /* of the communication step: no noticeable progress between two events */
+#define SAME_POINT 1e-6 /* of the communication step: rounding in the environment's time */
+#define ON_POINT 1e-9 /* of the communication step: the event is at the communication point */
+
+/* A time event may lie a rounding error behind the communication point: the core must see it reached. */
+void communicate_reach_event(Instance *instance)
+{
+    const Record *record = &instance->record;
+    double now = core_time(instance->core);
+    double behind = record->next_event_time - now;
+    if (instance->kind == KIND_CS && behind > 0.0 && behind <= ON_POINT * fabs(record->next_event_time)) {
+        core_set_time(instance->core, record->next_event_time);
+    }
+}
+
+static bool iterate(Instance *instance)
+{
+    CoreEventInfo info = {.discrete_states_need_update = true};
+    for (int i = 0; info.discrete_states_need_update; i++) {
+        if (i == MOST_ITERATIONS) {
+            instance_fail(instance, "the event iteration at t = %.17g does not end (%d iterations)",
+                          core_time(instance->core), MOST_ITERATIONS);
+            return false;
+        }
+        if (instance_new_discrete_states(instance, &info) != STATUS_OK) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool communicate_handle_event(Instance *instance)
+{
+    if (core_mode(instance->core) != CORE_EVENT) {
+        communicate_reach_event(instance);
+        core_enter_event(instance->core);
+    }
+    if (!iterate(instance)) {
+        return false;
+    }
+    instance->record.event_due = 0.0;
+    instance->record.touched = 0.0;
+    core_enter_continuous(instance->core);
+    return true;
+}
+
+/* ---- checks ---- */
+
+static double rounding(double point, double size)
+{
+    return SAME_POINT * size + 64.0 * DBL_EPSILON * fabs(point);
+}
+
+static Status check_arguments(Instance *instance, double point, double size)
+{
+    const Record *record = &instance->record;
+    if (!isfinite(point) || !isfinite(size) || !(size > 0.0)) {
+        return instance_fail(instance, "the communication step from %g must be longer than 0 and finite, not %g",
+                             point, size);
+    }
+    if (fabs(point - record->communication_point) > rounding(point, size)) {
+        return instance_fail(instance, "the current communication point is %.17g, not %.17g",
+                             record->communication_point, point);
+    }
+    if (point + size > record->stop_time + rounding(point, size)) {
+        return instance_fail(instance, "the step to %.17g goes beyond the stop time %.17g", point + size,
+                             record->stop_time);
+    }
+    return STATUS_OK;
+}
+
+/* ---- the step ---- */
+
+typedef struct {
+    double end;       /* of the step, or where the environment asked to return */
+    double asked_end; /* of the step */
+    double size;
+    double next_stop; /* of the solver */
+    StepReport *report;
+} Step;
+
+static Status integration_failed(Instance *instance)
+{
+    const Solver *solver = instance->solver;
+    instance->muted = false;
+    return instance_fail(instance, "integration (%s) stopped at t = %.17g: %s%s%s", solver->method->name, solver->t,
+                         solver->problem, instance->kept[0] != '\0' ? "; the model says: " : "", instance->kept);
+}
+
+static void mute(Instance *instance)
+{
+    instance->kept[0] = '\0';
+    instance->muted = true;
+}
+
+static Status restart(Instance *instance)
+{
+    double tolerance = instance->record.tolerance;
+    tolerance = tolerance > 0.0 ? tolerance : model_info.default_tolerance;
+    mute(instance);
+    bool good = solver_begin(instance->solver, tolerance > 0.0 ? tolerance : 1e-6);
+    instance->muted = false;
+    return good ? STATUS_OK : integration_failed(instance);
+}
+
+static Status integrate(Instance *instance, const Step *step, bool *state_event)
+{
+    mute(instance);
+    SolverResult result = solver_step(instance->solver, step->next_stop, &instance->record.step);
+    instance->muted = false;
+    if (result == SOLVER_FAILED) {
+        return integration_failed(instance);
+    }
+    *state_event = result == SOLVER_EVENT;
+    instance->record.last_successful_time = instance->solver->t;
+    return STATUS_OK;
+}
+
+/* Many events without noticeable progress: the model slides along a switching surface. */
+static Status guard_against_chattering(Instance *instance, const Step *step)
+{
+    Record *record = &instance->record;
+    double now = instance->solver->t;
+    double progress = now - record->event_time;
+    bool close = progress >= 0.0 && progress <= CLOSE * fmax(step->size, fabs(now));
+    record->close_events = close ? record->close_events + 1.0 : 0.0;
+    record->event_time = now;
+    if (record->close_events > MOST_CLOSE_EVENTS) {
+        return instance_fail(instance,
+                             "more than %.0f events without progress at t = %.17g: the model chatters; give the "
+                             "switching condition a hysteresis",
+                             MOST_CLOSE_EVENTS, now);
+    }
+    return STATUS_OK;
+}
+
+static bool returns_at_events(const Instance *instance)
+{
+    return instance->event_mode_used && instance->early_return_allowed;
+}
+
+static Status handle_event(Instance *instance, const Step *step)
+{
+    Status status = guard_against_chattering(instance, step);
+    if (status != STATUS_OK) {
+        return status;
+    }
+    instance_log(instance, CATEGORY_EVENTS, "event at t = %.17g", instance->solver->t);
+    instance->record.event_due = 1.0;
+    instance->record.step = 0.0;
+    if (returns_at_events(instance)) {
+        step->report->event_handling_needed = true;
+        return STATUS_OK;
+    }
+    return communicate_handle_event(instance) ? restart(instance) : STATUS_ERROR;
+}
+
+static Status ask_environment(Instance *instance, Step *step)
+{
+    double stop_at = HUGE_VAL;
+    if (instance->intermediate == NULL) {
+        return STATUS_OK;
+    }
+    if (!instance->intermediate(instance, &stop_at)) {
+        return STATUS_ERROR;
+    }
+    step->end = fmin(step->end, fmax(stop_at, instance->solver->t));
+    return STATUS_OK;
+}
+
+/* Where the solver has to stop next; the event at the end of the step is not this step's. */
+static bool time_event_ahead(const Instance *instance, const Step *step)
+{
+    return instance->record.next_event_time < step->end - ON_POINT * step->size;
+}
+
+static Status advance(Instance *instance, Step *step)
+{
+    bool state_event = false;
+    bool time_event = time_event_ahead(instance, step);
+    step->next_stop = time_event ? instance->record.next_event_time : step->end;
+    if (step->next_stop > instance->solver->t) {
+        Status status = integrate(instance, step, &state_event);
+        status = status == STATUS_OK ? ask_environment(instance, step) : status;
+        if (status != STATUS_OK) {
+            return status;
+        }
+    }
+    bool reached = time_event && instance->solver->t >= step->next_stop;
+    return state_event || reached ? handle_event(instance, step) : STATUS_OK;
+}
+
+static bool finished(const Instance *instance, const Step *step)
+{
+    return instance->solver->t >= step->end || step->report->event_handling_needed
+        || instance->record.terminate != 0.0;
+}
+
+static Status begin(Instance *instance, double point)
+{
+    if (!inputs_begin(&instance->inputs, instance->core, point)) {
+        return instance_core_failed(instance);
+    }
+    if (instance->record.event_due != 0.0 && !communicate_handle_event(instance)) {
+        return STATUS_ERROR;
+    }
+    return restart(instance);
+}
+
+static void conclude(Instance *instance, const Step *step)
+{
+    Record *record = &instance->record;
+    StepReport *report = step->report;
+    double now = instance->solver->t;
+    bool whole = now >= step->asked_end;
+    inputs_end(&instance->inputs);
+    record->communication_point = whole ? step->asked_end : now;
+    record->last_successful_time = record->communication_point;
+    report->terminate = record->terminate != 0.0;
+    report->early_return = !whole && !report->terminate;
+    if (record->next_event_time <= record->communication_point + ON_POINT * step->size) {
+        record->event_due = 1.0;
+        report->event_handling_needed = report->event_handling_needed || instance->event_mode_used;
+    }
+}
+
+Status communicate(Instance *instance, double point, double size, StepReport *report)
+{
+    Step step = {.end = point + size, .asked_end = point + size, .size = size, .report = report};
+    memset(report, 0, sizeof *report);
+    Status status = check_arguments(instance, point, size);
+    status = status == STATUS_OK ? begin(instance, point) : status;
+    while (status == STATUS_OK && !finished(instance, &step)) {
+        status = advance(instance, &step);
+    }
+    if (status == STATUS_OK) {
+        conclude(instance, &step);
+    } else {
+        inputs_end(&instance->inputs);
+    }
+    return status;
+}

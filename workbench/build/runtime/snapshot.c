@@ -1,0 +1,167 @@
+/* snapshot.c: saved FMU states (see instance.h).
+ *
+ * A saved state is one block: header, record, input polynomials, image of the core. It holds no
+ * pointer, so that its bytes are also its serialisation; the header says for which build they are.
+ */
+#include "instance.h"
+
+typedef struct {
+    char magic[8];
+    uint64_t fingerprint;
+    uint64_t size; /* of the whole block, in bytes */
+} Header;
+
+static const char magic[8] = {'W', 'B', 'F', 'M', 'U', 'S', 'T', '1'};
+
+static uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t n)
+{
+    const unsigned char *next = bytes;
+    for (size_t i = 0; i < n; i++) { /* FNV-1a */
+        hash = (hash ^ next[i]) * UINT64_C(1099511628211);
+    }
+    return hash;
+}
+
+static size_t inputs_size(const Instance *instance)
+{
+    return instance->inputs.n * sizeof(InputPolynomial);
+}
+
+static size_t block_size(const Instance *instance)
+{
+    return sizeof(Header) + sizeof(Record) + inputs_size(instance) + core_image_size();
+}
+
+/* Model, version, kind and the representation of numbers on this machine. */
+static uint64_t fingerprint(const Instance *instance)
+{
+    const double number = -1.5;
+    const size_t sizes[] = {block_size(instance), sizeof(size_t), (size_t)instance->fmi, (size_t)instance->kind,
+                            instance->event_mode_used ? 1U : 0U};
+    uint64_t hash = UINT64_C(14695981039346656037);
+    hash = hash_bytes(hash, model_info.token, strlen(model_info.token));
+    hash = hash_bytes(hash, sizes, sizeof sizes);
+    return hash_bytes(hash, &number, sizeof number);
+}
+
+static bool is_ours(const Instance *instance, const void *bytes)
+{
+    Header header;
+    memcpy(&header, bytes, sizeof header);
+    return memcmp(header.magic, magic, sizeof magic) == 0 && header.size == block_size(instance)
+        && header.fingerprint == fingerprint(instance);
+}
+
+static Status check(Instance *instance, const void *saved)
+{
+    if (instance_missing(instance, saved, "FMUstate")) {
+        return STATUS_ERROR;
+    }
+    if (!is_ours(instance, saved)) {
+        return instance_fail(instance, "the saved state belongs to another model, build or interface");
+    }
+    return STATUS_OK;
+}
+
+static void fill(Instance *instance, unsigned char *block)
+{
+    Header header;
+    memcpy(header.magic, magic, sizeof magic);
+    header.fingerprint = fingerprint(instance);
+    header.size = block_size(instance);
+    memcpy(block, &header, sizeof header);
+    block += sizeof header;
+    memcpy(block, &instance->record, sizeof(Record));
+    block += sizeof(Record);
+    memcpy(block, instance->inputs.polynomials, inputs_size(instance));
+    core_save(instance->core, block + inputs_size(instance));
+}
+
+static Status new_block(Instance *instance, void **saved)
+{
+    *saved = memory_new(&instance->memory, block_size(instance), 1);
+    return *saved != NULL ? STATUS_OK : instance_fail(instance, "out of memory");
+}
+
+Status snapshot_save(Instance *instance, void **saved)
+{
+    if (instance_missing(instance, saved, "FMUstate")) {
+        return STATUS_ERROR;
+    }
+    Status status = *saved == NULL ? new_block(instance, saved) : check(instance, *saved);
+    if (status == STATUS_OK) {
+        fill(instance, *saved);
+    }
+    return status;
+}
+
+Status snapshot_restore(Instance *instance, const void *saved)
+{
+    Status status = check(instance, saved);
+    if (status != STATUS_OK) {
+        return status;
+    }
+    const unsigned char *block = saved;
+    block += sizeof(Header);
+    memcpy(&instance->record, block, sizeof(Record));
+    block += sizeof(Record);
+    memcpy(instance->inputs.polynomials, block, inputs_size(instance));
+    inputs_end(&instance->inputs);
+    core_load(instance->core, block + inputs_size(instance));
+    return STATUS_OK;
+}
+
+Status snapshot_delete(Instance *instance, void **saved)
+{
+    if (saved == NULL || *saved == NULL) {
+        return STATUS_OK;
+    }
+    memory_delete(&instance->memory, *saved);
+    *saved = NULL;
+    return STATUS_OK;
+}
+
+Status snapshot_size(Instance *instance, const void *saved, size_t *size)
+{
+    Status status = check(instance, saved);
+    if (status != STATUS_OK || instance_missing(instance, size, "size")) {
+        return STATUS_ERROR;
+    }
+    *size = block_size(instance);
+    return STATUS_OK;
+}
+
+static Status check_size(Instance *instance, const void *bytes, size_t size)
+{
+    if (instance_missing(instance, bytes, "serializedState")) {
+        return STATUS_ERROR;
+    }
+    if (size != block_size(instance)) {
+        return instance_fail(instance, "a serialised state has %zu bytes, not %zu", block_size(instance), size);
+    }
+    return STATUS_OK;
+}
+
+Status snapshot_write(Instance *instance, const void *saved, void *bytes, size_t size)
+{
+    Status status = check(instance, saved);
+    status = status == STATUS_OK ? check_size(instance, bytes, size) : status;
+    if (status == STATUS_OK) {
+        memcpy(bytes, saved, size);
+    }
+    return status;
+}
+
+Status snapshot_read(Instance *instance, const void *bytes, size_t size, void **saved)
+{
+    Status status = check_size(instance, bytes, size);
+    if (status != STATUS_OK || instance_missing(instance, saved, "FMUstate")) {
+        return STATUS_ERROR;
+    }
+    status = check(instance, bytes);
+    status = status == STATUS_OK ? new_block(instance, saved) : status;
+    if (status == STATUS_OK) {
+        memcpy(*saved, bytes, size);
+    }
+    return status;
+}
