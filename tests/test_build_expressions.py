@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import pytest
 from hypothesis import assume, given, settings
@@ -53,7 +53,7 @@ def plain(tree: Tree, v: list[float]) -> float:
     if operation == "number":
         return float(tree[1])  # type: ignore[arg-type]
     a = [plain(part, v) for part in tree[1:]]  # type: ignore[arg-type]
-    table = {
+    table: dict[str, Callable[[], float]] = {
         "negate": lambda: -a[0],
         "add": lambda: a[0] + a[1],
         "subtract": lambda: a[0] - a[1],
@@ -66,7 +66,7 @@ def plain(tree: Tree, v: list[float]) -> float:
         "select": lambda: a[1] if a[0] else a[2],
         "atan2": lambda: math.atan2(a[0], a[1]),
     }
-    return float(table[operation]() if operation in table else getattr(math, operation)(a[0]))
+    return table[operation]() if operation in table else float(getattr(math, operation)(a[0]))
 
 
 def value(graph: ExpressionGraph, expression: int, v: list[float], d: Mapping[int, float] | None = None) -> float:
@@ -88,8 +88,7 @@ def test_folding_keeps_the_value(tree: Tree, v: list[float]) -> None:
     try:
         expected = plain(tree, v)
     except (ZeroDivisionError, OverflowError):
-        assume(False)
-        return
+        expected = math.nan
     assume(math.isfinite(expected) and abs(expected) < 1e12)
     graph = ExpressionGraph()
     assert value(graph, build(graph, tree), v) == pytest.approx(expected, rel=1e-12, abs=1e-12)
@@ -101,16 +100,18 @@ def test_tangent_equals_a_central_difference(tree: Tree, v: list[float], directi
     graph = ExpressionGraph()
     expression = build(graph, tree)
     exact = value(graph, tangent(graph, expression, set(range(N))), v, dict(enumerate(direction)))
-    slopes = []
+    middle = value(graph, expression, v)
+    slopes, kinks = [], []
     for h in (1e-5, 2e-5):
         up = value(graph, expression, [x + h * d for x, d in zip(v, direction, strict=True)])
         down = value(graph, expression, [x - h * d for x, d in zip(v, direction, strict=True)])
         slopes.append((up - down) / (2 * h))
-    scale = max(1.0, abs(value(graph, expression, v)))
+        kinks.append(abs(up - 2 * middle + down) / h)
+    scale = max(1.0, abs(middle))
     # Only where the difference itself has converged: not across a kink, not beside a pole.
     assume(all(math.isfinite(s) for s in slopes) and math.isfinite(exact))
     assume(abs(slopes[0] - slopes[1]) < 1e-7 * max(scale, abs(slopes[0])))
-    assume(scale < 1e6)
+    assume(scale < 1e6 and max(kinks) < 1e-2 * scale)
     assert exact == pytest.approx(slopes[0], rel=1e-5, abs=1e-5 * scale)
 
 

@@ -21,8 +21,7 @@ REFUSED = {
     "nonlinear unknown": ("Real y;\nequation\n  y^3 + y = time;", 4, "not affine in y", "by hand"),
     "algebraic loop": ("Real a;\nReal b;\nequation\n  a = 2*b + time;\n  b = 3*a;", 5, "algebraic loop", "by hand"),
     "parameter as period": (
-        "parameter Real T = 0.1;\ndiscrete Real d(start = 0, fixed = true);\n"
-        "equation\n  when sample(0, T) then\n    d = time;\n  end when;",
+        "parameter Real T = 0.1; discrete Real d;\n\nequation\n  when sample(0, T) then\n    d = time;\n  end when;",
         5,
         "parameter T as a sample period",
         "final parameter",
@@ -83,6 +82,24 @@ def test_models_are_found_in_packages_and_not_in_comments(tmp_path: Path) -> Non
         "end P;\n"
     )
     assert models_in(file) == ["P.A", "P.D"]
+
+
+def test_a_package_folder_is_read_as_a_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "Pk"
+    folder.mkdir()
+    (folder / "package.mo").write_text("package Pk\n  constant Real two = 2;\nend Pk;\n")
+    (folder / "A.mo").write_text(
+        "within Pk;\nmodel A\n  Real x(start = 1, fixed = true);\n  B b(u = x);\n  output Real y;\n"
+        "equation\n  der(x) = -two*x;\n  y = b.y;\nend A;\n"
+    )
+    (folder / "B.mo").write_text(
+        "within Pk;\nblock B\n  input Real u;\n  output Real y;\nequation\n  y = 3*u;\nend B;\n"
+    )
+    assert models_in(folder / "A.mo") == ["Pk.A"]
+    generated = generate(folder / "A.mo", "Pk.A")
+    assert generated.identifier == "Pk_A"
+    assert generated.n_states == 1
+    assert b"-(2.0 * " in generated.c_files["model.c"]
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,9 @@ def _front_end() -> Any:  # noqa: ANN401 - the module, untyped because it is opt
 
 
 def check(file: Path, model: str) -> Checked:
-    """Parse, check and flatten `model` out of `file`; its folder is on the search path.
+    """Parse, check and flatten `model` out of `file`.
+
+    A file that says `within Package;` is read together with the whole package.
 
     Raises:
         BuildError: The front end is missing or refuses the model; the message carries file and line.
@@ -53,8 +55,11 @@ def check(file: Path, model: str) -> Checked:
         raise BuildError(f"{file}: no such file; give a Modelica file (.mo)")
     text = file.read_text(encoding="utf-8")
     try:
-        session = rumoca.Session(roots=[])
-        checked = session.loads(text, model=model, filename=file.name)
+        package = _package_folder(file, text)
+        if package is None:
+            checked = rumoca.Session(roots=[]).loads(text, model=model, filename=file.name)
+        else:
+            checked = rumoca.Session(roots=[str(package)]).load(str(file), model=model)
         dae = json.loads(checked.to_json("dae"))
         flat = json.loads(checked.to_json("flat"))
     except rumoca.RumocaError as error:
@@ -97,12 +102,24 @@ def _line_of(text: str, name: str) -> int | None:
     return text[: match.start()].count("\n") + 1 if match else None
 
 
+def _within(text: str) -> list[str]:
+    """Return the parts of the package name that a file says it belongs to."""
+    match = re.match(r"\s*within\s+([\w.]+)\s*;", _without_comments(text))
+    return match.group(1).split(".") if match else []
+
+
+def _package_folder(file: Path, text: str) -> Path | None:
+    depth = len(_within(text))
+    return file.resolve().parents[depth - 1] if depth else None
+
+
 def models_in(file: Path) -> list[str]:
     """Return the names of the models and blocks that stand at the top of `file`.
 
     A package's models come as ``Package.Model``. A light scan: the front end checks the rest.
     """
     text = _without_comments(file.read_text(encoding="utf-8"))
+    outer = ".".join(_within(text))
     names: list[str] = []
     scopes: list[str] = []
     pattern = re.compile(
@@ -120,7 +137,7 @@ def models_in(file: Path) -> list[str]:
         full = f"{scopes[-1]}.{name}" if scopes else name
         outer_is_package = all(scope in packages for scope in scopes) if (packages := _packages(text)) else not scopes
         if kind in {"model", "block", "class"} and not partial and outer_is_package:
-            names.append(full)
+            names.append(f"{outer}.{full}" if outer else full)
         scopes.append(full)
     return names
 

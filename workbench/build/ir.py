@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from workbench.errors import BuildError
@@ -89,7 +90,7 @@ class Dae:
             )
         self.storage: Json = json["storage"]
         self.sources = {
-            number: Source(file, text) for number, file, text in json.get("source_map", {}).get("files", [])
+            number: Source(Path(file).name, text) for number, file, text in json.get("source_map", {}).get("files", [])
         }
         self._read_expressions()
         self.variables = [self._variable(entry) for entry in self.storage["variables"]]
