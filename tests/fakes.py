@@ -14,6 +14,8 @@ from workbench.session import Record, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.signals import Signal, Sine
 
+Rows = tuple[Floats, Floats, Floats]
+
 
 def variable(name: str, unit: str | None = None) -> Variable:
     return Variable(name=name, type="Real", unit=unit, start=0.0)
@@ -65,7 +67,7 @@ class FakeSession(Session):
         self.time = until
         return Record(time, dict.fromkeys(record, y), {"u": u})
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         raise AssertionError("the subclass computes the rows")
 
     def values(self, names: Sequence[str]) -> dict[str, float]:
@@ -97,7 +99,7 @@ class LinearSession(FakeSession):
         self.state = np.zeros(len(b), dtype=complex)
         self.random = np.random.default_rng(1)
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         omega = 2.0 * np.pi * sine.frequency
         angle = omega * (time - sine.start)
         # Response of the modes z' = p z + b sin: Im(b e^{jωt}/(jω − p)), conjugate parts kept apart.
@@ -146,7 +148,7 @@ class EulerOscillator(FakeSession):
         self.x = self.v = 0.0
         self.steps = 0
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         held = forcing(time, sine)
         y = [self.x]
         x, v = self.x, self.v
@@ -168,7 +170,7 @@ class DeadTimeSession(FakeSession):
         super().__init__()
         self.dead_time = dead_time
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         late = forcing(time - self.dead_time, sine)
         y = np.where(time - self.dead_time >= 0.0, late, 0.0)
         return time, y, forcing(time, sine)
@@ -181,7 +183,7 @@ class StaticSession(FakeSession):
         super().__init__()
         self.function = function
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         u = forcing(time, sine)
         return time, self.function(u), u
 
@@ -193,7 +195,7 @@ class SampledSession(FakeSession):
         super().__init__()
         self.quantisers = quantisers  # (sample period [s], resolution)
 
-    def rows(self, time: Floats, sine: Sine) -> tuple[Floats, Floats, Floats]:
+    def rows(self, time: Floats, sine: Sine) -> Rows:
         begin, end = time[0], time[-1]
         events = np.concatenate([self._samples(p, begin, end) for p, _ in self.quantisers])
         rows = np.sort(np.concatenate([time, np.repeat(events, 2)]))

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 
 from workbench.errors import InputError
+from workbench.session.base import Floats
 
 __all__ = ["frequency_grid", "geometric_band", "positive_values"]
 
 
 def frequency_grid(
-    frequencies: Sequence[float] | None, band: tuple[float, float] | None, ratio: float, *, falling: bool
+    frequencies: Sequence[float] | Floats | None, band: tuple[float, float] | None, ratio: float, *, falling: bool
 ) -> tuple[float, ...]:
     """Return the frequencies in the order in which they are to be measured [Hz].
 
@@ -58,7 +59,9 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     return (*(low * factor**i for i in range(steps)), high)
 
 
-def positive_values(name: str, values: Sequence[float], *, unit: str, distinct: bool = True) -> tuple[float, ...]:
+def positive_values(
+    name: str, values: Sequence[float] | Floats, *, unit: str, distinct: bool = True
+) -> tuple[float, ...]:
     """Return `values` as floats after checking that there are some, all positive, none twice.
 
     Raises:

@@ -11,6 +11,7 @@ from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import at_step, refine
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
+from workbench.session.base import Floats
 from workbench.signals import Sine
 
 __all__ = ["NfrSweep", "nfr"]
@@ -22,8 +23,8 @@ def nfr(
     model: Model,
     input: str,
     output: str,
-    frequencies: Sequence[float] | None = None,
-    amplitudes: Sequence[float] | float | None = None,
+    frequencies: Sequence[float] | Floats | None = None,
+    amplitudes: Sequence[float] | Floats | float | None = None,
     *,
     band: tuple[float, float] | None = None,
     ratio: float = 1.2,
@@ -124,8 +125,8 @@ class NfrSweep:
         model: Model,
         input: str,
         output: str,
-        frequencies: Sequence[float] | None = None,
-        amplitudes: Sequence[float] | float | None = None,
+        frequencies: Sequence[float] | Floats | None = None,
+        amplitudes: Sequence[float] | Floats | float | None = None,
         *,
         band: tuple[float, float] | None = None,
         ratio: float = 1.2,
@@ -237,7 +238,7 @@ def _check_name(what: str, name: str, variables: Sequence[Variable], model: Mode
     raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, [v.name for v in variables])}")
 
 
-def _amplitudes(amplitudes: Sequence[float] | float | None) -> tuple[float, ...]:
+def _amplitudes(amplitudes: Sequence[float] | Floats | float | None) -> tuple[float, ...]:
     if amplitudes is None:
         raise InputError("amplitude: none given; a nonlinear model's response depends on it")
     values = [amplitudes] if isinstance(amplitudes, int | float) else amplitudes

@@ -76,8 +76,9 @@ class Settling:
 
     No response at all (gain 0: dead time, a dead band) never counts as settled.
     The published gain test is absolute, in units of output over input, and so says nothing for a
-    gain far below 1; rule 2 therefore also asks for |Δgain| ≤ errcrit·gain. For a gain far above 1
-    (an output in pascal) it hardly ever passes. Rule 1 is relative.
+    gain far below 1; rule 2 therefore also asks that all harmonics together change by at most
+    errcrit of the fundamental. For a gain far above 1 (an output in pascal) it hardly ever passes.
+    Rule 1 is relative.
 
     Attributes:
         errcrit: error criterion, dimensionless [rad for the phase].
@@ -128,14 +129,17 @@ class Settling:
         return Response(_value(last), float(last.harmonics[0]), outcome)
 
     def _repeats(self) -> bool:
-        """Whether the last two periods pass the published test."""
-        old, new = _value(self.periods[-2]), _value(self.periods[-1])
+        """Whether the last two periods pass the published test, and their other harmonics with them."""
+        before, last = self.periods[-2], self.periods[-1]
+        old, new = _value(before), _value(last)
         if old == 0.0:
             return False
         # The angle of the quotient is the difference modulo 2π, with no jump at ±180°.
         turned = abs(cmath.phase(new / old))
         grown = abs(abs(new) - abs(old))
-        return turned <= self.errcrit and grown <= min(self.errcrit / 10.0, self.errcrit * abs(new))
+        change = float(np.linalg.norm((last.harmonics - before.harmonics)[1:]))
+        alike = change <= self.errcrit * abs(fundamental(last.harmonics))
+        return turned <= self.errcrit and grown <= self.errcrit / 10.0 and alike
 
     def _runs_away(self) -> bool:
         sizes = [p.size for p in self.periods[-_RUNAWAY_PERIODS - 1 :]]

@@ -16,8 +16,9 @@ __all__ = ["Limit", "remove_transient"]
 # Decaying modes that are looked for together: two pairs of complex poles.
 _MOST_MODES = 4
 
-# Parts that a mode may keep over the periods at hand: one that decays monotonically, any other.
-_KEPT_MONOTONIC, _KEPT = 0.9, 0.5
+# A multiplier is known to about this many times the unexplained part of the newest difference,
+# and a mode that loses less than this in a period is not seen to decay in any number we wait for.
+_UNCERTAINTY, _LEAST_LOSS = 3.0, 1e-4
 
 # Differences smaller than this part of the response do not steer the prediction.
 _RIDGE = 1e-6
@@ -57,10 +58,11 @@ def remove_transient(periods: Floats) -> Limit:
     still change in one period. m = 0 is the last period itself. All m that the
     periods allow are tried; the smallest defect wins.
 
-    A description that does not decay is none of a transient and is left out. A multiplier that is real and positive
-    must lose a tenth over the periods at hand. Any other must lose half: a sampled model whose
-    rate is nearly commensurate with the forcing also alternates from period to period (multiplier
-    near −1 or a complex pair near the unit circle), but it never settles.
+    A multiplier on or outside the unit circle is no transient, and one that is not clearly inside is not taken for one: a
+    sampled model whose rate is nearly commensurate with the forcing alternates from period to period
+    (near −1, or a complex pair near the circle) and never settles. Clearly means by three times the
+    part ρ of the newest difference that the prediction leaves unexplained, since the multipliers
+    are known about as well as that; and by 1e-4 at least.
 
     Modes much slower than the period (multiplier near 1) look like a ramp: they move the mean by
     the same amount in each period and leave −δ/(πn) in the n-th in-phase part. The part of the
@@ -80,21 +82,23 @@ def remove_transient(periods: Floats) -> Limit:
     return min(_candidates(periods), key=lambda limit: limit.defect)
 
 
-def _decays(polynomial: Floats, count: int) -> bool:
-    """Whether all modes of the prediction lose enough over `count` periods to be a transient."""
-    roots = np.roots(polynomial)
-    monotonic = (np.abs(roots.imag) == 0.0) & (roots.real >= 0.0)
-    most = np.where(monotonic, _KEPT_MONOTONIC, _KEPT) ** (1.0 / count)
-    return bool(np.all(np.abs(roots) <= most))
+def _decays(polynomial: Floats, unexplained: float) -> bool:
+    """Whether all multipliers are inside the unit circle by more than their uncertainty."""
+    margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
+    return bool(np.all(np.abs(np.roots(polynomial)) <= 1.0 - margin))
 
 
 def _candidates(periods: Floats) -> Iterator[Limit]:
     differences = np.diff(periods, axis=0)
     yield _limit(periods, differences, np.ones(1), checks=1)
+    newest = float(np.linalg.norm(differences[-1]))
+    if newest == 0.0:
+        return
     scale = abs(fundamental(periods[-1]))
     for modes in range(1, min(_MOST_MODES, len(differences) // 2, (periods.shape[1] - 1) // 2) + 1):
         polynomial = _prediction(differences, modes, _RIDGE * scale)
-        if _decays(polynomial, len(periods)):
+        unexplained = float(np.linalg.norm(polynomial @ differences[: -modes - 2 : -1])) / newest
+        if _decays(polynomial, unexplained):
             yield _limit(periods, differences, polynomial / polynomial.sum(), checks=modes)
 
 

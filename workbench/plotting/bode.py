@@ -112,7 +112,7 @@ def _frequency_axis(ax: Axes, frequency: Floats) -> None:
         # Less than a decade has no or one power of ten in it: let the minor ticks speak, too.
         ax.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0, 0.5))))
         ax.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(10.0, 10.0)))
-    elif high / low < 30.0:
+    elif high / low < 120.0:
         ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
         ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     else:

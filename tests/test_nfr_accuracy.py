@@ -1,0 +1,116 @@
+"""The measured response against closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.fakes import DeadTimeSession, FakeModel, Rows, StaticSession, lag, linear, oscillator
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_result import NfrResult
+from workbench.session.base import Floats
+from workbench.signals import Sine
+
+
+def errors(result: NfrResult, truth: Callable[[complex], complex]) -> tuple[float, float]:
+    """Largest error of gain [relative] and phase [deg] over all frequencies."""
+    exact = np.array([truth(2j * math.pi * f) for f in result.frequency_hz])
+    quotient = result.response / exact
+    return float(np.max(np.abs(np.abs(quotient) - 1.0))), float(np.max(np.abs(np.degrees(np.angle(quotient)))))
+
+
+@pytest.mark.parametrize("tau", [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
+@pytest.mark.parametrize("errcrit", [0.1, 0.01, 0.001])
+def test_a_lag_of_any_speed_is_measured_to_1e_3_and_a_tenth_of_a_degree(tau: float, errcrit: float) -> None:
+    result = nfr(lag(tau), "u", "y", amplitudes=1.0, band=(0.1, 10.0), errcrit=errcrit)
+    gain, phase = errors(result, lambda s: 1.0 / (1.0 + tau * s))
+    assert gain < 1e-3
+    assert phase < 0.1
+    assert not result.averaged.any()
+    assert np.nanmax(result.periods) <= 20
+
+
+@pytest.mark.parametrize("errcrit", [0.1, 0.001])
+@pytest.mark.parametrize("damping", [1.0, 10.0, 60.0, 300.0])
+def test_a_lightly_damped_oscillator_does_not_settle_by_accident(damping: float, errcrit: float) -> None:
+    model = oscillator(damping=damping)
+    result = nfr(model, "u", "y", amplitudes=1.0, frequencies=np.geomspace(1.0, 60.0, 60), errcrit=errcrit)
+    gain, phase = errors(result, lambda s: 1.0 / (s * s + damping * s + 1e4))
+    assert gain < 1e-3
+    assert phase < 0.1
+    assert not result.averaged.any()
+
+
+def test_two_pairs_of_poles_and_a_feedthrough() -> None:
+    a = [[0, 1, 0, 0], [-400, -2, 0, 0], [0, 0, 0, 1], [0, 0, -9000, -12]]
+    model = linear(a, [0, 1, 0, 1], [400, 0, 2000, 0], 0.3)
+    result = nfr(model, "u", "y", amplitudes=1.0, band=(0.5, 30.0))
+    gain, phase = errors(result, lambda s: 0.3 + 400 / (s * s + 2 * s + 400) + 2000 / (s * s + 12 * s + 9000))
+    assert gain < 2e-3
+    assert phase < 0.1
+
+
+def test_an_integrator_keeps_its_drift_out_of_the_response() -> None:
+    model = linear([[0.0, 0.0], [0.0, -5.0]], [1.0, 5.0], [1.0, 1.0])
+    result = nfr(model, "u", "y", amplitudes=1.0, band=(0.1, 10.0))
+    gain, phase = errors(result, lambda s: 1 / s + 5 / (s + 5))
+    assert gain < 1e-3
+    assert phase < 0.1
+
+
+def test_two_integrators_drift_and_are_measured_all_the_same() -> None:
+    # y = −m·sin(ωt)/ω² + m·t/ω: the drift never ends, and is no divergence.
+    class DoubleIntegrator(StaticSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            _, _, u = super().rows(time, sine)
+            omega = 2.0 * math.pi * sine.frequency
+            return time, sine.amplitude * (time / omega) - u / omega**2, u
+
+    result = nfr(FakeModel(lambda: DoubleIntegrator(lambda u: u)), "u", "y", [0.5, 2.0], 1.0)
+    gain, phase = errors(result, lambda s: 1 / s**2)
+    assert gain < 1e-3
+    assert phase < 0.1
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 1.5, 3.0, 10.0])
+def test_a_saturation_has_its_describing_function(amplitude: float) -> None:
+    result = nfr(FakeModel(lambda: StaticSession(lambda u: np.clip(u, -1.0, 1.0))), "u", "y", [2.0], amplitude)
+    r = min(1.0, 1.0 / amplitude)
+    exact = 2.0 / math.pi * (math.asin(r) + r * math.sqrt(1.0 - r * r))
+    assert result.gain[0, 0] == pytest.approx(exact, rel=1e-3)
+    assert abs(result.phase_deg[0, 0]) < 0.1
+    assert result.periods[0, 0] == 2
+
+
+def test_an_even_nonlinearity_shows_as_offset() -> None:
+    model = FakeModel(lambda: StaticSession(lambda u: u + 0.25 * u**2))
+    result = nfr(model, "u", "y", [1.0], [1.0, 2.0])
+    np.testing.assert_allclose(result.offset[:, 0], [0.125, 0.5], rtol=1e-9)
+    np.testing.assert_allclose(result.gain, 1.0, rtol=1e-9)
+
+
+def test_a_large_constant_does_not_drown_a_small_response() -> None:
+    result = nfr(linear([[-6.0]], [6e-3], [1.0], offset=1e7), "u", "y", [1.0], 1.0)
+    gain, phase = errors(result, lambda s: 6e-3 / (s + 6))
+    assert gain < 1e-3
+    assert phase < 0.1
+    assert result.offset[0, 0] == pytest.approx(1e7)
+
+
+@pytest.mark.parametrize("periods", [0.3, 2.5, 4.0, 7.25])
+def test_dead_time_longer_than_two_periods_is_waited_for(periods: float) -> None:
+    result = nfr(FakeModel(lambda: DeadTimeSession(periods / 2.0)), "u", "y", [2.0], 1.0)
+    assert result.gain[0, 0] == pytest.approx(1.0, rel=1e-3)
+    assert (result.phase_deg[0, 0] + 360.0 * periods) % 360.0 == pytest.approx(0.0, abs=0.1)
+    assert periods < result.periods[0, 0] <= math.ceil(periods) + 3
+
+
+def test_noise_of_the_solver_does_not_keep_a_point_from_settling() -> None:
+    result = nfr(linear([[-6.0]], [6.0], [1.0], noise=1e-4), "u", "y", [0.5, 5.0], 1.0)
+    gain, phase = errors(result, lambda s: 6 / (s + 6))
+    assert not result.averaged.any()
+    assert gain < 2e-3
+    assert phase < 0.2

@@ -1,0 +1,190 @@
+"""When a point is settled, averaged or failed; the sampled example; carrying the state."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
+from workbench.analysis.harmonics import Period
+from workbench.analysis.nfr import NfrSweep, nfr
+from workbench.analysis.settling import Outcome, Settling
+from workbench.analysis.transient import remove_transient
+from workbench.errors import SimulationError
+from workbench.session import Session
+from workbench.session.base import Floats
+from workbench.signals import Sine
+
+
+def two_rates() -> FakeModel:
+    """Example 4-2: one input through two sampled quantisers of different rate and resolution."""
+    return FakeModel(lambda: SampledSession([(1 / 208, 0.05), (1 / 131, 0.01)]))
+
+
+def test_two_rates_beat_at_15_407_hz_and_settle_beside_it() -> None:
+    result = nfr(two_rates(), "u", "y", [15.39, 15.407, 15.42], 1.0, errcrit=0.08)
+    assert result.averaged[0].tolist() == [False, True, False]
+    assert result.periods[0, 1] == 20
+    assert np.ptp(result.gain_db) < 1.0
+    assert np.ptp(result.phase_deg) < 10.0
+    assert not result.failed
+
+
+def test_an_averaged_point_is_the_mean_of_the_last_half() -> None:
+    settling = Settling(errcrit=1e-3, most=20)
+    random = np.random.default_rng(1)
+    rows = np.concatenate([[2.0, 1.0, -1.0], np.zeros(8)]) + 0.1 * random.standard_normal((20, 11))
+    outcomes = [settling.add(Period(row, 1.0 + 0j, 2.0)) for row in rows]
+    assert all(outcome is None for outcome in outcomes[:-1])
+    response = outcomes[-1]
+    assert response is not None
+    assert response.outcome is Outcome.AVERAGED
+    mean = rows[10:].mean(axis=0)
+    assert response.value == pytest.approx(complex(mean[1], mean[2]))
+    assert response.offset == pytest.approx(mean[0])
+
+
+def test_what_cannot_be_described_settles_by_the_published_rule_in_the_second_half() -> None:
+    random = np.random.default_rng(3)
+    settling = Settling(errcrit=0.1, most=20)
+    response, h = None, np.zeros(11)
+    while response is None:
+        h = np.concatenate([[0.0, 1.0], np.zeros(9)]) + 0.005 * random.standard_normal(11)
+        response = settling.add(Period(h, 1.0 + 0j, 1.0))
+    assert response.outcome is Outcome.SETTLED
+    assert len(settling.periods) >= 11
+    assert response.value == complex(h[1], h[2])
+
+
+def test_the_phase_of_two_periods_is_compared_modulo_a_turn() -> None:
+    settling, response = Settling(errcrit=0.1, most=4), None
+    for angle in (0.02, -0.02, 0.03):
+        h = np.array([0.0, -math.cos(angle), math.sin(angle), 0.1 * angle, 0.0])
+        response = settling.add(Period(h, 1.0 + 0j, 1.0))
+    assert response is not None
+    assert response.outcome is not Outcome.AVERAGED
+
+
+def test_extrapolation_is_exact_for_two_modes() -> None:
+    multipliers = 0.9 * np.exp(2j * np.array([1.0, -1.0]))
+    limit, direction = np.array([0.3, 1.0, -2.0, 0.1, 0.2]), np.array([1.0, 2.0 + 1j, -1j, 0.5, 0.3j])
+    periods = np.array([limit + 2.0 * (direction * multipliers[0] ** k).real for k in range(8)])
+    found = remove_transient(periods)
+    assert found.modes == 2
+    assert found.defect < 1e-4
+    np.testing.assert_allclose(found.harmonics, limit, atol=1e-4)
+
+
+def test_an_undamped_alternation_is_no_transient() -> None:
+    periods = np.array([[0.0, 1.0 + 0.1 * (-1) ** k, 0.05 * (-1) ** k, 0.0, 0.0] for k in range(12)])
+    assert remove_transient(periods).modes == 0
+    assert remove_transient(periods).defect > 0.1
+
+
+@pytest.mark.parametrize("pole", [0.3, 1.0, 5.0, 80.0])
+def test_divergence_fails_with_its_reason_and_the_rest_goes_on(pole: float) -> None:
+    model = linear([[pole, 0.0], [0.0, -3.0]], [1.0, 3.0], [1.0, 1.0])
+    result = nfr(model, "u", "y", [0.05, 0.1, 0.2], 1.0)
+    assert np.isnan(result.gain).all()
+    assert len(result.failed) == 3
+    assert all("grows without bound" in f.reason or "not finite" in f.reason for f in result.failed)
+
+
+def test_a_point_that_fails_leaves_the_others() -> None:
+    class FailsAbove(LinearSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            if sine.frequency > 1.5:
+                raise SimulationError("y is not finite", time=0.25)
+            return super().rows(time, sine)
+
+    make = FakeModel(lambda: FailsAbove(np.array([[-5.0]]), np.array([5.0]), np.array([1.0]), 0.0))
+    for carry in (False, True):
+        result = nfr(make, "u", "y", [1.0, 2.0, 3.0], 1.0, carry=carry)
+        assert np.isfinite(result.gain[0]).tolist() == [True, False, False]
+        assert [f.frequency_hz for f in result.failed] == [2.0, 3.0]
+        assert "0.25 s" in result.failed[0].reason
+
+
+def test_no_response_has_gain_zero_and_no_phase() -> None:
+    result = nfr(FakeModel(lambda: StaticSession(lambda u: 0.0 * u + 5.0)), "u", "y", [1.0], 1.0)
+    assert result.gain[0, 0] == 0.0
+    assert np.isnan(result.phase_deg[0, 0])
+    assert result.to_dict()["phase_deg"] == [[None]]
+    assert result.to_dict()["gain_db"] == [[None]]
+    assert result.averaged[0, 0]
+    assert result.offset[0, 0] == pytest.approx(5.0)
+
+
+def test_an_output_that_ignores_the_input_fails_instead_of_giving_any_phase() -> None:
+    class Hum(StaticSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            _, _, u = super().rows(time, sine)
+            return time, np.sin(2.0 * math.pi * 0.83 * time), u
+
+    result = nfr(FakeModel(lambda: Hum(lambda u: u)), "u", "y", [1.0], 1.0)
+    assert "does not follow the input" in result.failed[0].reason
+
+
+def test_an_input_that_does_not_move_fails() -> None:
+    class Deaf(StaticSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            return time, 0.0 * time, 0.0 * time
+
+    result = nfr(FakeModel(lambda: Deaf(lambda u: u)), "u", "y", [1.0], 0.2)
+    assert "u does not move" in result.failed[0].reason
+
+
+def test_a_model_that_cannot_start_ends_the_sweep() -> None:
+    def refuse() -> Session:
+        raise SimulationError("initialisation failed")
+
+    with pytest.raises(SimulationError, match="initialisation failed"):
+        nfr(FakeModel(refuse), "u", "y", [1.0, 2.0], 1.0)
+
+
+@pytest.mark.parametrize("frequencies", [[8.0, 4.0, 2.0, 1.0], [1.0, 2.0, 4.0, 8.0]])
+def test_carry_keeps_one_session_and_gives_the_same_answer(frequencies: list[float]) -> None:
+    model = lag(0.3)
+    carried = nfr(model, "u", "y", frequencies, [1.0, 2.0], carry=True)
+    assert model.sessions == 2
+    fresh = nfr(model, "u", "y", frequencies, [1.0, 2.0])
+    assert model.sessions == 2 + 8
+    np.testing.assert_array_equal(carried.frequency_hz, [1.0, 2.0, 4.0, 8.0])
+    np.testing.assert_allclose(carried.response, fresh.response, rtol=1e-3)
+
+
+def test_carry_runs_the_input_on_without_a_jump() -> None:
+    seen: list[tuple[float, float]] = []
+
+    class Watched(DeadTimeSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            _, y, u = super().rows(time, sine)
+            seen.extend(zip(time, u, strict=True))
+            return time, y, u
+
+    nfr(FakeModel(lambda: Watched(0.01)), "u", "y", None, 1.0, band=(4.0, 1.0), ratio=2.0, carry=True)
+    times, inputs = np.array(seen).T
+    assert np.all(np.diff(times) >= 0.0)
+    assert np.max(np.abs(np.diff(inputs))) < 2.0 * math.pi / 200.0 * 1.01
+
+
+def test_points_and_calls_are_counted() -> None:
+    model = lag(1e-3)
+    told: list[tuple[float, int, int]] = []
+    nfr(
+        model, "u", "y", [1.0, 2.0], [2.0, 1.0], progress=lambda p, done, total: told.append((p.amplitude, done, total))
+    )
+    assert told == [(1.0, 1, 4), (1.0, 2, 4), (2.0, 3, 4), (2.0, 4, 4)]
+    assert model.sessions == 4
+
+
+def test_a_sweep_that_is_stopped_keeps_what_it_measured() -> None:
+    sweep = NfrSweep(lag(0.1), "u", "y", [1.0, 2.0, 4.0], 1.0)
+    points = sweep.run()
+    next(points)
+    next(points)
+    result = sweep.result()
+    assert np.isfinite(result.gain[0]).tolist() == [True, True, False]
+    assert "interrupted" in result.failed[0].reason
