@@ -1,6 +1,7 @@
 """The C runtime around a hand-written model (tests/c/stub_core.c), compiled and driven through ctypes."""
 
 import ctypes
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -25,7 +26,9 @@ OK, WARNING, DISCARD, ERROR = range(4)
 class Vr(IntEnum):
     """Value references of the stub, in the order of its enumeration."""
 
-    TIME, H, V, DER_H, DER_V, A, B, DER_A, DER_B, S, DER_S, U, Y, GAIN, G, E, COUNT, INCREMENT, ABOVE, ENABLE = range(20)
+    TIME, H, V, DER_H, DER_V, A, B, DER_A, DER_B, S, DER_S, U, Y, GAIN, G, E, COUNT, INCREMENT, ABOVE, ENABLE = range(
+        20
+    )
     MODE, PERIOD, LAST, W, DER_W, SLIDE, R, DER_R, FAULT, HELD, SPAN, WAVE = range(20, 32)
 
 
@@ -34,7 +37,9 @@ def runtime_sources() -> list[str]:
     return sorted(str(path) for path in RUNTIME.glob("*.c") if path.name != "core.c")
 
 
-def compile_library(folder: Path, *, name: str = "stub", target: str | None = None, defines: Sequence[str] = ()) -> Path:
+def compile_library(
+    folder: Path, *, name: str = "stub", target: str | None = None, defines: Sequence[str] = ()
+) -> Path:
     """Compile the runtime and the stub into a shared library with the cross compiler of the build chain."""
     out = folder / f"{name}.library"
     aim = [] if target is None else ["-target", target]
@@ -83,7 +88,7 @@ class EventInfo2(ctypes.Structure):
     )
 
 
-def _as_c(argument: Any) -> Any:
+def _as_c(argument: object) -> object:
     if isinstance(argument, bool):
         return ctypes.c_bool(argument)
     if isinstance(argument, float):
@@ -101,12 +106,12 @@ class Fmu:
         self.log: list[tuple[int, str, str]] = []
         self.component: ctypes.c_void_p | None = None
 
-    def __call__(self, name: str, *arguments: Any) -> int:
+    def __call__(self, name: str, *arguments: object) -> int:
         function = self.library[self.prefix + name]  # a new object each time: no types shared
         function.restype = ctypes.c_int
         return int(function(self.component, *(_as_c(a) for a in arguments)))
 
-    def must(self, name: str, *arguments: Any) -> None:
+    def must(self, name: str, *arguments: object) -> None:
         """Call and insist on OK."""
         status = self(name, *arguments)
         assert status == OK, (name, status, self.log[-3:])
@@ -161,7 +166,7 @@ class Fmu2(Fmu):
         )  # fmt: skip
         self.component = ctypes.c_void_p(pointer) if pointer else None
 
-    def _log(self, _environment: Any, _name: bytes, status: int, category: bytes, message: bytes) -> None:
+    def _log(self, _environment: object, _name: bytes, status: int, category: bytes, message: bytes) -> None:
         self.log.append((status, category.decode(), message.decode()))
 
     def state_name(self, before: str, after: str = "") -> str:
@@ -212,7 +217,7 @@ class Fmu3(Fmu):
     ) -> None:  # fmt: skip
         super().__init__(library)
         self._logger = Logger3(self._log)
-        self._update = Update3(update) if update is not None else ctypes.cast(None, Update3)
+        self._update = Update3(update) if update is not None else Update3()  # without an argument: null
         common = (b"stub", token, None, ctypes.c_bool(False), ctypes.c_bool(logging))
         if kind == "cs":
             function = self.library["fmi3InstantiateCoSimulation"]
@@ -225,7 +230,7 @@ class Fmu3(Fmu):
         pointer = function(*arguments)
         self.component = ctypes.c_void_p(pointer) if pointer else None
 
-    def _log(self, _environment: Any, status: int, category: bytes, message: bytes) -> None:
+    def _log(self, _environment: object, status: int, category: bytes, message: bytes) -> None:
         self.log.append((status, category.decode(), message.decode()))
 
     def state_name(self, before: str, after: str = "") -> str:
@@ -273,3 +278,32 @@ class Fmu3(Fmu):
 
 
 _WHOLE: dict[str, Any] = {"Int32": ctypes.c_int32, "Int64": ctypes.c_int64, "Boolean": ctypes.c_bool}
+
+
+def build_driver(folder: Path, *, defines: Sequence[str] = ()) -> tuple[Path, str]:
+    """Compile tests/c/driver.c with the best sanitizers found here; the program and what watches it."""
+    out = folder / "driver.exe"
+    sources = [*runtime_sources(), str(STUB / "stub_core.c"), str(STUB / "driver.c")]
+    common = ["-std=c11", "-O1", "-g", "-isystem", str(HEADERS), "-I", str(RUNTIME), *(f"-D{d}" for d in defines)]
+    libraries = [] if sys.platform == "win32" else ["-lm"]
+    complaint = ""
+    for name, command in _sanitizers():
+        done = subprocess.run(
+            [*command, *common, *sources, "-o", str(out), *libraries],
+            capture_output=True, text=True, cwd=folder, check=False,
+        )  # fmt: skip
+        if done.returncode == 0:
+            return out, name
+        complaint += done.stderr
+    message = f"no compiler makes the driver: {complaint}"
+    raise RuntimeError(message)
+
+
+def _sanitizers() -> list[tuple[str, list[str]]]:
+    """Compilers to try: the system's with the address sanitizer and failing allocations, then the build chain's."""
+    watch = ["-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
+    wrapped = ["-DWRAP_CALLOC", "-Wl,--wrap=calloc"]
+    found = [shutil.which(name) for name in ("gcc", "clang", "cc")]
+    system = [("address", [path, *watch, *wrapped]) for path in found if path is not None]
+    trap = ["-fsanitize=undefined", "-fsanitize-trap=undefined"]
+    return [*system, ("undefined", [sys.executable, "-m", "ziglang", "cc", *trap])]

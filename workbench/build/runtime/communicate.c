@@ -22,7 +22,8 @@ void communicate_reach_event(Instance *instance)
     const Record *record = &instance->record;
     double now = core_time(instance->core);
     double behind = record->next_event_time - now;
-    if (instance->kind == KIND_CS && behind > 0.0 && behind <= ON_POINT * fabs(record->next_event_time)) {
+    bool ahead = instance->kind == KIND_CS && behind > 0.0 && behind < HUGE_VAL;
+    if (ahead && behind <= ON_POINT * fabs(record->next_event_time)) {
         core_set_time(instance->core, record->next_event_time);
     }
 }
