@@ -13,6 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -238,7 +239,7 @@ class Table(Signal):
             raise InputError(f"table: {len(times)} times and {len(values)} values; need equally many")
         if not all(map(math.isfinite, times + values)):
             raise InputError("table: every time and value must be finite")
-        for before, after in zip(times, times[1:], strict=False):
+        for before, after in pairwise(times):
             if after < before:
                 raise InputError(f"table: time falls from {before:g} to {after:g} s")
         if self.interpolate not in ("linear", "hold"):

@@ -128,9 +128,7 @@ class _Run:
     def once(self, step: float | None) -> tuple[Record, float | None]:
         """Return the record and the communication step that was used (None: model exchange)."""
         with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
-            record = session.advance(
-                self.stop, signals=self.inputs, record=self.names, points=self.points
-            )
+            record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
             used = session.communication_step
             record = _with_end(session, record, self.inputs, self.names)
         return (record if used is None else _at_points(record, self.start, self.points)), used
@@ -180,9 +178,7 @@ def _names(model: Model, outputs: Sequence[str] | None) -> list[str]:
     return [v.name for v in chosen if v.is_number]
 
 
-def _points(
-    start: float, stop: float, interval: float | None, points: Sequence[float] | Floats | None
-) -> Floats:
+def _points(start: float, stop: float, interval: float | None, points: Sequence[float] | Floats | None) -> Floats:
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
         raise InputError(f"stop must lie after the start at {start:g} s, not at {stop:g} s")
     if points is not None:
@@ -198,9 +194,7 @@ def _points(
     return np.append(grid[grid < stop - 1e-9 * interval], stop)
 
 
-def _with_end(
-    session: Session, record: Record, inputs: Mapping[str, Signal], names: Sequence[str]
-) -> Record:
+def _with_end(session: Session, record: Record, inputs: Mapping[str, Signal], names: Sequence[str]) -> Record:
     """Append the right limit at the end if an event there changes something."""
     last = session.advance(session.time, signals=inputs, record=names)
     same = all(last.values[n][0] == record.values[n][-1] for n in record.values)

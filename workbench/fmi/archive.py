@@ -128,9 +128,7 @@ def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
 
 
-def _extract_entry(
-    path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path
-) -> None:
+def _extract_entry(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
     inside = _safe_name(path, entry)
     if inside.parts[0] in _SKIPPED:
         return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import codecs
 import math
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -142,7 +143,7 @@ def _read(folder: Path, source: str) -> tuple[Any, list[str]]:
         problems = [one_line(str(error))]
     try:
         raw = model_description.read_model_description(str(folder), validate=False)
-    except Exception as error:  # noqa: BLE001  the same
+    except Exception as error:
         raise FmuError(f"{source}: modelDescription.xml cannot be read: {error}") from error
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return raw, [f"modelDescription.xml bends a rule: {problems[0]}{more}"]
@@ -155,9 +156,7 @@ def _directional(folder: Path) -> frozenset[str]:
     return frozenset(tag for tag, value in claims.items() if value in ("true", "1"))
 
 
-def _convert(
-    raw: Any, platforms: tuple[str, ...], notes: list[str], directional: Set[str]
-) -> Description:
+def _convert(raw: Any, platforms: tuple[str, ...], notes: list[str], directional: AbstractSet[str]) -> Description:
     version = str(raw.fmiVersion)
     depends = _dependencies(raw)
     arrays = {int(v.valueReference): tuple(v.shape) for v in raw.modelVariables if v.shape}
@@ -184,7 +183,7 @@ def _convert(
     )
 
 
-def _interfaces(raw: Any, directional: Set[str]) -> dict[str, Capabilities]:
+def _interfaces(raw: Any, directional: AbstractSet[str]) -> dict[str, Capabilities]:
     found = {}
     for name, element_name, element in (
         ("me", "ModelExchange", raw.modelExchange),
@@ -203,9 +202,7 @@ def _capabilities(version: str, name: str, element: Any, *, directional: bool) -
         directional_derivatives=bool(element.providesDirectionalDerivative) or directional,
         # FMPy does not read FMI 1.0's co-simulation capabilities; constant steps would be the
         # cautious reading, but most FMI 1.0 exports take any step.
-        variable_step=not cs
-        or version.startswith("1")
-        or bool(element.canHandleVariableCommunicationStepSize),
+        variable_step=not cs or version.startswith("1") or bool(element.canHandleVariableCommunicationStepSize),
         interpolates_inputs=cs and version.startswith("2") and bool(element.canInterpolateInputs),
         event_mode=cs and bool(element.hasEventMode),
         completed_step=not cs and (version.startswith("1") or bool(element.needsCompletedIntegratorStep)),
@@ -246,9 +243,7 @@ def _dependencies(raw: Any) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _scalars(
-    raw: Any, depends: Mapping[str, tuple[str, ...]], notes: list[str]
-) -> Iterator[Variable]:
+def _scalars(raw: Any, depends: Mapping[str, tuple[str, ...]], notes: list[str]) -> Iterator[Variable]:
     """Yield the scalars of one declared variable: itself, or the elements of the array."""
     size = int(np.prod(raw.shape)) if raw.shape else 1
     if size > MAX_ELEMENTS:
@@ -268,9 +263,7 @@ def _scalars(
             nominal=_nominal(raw),
             value_reference=int(raw.valueReference),
             element=element,
-            derivative_of=raw.derivative.name + _index(raw.shape, element)
-            if hasattr(raw.derivative, "name")
-            else None,
+            derivative_of=raw.derivative.name + _index(raw.shape, element) if hasattr(raw.derivative, "name") else None,
             dependencies=depends.get(raw.name),
         )
 

@@ -52,8 +52,7 @@ class Instance1(Instance):
     }
 
     def _instantiate(self, *, logging: bool) -> Any:
-        terminate, free = self._ENDS[self.interface]
-        self.CALLS = {**type(self).CALLS, "terminate": terminate, "free": free}  # type: ignore[misc]
+        self._name_ends()
         name, token = self.log.key.encode(), self.description.token.encode()
         if self.interface == "me":
             return self.library["fmi1InstantiateModel"](name, token, callbacks1, _byte(logging))
@@ -61,6 +60,11 @@ class Instance1(Instance):
         return self.library["fmi1InstantiateSlave"](
             name, token, location, kind, 0.0, b"\0", b"\0", callbacks1, _byte(logging)
         )
+
+    def _name_ends(self) -> None:
+        """FMI 1.0 ends models and slaves with functions of different names."""
+        terminate, free = self._ENDS[self.interface]
+        self.CALLS = {**type(self).CALLS, "terminate": terminate, "free": free}  # type: ignore[misc]
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time

@@ -114,7 +114,5 @@ class Instance2(Instance):
         rows = (ctypes.c_uint * m)(*(v.value_reference for v in unknowns))
         columns = (ctypes.c_uint * n)(*(v.value_reference for v in knowns))
         result = (ctypes.c_double * m)()
-        self.call(
-            "fmi2GetDirectionalDerivative", rows, m, columns, n, (ctypes.c_double * n)(*seed), result
-        )
+        self.call("fmi2GetDirectionalDerivative", rows, m, columns, n, (ctypes.c_double * n)(*seed), result)
         return np.array(result, dtype=np.float64)

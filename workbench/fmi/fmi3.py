@@ -120,9 +120,7 @@ class Instance3(Instance):
         self.time = time
         event, terminate, early = (ctypes.c_bool() for _ in range(3))
         reached = ctypes.c_double(time + step)
-        self.call(
-            "fmi3DoStep", time, step, True, byref(event), byref(terminate), byref(early), byref(reached)
-        )
+        self.call("fmi3DoStep", time, step, True, byref(event), byref(terminate), byref(early), byref(reached))
         end = float(reached.value) if early.value else time + step
         return StepResult(end, bool(event.value), bool(terminate.value))
 

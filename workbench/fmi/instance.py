@@ -93,9 +93,7 @@ class Instance(ABC):
     def __init__(self, description: Description, folder: Path, *, interface: str, source: str) -> None:
         capabilities = description.interfaces[interface]
         path = binary_path(folder, capabilities.identifier, source=source)
-        library = load_library(
-            path, version=description.major, interface=interface, identifier=capabilities.identifier
-        )
+        library = load_library(path, version=description.major, interface=interface, identifier=capabilities.identifier)
         self._setup(description, library, interface=interface)
         self.source = source
         self.folder = folder.resolve()
@@ -106,15 +104,20 @@ class Instance(ABC):
         if not self.component:
             self._closed = True
             raise FmuError(f"{source}: the FMU refuses to be instantiated{self.log.tail()}")
-        self._log_trouble()
+        if not self._log_trouble():
+            # Files name categories that the binary refuses, some going to an error state for it.
+            self.library[self.CALLS["free"]](self.component)
+            self.log.lines.clear()
+            self.component = self._instantiate(logging=False)
 
-    def _log_trouble(self) -> None:
+    def _log_trouble(self) -> bool:
         """Switch on the log categories that tell of trouble, and no others: they cost no time."""
         names = [c for c in self.description.log_categories if _TROUBLE.search(c)]
         function = self.CALLS.get("set_debug_logging")
-        if names and function and self.library.has(function):
-            texts = (ctypes.c_char_p * len(names))(*(n.encode() for n in names))
-            self.library[function](self.component, True, len(names), texts)  # noqa: FBT003  a C call
+        if not (names and function and self.library.has(function)):
+            return True
+        texts = (ctypes.c_char_p * len(names))(*(n.encode() for n in names))
+        return self.library[function](self.component, True, len(names), texts) <= WARNING
 
     def _setup(self, description: Description, library: Library, *, interface: str) -> None:
         self.description = description
@@ -268,7 +271,7 @@ class Instance(ABC):
         """Leave event mode (co-simulation with `event_mode`)."""
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no step mode")
 
-    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:  # noqa: ARG002
+    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
         """Give the time derivatives of real inputs [1/s] for the next step; False: it cannot."""
         return False
 
@@ -285,9 +288,9 @@ class Instance(ABC):
         self.call(self.CALLS["set_fmu_state"], state)
 
     def free_state(self, state: Any) -> None:
-        """Free an FMU state."""
-        if not self._closed:
-            self.call(self.CALLS["free_fmu_state"], byref(state))
+        """Free an FMU state; allowed after an error too, and nothing can be done if it fails."""
+        if not self._closed and self._worst < FATAL:
+            self.library[self.CALLS["free_fmu_state"]](self.component, byref(state))
 
     @abstractmethod
     def directional_derivative(

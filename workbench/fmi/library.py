@@ -93,7 +93,7 @@ def _bind(dll: ctypes.CDLL, symbol: str, result: Any, arguments: list[Any]) -> F
         return _missing(symbol)
     function.restype = result
     function.argtypes = arguments
-    return typing.cast(Function, function)
+    return typing.cast("Function", function)
 
 
 def _missing(symbol: str) -> Function:

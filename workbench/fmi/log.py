@@ -56,9 +56,7 @@ def open_log(model: str) -> InstanceLog:
     return log
 
 
-def _receive(
-    _owner: Any, name: bytes | None, status: int, _category: bytes | None, message: bytes | None
-) -> None:
+def _receive(_owner: Any, name: bytes | None, status: int, _category: bytes | None, message: bytes | None) -> None:
     key = (name or b"").decode("utf-8", "replace")
     log = _logs.get(key)
     if log is None and len(_logs) == 1:  # some FMUs log under a name of their own

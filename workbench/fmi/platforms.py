@@ -54,9 +54,7 @@ def platforms_in(folder: Path) -> tuple[str, ...]:
     binaries = folder / "binaries"
     if not binaries.is_dir():
         return ()
-    return tuple(
-        sorted(p.name for p in binaries.iterdir() if p.is_dir() and any(p.glob(f"*{_suffix(p.name)}")))
-    )
+    return tuple(sorted(p.name for p in binaries.iterdir() if p.is_dir() and any(p.glob(f"*{_suffix(p.name)}"))))
 
 
 def binary_path(folder: Path, identifier: str, *, source: str) -> Path:

@@ -50,11 +50,7 @@ class Variable:
     @property
     def is_continuous_input(self) -> bool:
         """Whether it may change between events: a real input of continuous variability."""
-        return (
-            self.causality == "input"
-            and self.type in FLOAT_TYPES
-            and self.variability == "continuous"
-        )
+        return self.causality == "input" and self.type in FLOAT_TYPES and self.variability == "continuous"
 
     @property
     def is_number(self) -> bool:

@@ -53,9 +53,7 @@ class FmuModel(Model):
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
         self._unpacked = unpacked
-        self._setup = dataclasses.replace(
-            setup, open_instance=self._open_instance, state_works=self._state_works
-        )
+        self._setup = dataclasses.replace(setup, open_instance=self._open_instance, state_works=self._state_works)
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self._trusted: bool | None = None
         self._closed = False
@@ -96,9 +94,7 @@ class FmuModel(Model):
         return any(s.instance.healthy for s in self._sessions)
 
     def _open_instance(self) -> Instance:
-        return instantiate(
-            self.description, self._unpacked.folder, interface=self.interface, source=self.source
-        )
+        return instantiate(self.description, self._unpacked.folder, interface=self.interface, source=self.source)
 
     def _state_works(self) -> bool:
         if self._trusted is None:

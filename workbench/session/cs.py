@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
@@ -31,6 +30,7 @@ class CsSession(FmuSession):
 
     def _started(self) -> None:
         self._fixed = None
+        self._previous = self.time
         if self.instance.event_mode:
             self._leave_event_mode()
 
@@ -40,7 +40,7 @@ class CsSession(FmuSession):
         self.instance.enter_step_mode()
 
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
-        self._set_inputs(jump=True)
+        self._set_inputs(jump=new or self.forcing.next_break(self._previous) <= self.time)
         rows.add(self.time)
         waiting = targets[::-1]
         longest = self._longest(until)
@@ -59,7 +59,7 @@ class CsSession(FmuSession):
 
     def _communicate(self, end: float, rows: Rows, *, last: bool) -> None:
         """Make one step and record its two rows; at `until` the right limit is the next call's."""
-        start = self.time
+        start = self._previous = self.time
         seen = self._give_slopes(end)
         self._step_to(end)
         self.forcing.written = seen
@@ -152,11 +152,13 @@ class CsSession(FmuSession):
 
     # -- snapshots ------------------------------------------------------------------------
 
-    def _memory(self) -> Any:
-        return self._fixed
+    def _memory(self) -> tuple[float | None, float]:
+        return self._fixed, self._previous
 
-    def _resume(self, memory: Any) -> None:
-        self._fixed = memory
+    def _resume(self, memory: object) -> None:
+        if not isinstance(memory, tuple):
+            raise InputError("this snapshot belongs to another kind of session")
+        self._fixed, self._previous = memory
 
     def _forget(self) -> None:
         """The FMU's solver is its own; there is nothing to reset."""

@@ -70,7 +70,9 @@ class FmuSnapshot(Snapshot):
     instance: Instance
     state: Any
     calls: tuple[_Call, ...]
-    memory: Any
+    memory: object
+    written: tuple[float, ...]
+    seen: Mapping[str, float]
 
 
 class FmuSession(Session):
@@ -98,6 +100,7 @@ class FmuSession(Session):
         instance, setup = self.instance, self.setup
         self.time = setup.start_time
         self._write_starts()
+        self._seen = self._first_seen()
         self.forcing = Forcing(instance, self.inputs, setup.bias, setup.signals)
         instance.enter_initialisation(setup.start_time, setup.tolerance)
         if setup.signals:
@@ -142,8 +145,14 @@ class FmuSession(Session):
 
     def _forcing_changed(self, before: Forcing) -> None:
         """Carry over what the FMU sees from the previous signals to the present ones."""
-        known = dict(zip(before.names, before.written, strict=True))
-        self.forcing.written = [known.get(n, math.nan) for n in self.forcing.names]
+        self._seen.update(zip(before.names, before.written, strict=True))
+        self.forcing.written = [self._seen[n] for n in self.forcing.names]
+
+    def _first_seen(self) -> dict[str, float]:
+        """Return what the FMU sees at its inputs before they are forced."""
+        setup = self.setup
+        starts = {n: setup.start_values.get(n, v.start) for n, v in self.inputs.items() if v.is_number}
+        return {n: math.nan if s is None else float(s) + setup.bias.get(n, 0.0) for n, s in starts.items()}
 
     @abstractmethod
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
@@ -169,18 +178,16 @@ class FmuSession(Session):
         return {name: float(value) for name, value in zip(names, values, strict=True)}
 
     def _ended(self) -> SimulationError:
-        return SimulationError(
-            f"the FMU asks to end the simulation{self.instance.log.tail()}", time=self.time
-        )
+        return SimulationError(f"the FMU asks to end the simulation{self.instance.log.tail()}", time=self.time)
 
     # -- snapshots ------------------------------------------------------------------------
 
     @abstractmethod
-    def _memory(self) -> Any:
+    def _memory(self) -> object:
         """Return what a restore needs besides the FMU's state."""
 
     @abstractmethod
-    def _resume(self, memory: Any) -> None:
+    def _resume(self, memory: object) -> None:
         """Go on from a restored FMU state with what `_memory` returned."""
 
     @abstractmethod
@@ -193,7 +200,14 @@ class FmuSession(Session):
             state = self.instance.get_state()
             self._states.append(state)
         return FmuSnapshot(
-            self.time, self, self.instance, state, tuple(self._calls), (self._memory(), self.forcing.written)
+            time=self.time,
+            owner=self,
+            instance=self.instance,
+            state=state,
+            calls=tuple(self._calls),
+            memory=self._memory(),
+            written=tuple(self.forcing.written),
+            seen=dict(self._seen),
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -208,11 +222,11 @@ class FmuSession(Session):
     def _restore_state(self, snapshot: FmuSnapshot) -> None:
         self.instance.set_state(snapshot.state)
         self.time = self.instance.time = snapshot.time
-        memory, written = snapshot.memory
         signals = _last_signals(snapshot.calls, self.setup.signals)
         self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
-        self.forcing.written = list(written)
-        self._resume(memory)
+        self.forcing.written = list(snapshot.written)
+        self._seen = dict(snapshot.seen)
+        self._resume(snapshot.memory)
 
     def _replay(self, calls: Sequence[_Call]) -> None:
         """Do again, in a new instance, what led to the snapshot."""
@@ -230,9 +244,8 @@ class FmuSession(Session):
         instance: Instance | None = getattr(self, "instance", None)
         if instance is None:
             return
-        if instance.healthy:
-            for state in self._states:
-                instance.free_state(state)
+        for state in self._states:
+            instance.free_state(state)
         self._states = []
         self._close_solver()
         instance.close()

@@ -66,9 +66,7 @@ class Forcing:
 
     def at(self, t: float) -> list[float]:
         """Return all values at t, biased, as the FMU would see them."""
-        return [
-            float(convert(v, s(t) + b)) for v, (s, b) in zip(self._variables, self._pairs, strict=True)
-        ]
+        return [float(convert(v, s(t) + b)) for v, (s, b) in zip(self._variables, self._pairs, strict=True)]
 
     def write_continuous(self, t: float) -> None:
         """Write the inputs that may change in continuous time."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.errors import SimulationError
+from workbench.errors import InputError, SimulationError
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 from workbench.session.forcing import Forcing
@@ -19,8 +19,8 @@ from workbench.signals import Signal
 __all__ = ["MeSession"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
-ZENO_EVENTS = 200  # in a row, each closer to the last than ZENO_GAP of the time scale
-ZENO_GAP = 1e-9
+ZENO_EVENTS = 60  # in a row, each closer to the last than ZENO_GAP of the time scale
+ZENO_GAP = 1e-8
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,9 @@ class MeSession(FmuSession):
     def _memory(self) -> _Memory:
         return _Memory(self._next_time, self.solver.tolerance.scale.copy(), dict(self.forcing.signals))
 
-    def _resume(self, memory: _Memory) -> None:
+    def _resume(self, memory: object) -> None:
+        if not isinstance(memory, _Memory):
+            raise InputError("this snapshot belongs to another kind of session")
         self._next_time = memory.next_time
         self.solver.tolerance.copy_from(memory.scale)
         self.problem.forcing = self.forcing

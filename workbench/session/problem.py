@@ -51,7 +51,7 @@ class Problem:
             status = self._set_states(component, self._xbuf, self.n)
             if status > 1:
                 self.instance.fail(self._names[1], status)
-        self.forcing.write_continuous(t if t < self.limit else self.limit)
+        self.forcing.write_continuous(min(self.limit, t))
 
     def rhs(self, t: float, x: Floats) -> Floats:
         """Return dx/dt, shape (n,), a view that the next call overwrites."""

@@ -86,7 +86,7 @@ class Solver(ABC):
     def interpolate(self, t: float) -> Floats:
         """Return the states at t [s] inside the last step, shape (n,)."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  most own nothing
         """Free what the solver owns."""
 
     def check_finite(self) -> None:

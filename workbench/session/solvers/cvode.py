@@ -118,7 +118,7 @@ class Gear(Solver):
 
     # -- callbacks ------------------------------------------------------------------------
 
-    def _rhs(self, t: float, y: int, ydot: int, _data: Any) -> int:
+    def _rhs(self, t: float, y: int, ydot: int, _data: object) -> int:
         problem, pointer = self.problem, self._c["N_VGetArrayPointer"]
         try:
             ctypes.memmove(self._x_address, pointer(y), 8 * problem.n)
@@ -132,7 +132,7 @@ class Gear(Solver):
             return _FAILED
         return 0 if math.isfinite(dx.sum()) else _RECOVERABLE
 
-    def _roots(self, t: float, y: int, out: int, _data: Any) -> int:
+    def _roots(self, t: float, y: int, out: int, _data: object) -> int:
         problem = self.problem
         try:
             ctypes.memmove(self._x_address, self._c["N_VGetArrayPointer"](y), 8 * problem.n)
@@ -148,7 +148,7 @@ class Gear(Solver):
             return _FAILED
         return 0
 
-    def _weights(self, y: int, out: int, _data: Any) -> int:
+    def _weights(self, y: int, out: int, _data: object) -> int:
         """Write 1/(rtol · (|y| + scale)); CVODE asks once a step."""
         n, pointer = self.problem.n, self._c["N_VGetArrayPointer"]
         error = self.tolerance.rtol * (np.abs(_view(pointer(y), n)) + self.tolerance.scale)
@@ -156,7 +156,7 @@ class Gear(Solver):
         return 0
 
     def _take_words(
-        self, _line: int, _function: bytes, _file: bytes, message: bytes, _code: int, _user: Any, _context: Any
+        self, _line: int, _function: bytes, _file: bytes, message: bytes, _code: int, _user: object, _context: object
     ) -> None:
         self._words = one_line((message or b"").decode("utf-8", "replace"))
 

@@ -27,8 +27,10 @@ def locate(indicators: Callable[[float], Floats], t0: float, t1: float, z0: Floa
 
     Args:
         indicators: time [s] → indicators there, shape (nz,).
-        t0, t1: bracket [s]; no change at t0, a change at t1.
-        z0, z1: indicators there.
+        t0: begin of the bracket [s].
+        t1: its end [s].
+        z0: indicators at t0.
+        z1: indicators at t1; at least one has changed its domain.
     """
     low, high, z_low, z_high = t0, t1, z0.copy(), z1.copy()
     for rounds in range(MAX_ITERATIONS):

@@ -86,8 +86,7 @@ class KuttaMerson(Solver):
             self._h = h * max(SHRINK, factor)
             if self._h < 16.0 * math.ulp(max(abs(t), 1e-300)) or self._h == 0.0:
                 raise SimulationError(
-                    "vkm: the step became too small; the model is stiff or jumps without an "
-                    "event: use solver gear",
+                    "vkm: the step became too small; the model is stiff or jumps without an event: use solver gear",
                     time=t,
                 )
 

@@ -1,0 +1,119 @@
+"""Co-simulation sessions on FMUs written in Python."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.hybrid_fmus import DISCARD, OK, FakeC, Hybrid, LyingC, inside, open_fake
+from workbench.errors import InputError, SimulationError
+from workbench.session.fmu import FmuSession
+from workbench.signals import Constant, Sine, Step
+
+
+class Euler(Hybrid):
+    """dx/dt = u by explicit Euler; y = x + u feeds through."""
+
+    states = ("x",)
+    inputs = ("u",)
+
+    def start(self) -> None:
+        self.steps: list[float] = []
+
+    def derivatives(self) -> list[float]:
+        return [self.v["u"]]
+
+    def output(self) -> None:
+        self.v["y"] = self.v["x"] + self.v["u"]
+
+    def step(self, h: float) -> int:
+        self.steps.append(h)
+        return super().step(h)
+
+
+def steps_of(session: FmuSession) -> list[float]:
+    model = inside(session)
+    assert isinstance(model, Euler)
+    return model.steps
+
+
+class Constantly(Euler):
+    variable_step = False
+
+
+class Fragile(Euler):
+    def step(self, h: float) -> int:
+        return DISCARD if self.t > 0.45 else super().step(h)
+
+
+class Diverging(Euler):
+    def derivatives(self) -> list[float]:
+        return [1e300 * (1.0 + abs(self.v["x"]))]
+
+    def step(self, h: float) -> int:
+        for _ in range(10):
+            super().step(h / 10.0)
+        return OK
+
+
+def test_steps_stay_within_the_communication_step_and_meet_points_and_breaks() -> None:
+    with open_fake(Euler, "fmu", interface="cs", step=0.1) as session:
+        session.advance(1.0, signals={"u": Step(time=0.33, value=1.0)}, points=np.array([0.25, 1.0]))
+        steps = steps_of(session)
+    assert max(steps) <= 0.1 + 1e-12
+    ends = np.cumsum(steps)
+    for point in (0.25, 0.33, 1.0):
+        assert np.min(np.abs(ends - point)) < 1e-12
+
+
+def test_every_communication_point_is_a_left_and_a_right_limit() -> None:
+    signal = Sine(frequency=1.0)
+    with open_fake(Euler, "fmu", interface="cs", step=0.05) as session:
+        record = session.advance(0.1, signals={"u": signal}, record=["y", "x"])
+    assert record.time == pytest.approx([0.0, 0.05, 0.05, 0.1])
+    held = [signal(0.0), signal(0.0), signal(0.05), signal(0.05)]
+    assert record.inputs["u"] == pytest.approx(held)
+    assert record.values["y"] == pytest.approx(record.values["x"] + held)
+    assert np.trapezoid(record.inputs["u"], record.time) == pytest.approx(record.values["x"][-1])
+
+
+def test_the_step_is_derived_from_the_signal_where_nobody_names_it() -> None:
+    with open_fake(Euler, "fmu", interface="cs") as session:
+        session.advance(1.0, signals={"u": Sine(frequency=2.0)})
+        assert session.communication_step == pytest.approx(1.0 / 400.0)
+
+
+def test_a_constant_step_is_kept_or_refused() -> None:
+    with open_fake(Constantly, "fmu", interface="cs", step=0.1) as session:
+        session.advance(1.0, signals={"u": Constant(1.0)}, points=np.array([0.3, 1.0]))
+        assert steps_of(session) == pytest.approx([0.1] * 10)
+        with pytest.raises(InputError, match="constant communication step"):
+            session.advance(1.25, signals={})
+
+
+def test_a_discarded_step_is_an_error_with_its_time() -> None:
+    with open_fake(Fragile, "fmu", interface="cs", step=0.1) as session:
+        with pytest.raises(SimulationError, match="fmi2DoStep returned discard") as caught:
+            session.advance(1.0, signals={})
+        assert caught.value.time == pytest.approx(0.5)
+
+
+def test_divergence_is_an_error() -> None:
+    with open_fake(Diverging, "fmu", interface="cs", step=0.1) as session, pytest.raises(SimulationError, match="inf"):
+        session.advance(1.0, signals={}, record=["y"])
+
+
+@pytest.mark.parametrize(("state", "c"), [(False, FakeC), (True, FakeC), (True, LyingC)])
+def test_restore_repeats_to_the_last_bit(state: bool, c: type[FakeC]) -> None:
+    signals = {"u": Sine(frequency=1.0, phase=30.0)}
+    with open_fake(Euler, "fmu", interface="cs", step=0.01, state=state, c=c) as session:
+        assert session.setup.state_works() is (state and c is FakeC)
+        session.advance(0.3, signals=signals)
+        saved = session.snapshot()
+        whole = session.advance(0.7, signals=signals, record=["y"])
+        session.restore(saved)
+        again = session.advance(0.7, signals=signals, record=["y"])
+    assert np.array_equal(whole.values["y"], again.values["y"])
+    assert math.isclose(saved.time, 0.3)

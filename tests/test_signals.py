@@ -1,0 +1,114 @@
+"""Signals: values, breaks, and their text form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from workbench.errors import InputError
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
+
+
+def test_sine_counts_its_phase_from_start() -> None:
+    signal = Sine(amplitude=2.0, frequency=0.5, phase=90.0, offset=1.0, start=3.0)
+    assert signal(3.0) == pytest.approx(3.0)
+    assert signal(4.0) == pytest.approx(-1.0)
+    assert signal.next_break(0.0) == math.inf
+
+
+def test_step_is_a_right_limit() -> None:
+    signal = Step(time=1.0, value=5.0, initial=2.0)
+    assert signal(math.nextafter(1.0, 0.0)) == 2.0
+    assert signal(1.0) == 5.0
+    assert signal.next_break(0.0) == 1.0
+    assert signal.next_break(1.0) == math.inf
+
+
+@pytest.mark.parametrize("order", range(2, 15))
+def test_prbs_has_maximum_length_and_balance(order: int) -> None:
+    signal = Prbs(hold=1.0, order=order)
+    length = 2**order - 1
+    bits = np.array([signal(i + 0.5) for i in range(length)])
+    assert bits.sum() == 1.0  # one more +1 than −1
+    correlation = np.fft.ifft(np.abs(np.fft.fft(bits)) ** 2).real
+    assert correlation[0] == pytest.approx(length)
+    assert correlation[1:] == pytest.approx(np.full(length - 1, -1.0))
+
+
+@given(st.floats(-1e3, 1e3), st.floats(1e-3, 10.0), st.integers(1, 500))
+def test_prbs_value_changes_exactly_at_its_breaks(start: float, hold: float, seed: int) -> None:
+    signal = Prbs(hold=hold, order=9, seed=seed, start=start)
+    t = start
+    for _ in range(5):
+        after = signal.next_break(t)
+        assert after > t
+        assert signal(math.nextafter(after, -math.inf)) == signal(t)
+        assert signal(after) != signal(t)
+        t = after
+
+
+def test_table_interpolates_holds_and_jumps() -> None:
+    linear = Table([0.0, 1.0, 1.0, 2.0], [0.0, 2.0, 5.0, 7.0])
+    assert [linear(t) for t in (-1.0, 0.5, 1.0, 1.5, 9.0)] == [0.0, 1.0, 5.0, 6.0, 7.0]
+    assert linear.next_break(0.0) == 1.0
+    assert linear.next_break(1.0) == 2.0
+    stairs = Table([0.0, 1.0], [3.0, 4.0], "hold")
+    assert [stairs(t) for t in (0.0, 0.999, 1.0, 5.0)] == [3.0, 3.0, 4.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "signal"),
+    [
+        ("0.5", Constant(0.5)),
+        (" -1e3 ", Constant(-1000.0)),
+        (
+            "sine:amplitude=1,frequency=2,offset=0.5,phase=90",
+            Sine(frequency=2.0, offset=0.5, phase=90.0),
+        ),
+        ("step:time=1,value=2", Step(time=1.0, value=2.0)),
+        ("prbs:hold=0.1,order=7", Prbs(hold=0.1, order=7)),
+    ],
+)
+def test_parse(text: str, signal: Signal) -> None:
+    assert parse_signal(text) == signal
+
+
+def test_parse_reads_a_table(tmp_path: Path) -> None:
+    file = tmp_path / "input.csv"
+    file.write_text("time;value\n0;1\n2;3\n")
+    assert parse_signal(str(file))(1.0) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sine:amplitude=1", "frequency is missing"),
+        ("sine:frequency=0", "must be positive"),
+        ("sine:frequency=-2", "must be positive"),
+        ("sine:freqency=2", "did you mean frequency"),
+        ("step:time=1,value=x", "needs a number"),
+        ("saw:frequency=1", "is no signal"),
+        ("nowhere.csv", "cannot be read"),
+        ("nan", "finite"),
+        ("prbs:hold=0.1,order=40", "order must be"),
+        ("prbs:hold=0.1,order=2.5", "whole number"),
+    ],
+)
+def test_parse_refuses_in_one_line(text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        parse_signal(text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "words"),
+    [([], [], "equally many"), ([0.0, 1.0], [1.0], "equally"), ([1.0, 0.0], [1.0, 2.0], "falls")],
+)
+def test_table_refuses(times: list[float], values: list[float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Table(times, values)

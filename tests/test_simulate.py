@@ -1,0 +1,98 @@
+"""Time histories as results."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.hybrid_fmus import Hybrid, open_fake
+from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.errors import InputError
+from workbench.fmi.variable import Variable
+from workbench.model import Model
+from workbench.session import Session
+from workbench.signals import Constant, Signal, Step
+
+
+class Integrator(Hybrid):
+    states = ("x",)
+    inputs = ("u",)
+
+    def derivatives(self) -> list[float]:
+        return [self.v["u"]]
+
+    def output(self) -> None:
+        self.v["y"] = self.v["x"]
+
+
+class IntegratorModel(Model):
+    def __init__(self) -> None:
+        self.name, self.interface, self.solver, self.notes = "Integrator", "me", "vkm", ()
+        self.inputs = (Variable(name="u", causality="input", unit="N"),)
+        self.outputs = (Variable(name="y", causality="output"),)
+        self.states = (Variable(name="x"),)
+        self.parameters = ()
+
+    def open_session(
+        self, *, start_time: float = 0.0, step: float | None = None, signals: Mapping[str, Signal] | None = None
+    ) -> Session:
+        return open_fake(Integrator, "vkm")
+
+    def close(self) -> None: ...
+
+
+def run() -> SimulationResult:
+    return simulate(IntegratorModel(), stop=1.0, inputs={"u": Step(time=0.5, value=2.0)}, interval=0.25)
+
+
+def test_the_result_holds_outputs_then_forced_inputs() -> None:
+    result = run()
+    assert result.time.tolist() == [0.0, 0.25, 0.5, 0.5, 0.75, 1.0]
+    assert list(result.signals) == ["y", "u"]
+    assert result.signals["y"] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.5, 1.0])
+    assert result.signals["u"].tolist() == [0.0, 0.0, 0.0, 2.0, 2.0, 2.0]
+    assert result.units == {"y": None, "u": "N"}
+
+
+def test_the_right_limit_at_the_end_is_there() -> None:
+    result = simulate(IntegratorModel(), stop=1.0, inputs={"u": Step(time=1.0, value=2.0)}, interval=0.5)
+    assert result.time.tolist() == [0.0, 0.5, 1.0, 1.0]
+    assert result.signals["u"].tolist() == [0.0, 0.0, 0.0, 2.0]
+
+
+def test_files_and_pictures(tmp_path: Path) -> None:
+    result = run()
+    result.to_csv(tmp_path / "out.csv")
+    rows = list(csv.reader((tmp_path / "out.csv").read_text().splitlines()))
+    assert rows[0] == ["time", "y", "u"]
+    assert np.array(rows[1:], dtype=float)[:, 1].tolist() == result.signals["y"].tolist()
+    assert json.loads(json.dumps(result.to_dict()))["signals"]["u"][-1] == 2.0
+    figure = result.plot()
+    assert [axes.get_ylabel() for axes in figure.axes] == ["y", "u [N]"]
+    figure.savefig(tmp_path / "out.png")
+    assert (tmp_path / "out.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("points", [None, [0.1, 0.4]])
+def test_points_or_interval(points: list[float] | None) -> None:
+    result = simulate(IntegratorModel(), stop=0.4, interval=0.3, points=points)
+    assert result.time == pytest.approx([0.0, 0.1, 0.4] if points else [0.0, 0.3, 0.4])
+
+
+def test_wrong_input_is_refused() -> None:
+    model = IntegratorModel()
+    with pytest.raises(InputError, match="'y' is a output, but an input is needed"):
+        simulate(model, stop=1.0, inputs={"y": Constant(1.0)})
+    with pytest.raises(InputError, match="'v' is unknown, but an input is needed here; known: u"):
+        simulate(model, stop=1.0, inputs={"v": Constant(1.0)})
+    with pytest.raises(InputError, match="'yy' is not a variable of the model; did you mean y"):
+        simulate(model, stop=1.0, outputs=["yy"])
+    with pytest.raises(InputError, match="stop must lie after"):
+        simulate(model, stop=-1.0)
+    with pytest.raises(InputError, match="interval must be positive"):
+        simulate(model, stop=1.0, interval=0.0)
