@@ -125,3 +125,15 @@ def test_unknown_names_list_the_known_ones() -> None:
     with pytest.raises(InputError, match="write @2 or @3"):
         load("fmu:Rudder@4")
     assert {"FirstOrderLag", "Rudder", "TwoRateQuantizer"} <= set(bundled_names("3"))
+
+
+@BOTH
+def test_cosimulation_goes_on_after_a_jump_of_the_input(version: str) -> None:
+    signal = Step(time=0.35, value=1.0)
+    with load(f"fmu:FirstOrderLag{version}", "cs", step=0.05) as model, model.open_session() as session:
+        tau = session.values(["tau"])["tau"]
+        session.advance(0.2, signals={"u": signal})
+        record = session.advance(1.0, signals={"u": signal}, record=["y"])
+    assert record.values["y"][-1] == pytest.approx(-math.expm1(-0.65 / tau), abs=1e-5)
+    at = record.time == 0.35
+    assert record.inputs["u"][at].tolist() == [0.0, 1.0]

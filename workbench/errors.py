@@ -21,28 +21,33 @@ __all__ = [
 
 
 class WorkbenchError(Exception):
-    """Base class of everything the workbench raises on purpose."""
+    """Base class of everything the workbench raises on purpose.
+
+    Attributes:
+        message: one line; line breaks in it become blanks.
+    """
 
     def __init__(self, message: str) -> None:
         super().__init__(one_line(message))
 
 
 class InputError(WorkbenchError):
-    """What the user asked for cannot be done: unknown name, value out of range, bad syntax."""
+    """What the user asked for cannot be done: unknown name, value out of range, bad syntax; `message` says which."""
 
 
 class FmuError(WorkbenchError):
-    """The FMU itself is at fault: archive, description, missing binary, failed instantiation."""
+    """The FMU itself is at fault: archive, description, binary, instantiation; `message` says how."""
 
 
 class BuildError(WorkbenchError):
-    """A Modelica source could not be turned into an FMU."""
+    """A Modelica source could not be turned into an FMU; `message` says where and why."""
 
 
 class SimulationError(WorkbenchError):
     """The FMU or the integration failed while running.
 
     Attributes:
+        message: one line, the time is appended.
         time: session time at which it happened [s]; None where there is none.
     """
 

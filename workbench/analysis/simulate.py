@@ -62,7 +62,7 @@ class SimulationResult:
         }
 
     def to_csv(self, path: str | Path) -> None:
-        """Write time [s] and every signal as columns with a heading line."""
+        """Write time [s] and every signal as columns with a heading line to the file `path`."""
         with Path(path).open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(["time", *self.signals])

@@ -28,6 +28,13 @@ _PARAMETERS = ("parameter", "structuralParameter")
 class FmuModel(Model):
     """One FMU with a chosen interface and solver; made by `load`.
 
+    Args:
+        unpacked: the FMU as a folder; the model owns it from now on.
+        description: what that FMU says about itself.
+        interface: "me" or "cs", one of those offered.
+        setup: how sessions begin; who opens instances is put in here.
+        notes: remarks for the user.
+
     Attributes:
         description: all that the FMU says about itself.
         source: what the user named.
