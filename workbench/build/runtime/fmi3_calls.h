@@ -1,7 +1,7 @@
 /* fmi3_calls.h: which function of FMI 3.0 may be called in which state.
  *
- * Source: FMI 3.0.2, sections 2.3 (common states), 3.2 (Model Exchange), 4.2 (Co-Simulation). A few
- * calls are allowed in Instantiated although their value is only the start value (GetXXX).
+ * Source: FMI 3.0.2, sections 2.3 (common states), 3.2 (Model Exchange), 4.2 (Co-Simulation). What
+ * is read in Instantiated is the start value.
  */
 #ifndef WORKBENCH_FMI3_CALLS_H
 #define WORKBENCH_FMI3_CALLS_H
@@ -13,10 +13,10 @@
 #define FMI3_SETABLE                                                                                                  \
     (STATE_INSTANTIATED | STATE_INITIALISATION | STATE_EVENT | STATE_CONTINUOUS | STATE_STEP | STATE_TERMINATED)
 #define FMI3_ANY (FMI3_SETABLE | STATE_INTERMEDIATE)
-#define FMI3_READ (FMI3_ANY & ~(unsigned)STATE_INSTANTIATED)
+#define FMI3_READ FMI3_ANY
 #define FMI3_WRITE (STATE_INSTANTIATED | STATE_INITIALISATION | STATE_EVENT | STATE_CONTINUOUS | STATE_STEP)
 #define FMI3_WRITE_DISCRETE (FMI3_WRITE & ~(unsigned)STATE_CONTINUOUS)
-#define FMI3_DERIVATIVE (FMI3_READ & ~(unsigned)STATE_INTERMEDIATE)
+#define FMI3_DERIVATIVE (FMI3_SETABLE & ~(unsigned)STATE_INSTANTIATED)
 #define FMI3_ME_VALUES (STATE_INITIALISATION | STATE_EVENT | STATE_CONTINUOUS | STATE_TERMINATED)
 #define FMI3_ME_NUMBERS (FMI3_ME_VALUES | STATE_INSTANTIATED)
 #define FMI3_CLOCKS (STATE_INITIALISATION | STATE_EVENT | STATE_STEP)

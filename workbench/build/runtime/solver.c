@@ -209,7 +209,7 @@ static double reduction(const Solver *s, double error)
 
 static SolverResult underflow(Solver *s, double h, double error)
 {
-    if (error == HUGE_VAL || s->n == 0) {
+    if (error == HUGE_VAL || error <= 1.0) { /* no step, or one without event indicators */
         snprintf(s->problem, sizeof s->problem,
                  "the equations cannot be evaluated or solved even with a step of %.3g s", h);
     } else {
@@ -270,12 +270,12 @@ static SolverResult finish(Solver *s, Trial *trial, double *step, double error)
     if (crossing == CROSSING_FOUND && !trial->repeated && worth_repeating(s, theta)) {
         trial->repeated = true;
         trial->h = BEYOND_ROOT * theta * s->h;
-        return SOLVER_FAILED;
+        return SOLVER_AGAIN;
     }
     if (crossing == CROSSING_FAILED) {
         trial->h = s->h * AFTER_FAILURE;
         trial->wanted = trial->h;
-        return SOLVER_FAILED;
+        return SOLVER_AGAIN;
     }
     *step = propose(s, trial->wanted, error);
     s->previous_error = fmax(error, 1e-4);
@@ -284,7 +284,6 @@ static SolverResult finish(Solver *s, Trial *trial, double *step, double error)
         return SOLVER_EVENT;
     }
     bool whole = trial->h >= (trial->t_stop - s->t) * (1.0 - 1e-9);
-    trial->h = 0.0; /* done */
     return take_step(s, whole ? trial->t_stop : s->t + s->h) ? SOLVER_STEP : SOLVER_FAILED;
 }
 
@@ -304,7 +303,7 @@ SolverResult solver_step(Solver *s, double t_stop, double *step)
         double error = try_step(s, trial.h);
         if (error <= 1.0) {
             SolverResult result = finish(s, &trial, step, error);
-            if (result != SOLVER_FAILED || trial.h == 0.0) {
+            if (result != SOLVER_AGAIN) {
                 return result;
             }
         } else {

@@ -35,7 +35,8 @@ typedef struct {
 extern const Method method_explicit;
 extern const Method method_implicit;
 
-typedef enum { SOLVER_STEP, SOLVER_EVENT, SOLVER_FAILED } SolverResult;
+/* SOLVER_AGAIN is internal: the step has to be tried once more with another size. */
+typedef enum { SOLVER_STEP, SOLVER_EVENT, SOLVER_FAILED, SOLVER_AGAIN } SolverResult;
 
 struct Solver {
     Core *core;
