@@ -19,7 +19,7 @@ from workbench.signals import Signal
 __all__ = ["MeSession"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
-ZENO_EVENTS = 60  # in a row, each closer to the last than ZENO_GAP of the time scale
+ZENO_EVENTS = 30  # in a row, each closer to the last than ZENO_GAP of the time scale
 ZENO_GAP = 1e-8
 
 

@@ -14,14 +14,16 @@ from workbench.session.problem import Problem
 __all__ = ["Solver", "Tolerance"]
 
 SMALLEST_SCALE = 1e-6
+NOMINAL_PART = 1e-3
 
 
 class Tolerance:
     """Error weights: |error_i| ≤ rtol · (|x_i| + scale_i).
 
-    The scale of a state is its declared nominal value. Where the FMU declares none (or 0), it is
-    the largest magnitude the state has had, at least 1e-6: taking the 1.0 that FMI prescribes as
-    default would drown a state that lives at 1e-4.
+    The scale of a state is the largest magnitude it has had, within 1/1000 of its nominal value and the
+    nominal value: a small perturbation of a state is then followed as well as a large one. Where the
+    FMU declares no nominal value (or 0), the scale is at least 1e-6 and has no upper bound: taking the
+    1.0 that FMI prescribes as default would drown a state that lives at 1e-4.
 
     Attributes:
         rtol: relative tolerance.
@@ -30,20 +32,12 @@ class Tolerance:
 
     def __init__(self, rtol: float, nominal: Floats, declared: NDArray[np.bool_]) -> None:
         self.rtol = rtol
-        self.scale = np.where(declared, np.abs(nominal), SMALLEST_SCALE)
-        self._grows = ~declared
-        self._any = bool(self._grows.any())
+        self.scale: Floats = np.where(declared, NOMINAL_PART * np.abs(nominal), SMALLEST_SCALE)
+        self._most: Floats = np.where(declared, np.abs(nominal), np.inf)
 
-    def grow(self, x: Floats) -> bool:
-        """Take note of the states; True if a scale more than doubled."""
-        if not self._any:
-            return False
-        size = np.abs(x)
-        larger = self._grows & (size > 2.0 * self.scale)
-        if not larger.any():
-            return False
-        self.scale[larger] = size[larger]
-        return True
+    def grow(self, x: Floats) -> None:
+        """Take note of the states."""
+        np.maximum(self.scale, np.minimum(np.abs(x), self._most), out=self.scale)
 
     def copy_from(self, scale: Floats) -> None:
         """Take the scales of a snapshot back."""
