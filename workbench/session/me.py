@@ -19,8 +19,9 @@ from workbench.signals import Signal
 __all__ = ["MeSession"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
-ZENO_EVENTS = 30  # in a row, each closer to the last than ZENO_GAP of the time scale
+ZENO_EVENTS = 20  # in a row, each closer to the last than ZENO_GAP of the time scale
 ZENO_GAP = 1e-8
+CAUTION_GROWS = 8.0
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class MeSession(FmuSession):
         instance = self.instance
         self._next_time = math.inf
         self._crowd = 0
+        self._cautious = math.inf
         self._last_event = -math.inf
         self._span = 1.0
         self.instance.set_time(self.time)
@@ -132,7 +134,8 @@ class MeSession(FmuSession):
             return
         steps = 0
         while self.time < stop:
-            found = solver.step(stop, longest)
+            found = solver.step(stop, min(longest, self._cautious))
+            self._cautious *= CAUTION_GROWS
             steps = 0 if self._record_points(waiting, rows, before=solver.t) else steps + 1
             self._count(steps)
             self.time = solver.t
@@ -223,7 +226,11 @@ class MeSession(FmuSession):
 
     def _guard_zeno(self) -> None:
         """Refuse to go on when events follow each other without time passing."""
-        close = self.time - self._last_event <= ZENO_GAP * self._span
+        gap = self.time - self._last_event
+        close = gap <= ZENO_GAP * self._span
+        if self.problem.nz:
+            # The next event may follow as quickly as this one did: a long first step would jump over it.
+            self._cautious = max(0.25 * gap, 64.0 * math.ulp(self.time))
         self._crowd = self._crowd + 1 if close else 0
         self._last_event = self.time
         if self._crowd > ZENO_EVENTS:
@@ -247,7 +254,7 @@ class MeSession(FmuSession):
         self._forget()
 
     def _forget(self) -> None:
-        self._crowd, self._last_event = 0, -math.inf
+        self._crowd, self._last_event, self._cautious = 0, -math.inf, math.inf
         self.solver.restart(self.time, self.instance.x.copy())
 
     def _close_solver(self) -> None:
