@@ -321,12 +321,36 @@ def test_model_exchange_event(library: Path) -> None:
     fmu.must("SetContinuousStates", x, SIZE(7))
     fmu.must("GetDerivatives", dx, SIZE(7))
     fmu.must("GetEventIndicators", z, SIZE(3))
-    assert (dx[0], dx[1], z[0]) == (-4.0, -9.81, -1e-9)
+    assert (dx[0], dx[1]) == (-4.0, -9.81)
+    assert z[0] == pytest.approx(-1e-9, rel=1e-3)
     fmu.must("EnterEventMode")
     fmu.must("NewDiscreteStates", ctypes.byref(info))
     assert (info.again, info.states) == (1, 1)
     fmu.must("GetContinuousStates", x, SIZE(7))
     assert x[1] == pytest.approx(2.8)
+    fmu.free()
+
+
+def test_an_indicator_of_zero_is_still_in_its_old_domain(library: Path) -> None:
+    """Else an integrator that stops exactly on the root sees no change there and none afterwards."""
+    fmu = Fmu3(library, "me")
+    fmu.initialise()
+    fmu.must("EnterContinuousTimeMode")
+    x, z = (ctypes.c_double * 7)(), (ctypes.c_double * 3)()
+    fmu.must("GetContinuousStates", x, SIZE(7))
+    signs = []
+    for h in (1e-9, 0.0, -1e-12):
+        x[0] = h
+        fmu.must("SetContinuousStates", x, SIZE(7))
+        fmu.must("GetEventIndicators", z, SIZE(3))
+        signs.append(math.copysign(1.0, z[0]))
+    assert signs == [1.0, 1.0, -1.0]
+    fmu.must("EnterEventMode")
+    fmu.must("EnterContinuousTimeMode")
+    x[0] = 0.0  # now from below
+    fmu.must("SetContinuousStates", x, SIZE(7))
+    fmu.must("GetEventIndicators", z, SIZE(3))
+    assert z[0] < 0.0
     fmu.free()
 
 

@@ -187,13 +187,45 @@ Status access_derivatives(Instance *instance, double *dx, size_t n)
     return status;
 }
 
+/* An indicator that is exactly 0 at an event would be lost: it has not changed its domain, and an
+ * integrator that starts at 0 does not see it leave. So the domain left behind reaches a little over 0:
+ * where an indicator changes its sign, the relation behind it has changed, and none is 0 at a restart
+ * (FMI 2.0.4, section 3.2.2, asks for that). */
+#define OVERLAP 1e-13
+
+static double side_of(double z)
+{
+    return z > 0.0 ? 1.0 : -1.0;
+}
+
+void access_remember_sides(Instance *instance)
+{
+    bool known = core_get_indicators(instance->core, instance->sides);
+    for (size_t i = 0; i < model_info.n_indicators; i++) {
+        instance->sides[i] = known ? side_of(instance->sides[i]) : 0.0;
+    }
+}
+
+static void widen_domains(const Instance *instance, double *z)
+{
+    bool frozen = instance_state(instance) == STATE_CONTINUOUS;
+    for (size_t i = 0; i < model_info.n_indicators; i++) {
+        bool known = frozen && instance->sides[i] != 0.0;
+        z[i] += OVERLAP * (known ? instance->sides[i] : side_of(z[i]));
+    }
+}
+
 Status access_indicators(Instance *instance, double *z, size_t n)
 {
     Status status = check_length(instance, z, n, model_info.n_indicators);
-    if (status == STATUS_OK && n > 0 && !core_get_indicators(instance->core, z)) {
+    if (status != STATUS_OK || n == 0) {
+        return status;
+    }
+    if (!core_get_indicators(instance->core, z)) {
         return instance_core_failed(instance);
     }
-    return status;
+    widen_domains(instance, z);
+    return STATUS_OK;
 }
 
 Status access_nominals(Instance *instance, double *nominals, size_t n)

@@ -215,8 +215,10 @@ static bool build(Instance *instance, const char *name)
 {
     size_t length = strlen(name) + 1;
     instance->name = memory_new(&instance->memory, length, 1);
+    instance->sides = memory_new(&instance->memory, model_info.n_indicators, sizeof(double));
     instance->core = core_new(log_from_core, instance);
-    if (instance->name == NULL || instance->core == NULL || !inputs_new(&instance->inputs, &instance->memory)) {
+    if (instance->name == NULL || instance->sides == NULL || instance->core == NULL
+        || !inputs_new(&instance->inputs, &instance->memory)) {
         return false;
     }
     memcpy(instance->name, name, length);
@@ -284,6 +286,7 @@ void instance_free(Instance *instance)
         core_free(instance->core);
     }
     memory_delete(&memory, instance->name);
+    memory_delete(&memory, instance->sides);
     memory_delete(&memory, instance);
 }
 
@@ -291,6 +294,7 @@ void instance_reset(Instance *instance)
 {
     core_reset(instance->core);
     inputs_clear(&instance->inputs);
+    memset(instance->sides, 0, model_info.n_indicators * sizeof(double));
     clear_record(instance);
 }
 
@@ -405,5 +409,8 @@ Status instance_leave_event(Instance *instance, State next)
 {
     core_enter_continuous(instance->core);
     instance_set_state(instance, next);
+    if (instance->kind == KIND_ME) {
+        access_remember_sides(instance);
+    }
     return STATUS_OK;
 }

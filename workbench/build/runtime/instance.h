@@ -80,6 +80,7 @@ struct Instance {
     Core *core;
     Solver *solver; /* Co-Simulation only */
     Inputs inputs;
+    double *sides; /* [n_indicators] domain of each event indicator since the last event: 1, -1, 0 unknown */
     Record record;
     char *name;
     const char *call; /* the function under way, for messages */
@@ -152,6 +153,7 @@ Status access_states(Instance *instance, double *x, size_t n);
 Status access_set_states(Instance *instance, const double *x, size_t n);
 Status access_derivatives(Instance *instance, double *dx, size_t n);
 Status access_indicators(Instance *instance, double *z, size_t n);
+void access_remember_sides(Instance *instance); /* when Continuous-Time Mode is entered */
 Status access_nominals(Instance *instance, double *nominals, size_t n);
 Status access_set_time(Instance *instance, double time);
 Status access_directional(Instance *instance, const unsigned *unknowns, size_t n_unknowns,

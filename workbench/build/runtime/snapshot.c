@@ -1,6 +1,7 @@
 /* snapshot.c: saved FMU states (see instance.h).
  *
- * A saved state is one block: header, record, input polynomials, image of the core. It holds no
+ * A saved state is one block: header, record, input polynomials, domains of the
+ * event indicators, image of the core. It holds no
  * pointer, so that its bytes are also its serialisation; the header says for which build they are.
  */
 #include "instance.h"
@@ -27,9 +28,14 @@ static size_t inputs_size(const Instance *instance)
     return instance->inputs.n * sizeof(InputPolynomial);
 }
 
+static size_t sides_size(void)
+{
+    return model_info.n_indicators * sizeof(double);
+}
+
 static size_t block_size(const Instance *instance)
 {
-    return sizeof(Header) + sizeof(Record) + inputs_size(instance) + core_image_size();
+    return sizeof(Header) + sizeof(Record) + inputs_size(instance) + sides_size() + core_image_size();
 }
 
 /* Model, version, kind and the representation of numbers on this machine. */
@@ -74,7 +80,9 @@ static void fill(Instance *instance, unsigned char *block)
     memcpy(block, &instance->record, sizeof(Record));
     block += sizeof(Record);
     memcpy(block, instance->inputs.polynomials, inputs_size(instance));
-    core_save(instance->core, block + inputs_size(instance));
+    block += inputs_size(instance);
+    memcpy(block, instance->sides, sides_size());
+    core_save(instance->core, block + sides_size());
 }
 
 static Status new_block(Instance *instance, void **saved)
@@ -107,7 +115,9 @@ Status snapshot_restore(Instance *instance, const void *saved)
     block += sizeof(Record);
     memcpy(instance->inputs.polynomials, block, inputs_size(instance));
     inputs_end(&instance->inputs);
-    core_load(instance->core, block + inputs_size(instance));
+    block += inputs_size(instance);
+    memcpy(instance->sides, block, sides_size());
+    core_load(instance->core, block + sides_size());
     return STATUS_OK;
 }
 
