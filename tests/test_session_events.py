@@ -92,6 +92,19 @@ class Slider(Hybrid):
         return False, math.inf
 
 
+class Watched(Integrator):
+    """The integrator with an event where x passes 0.1, shortly before the input jumps."""
+
+    integers = ()
+    nz = 1
+
+    def derivatives(self) -> list[float]:
+        return [self.v["u"]]
+
+    def indicators(self) -> list[float]:
+        return [self.v["x"] - 0.1]
+
+
 class Stiff(Hybrid):
     """dx/dt = −1e9 (x − cos t)."""
 
@@ -188,6 +201,16 @@ def test_a_slope_jump_splits_the_integration() -> None:
     with open_fake(Integrator, "vkm") as session:
         session.advance(1.0, signals={"u": table})
         assert session.values(["x"])["x"] == pytest.approx(0.5, abs=1e-13)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_jump_after_a_state_event_is_not_seen_too_early(solver: str) -> None:
+    signals = {"u": Step(time=0.2, initial=1.0, value=1000.0)}
+    with open_fake(Watched, solver) as session:
+        record = session.advance(0.3, signals=signals, record=["y"], points=np.array([0.15, 0.3]))
+    assert np.unique(record.time) == pytest.approx([0.0, 0.1, 0.15, 0.2, 0.3], abs=1e-12)
+    assert record.values["y"][record.time == 0.2] == pytest.approx([0.2, 0.2], abs=1e-12)
+    assert record.values["y"][-1] == pytest.approx(100.2, rel=1e-12)
 
 
 def test_time_events_are_hit_exactly_and_an_event_at_the_end_belongs_to_the_next_call() -> None:

@@ -203,8 +203,7 @@ class MeSession(FmuSession):
     def _event(self) -> None:
         """Handle an event at the present time; the FMU stands at its left limit."""
         self._guard_zeno()
-        self.problem.limit = math.inf
-        self._put()
+        limit, self.problem.limit = self.problem.limit, math.inf
         self.instance.enter_event_mode()
         if self.forcing.names:
             self.forcing.write_all(self.forcing.at(self.time))
@@ -214,6 +213,7 @@ class MeSession(FmuSession):
         else:
             self.instance.x[:] = self.solver.x
         self._restart()
+        self.problem.limit = limit if limit > self.time else math.inf
 
     def _iterate(self) -> bool:
         """Iterate in event mode and go to continuous time; True if the states jumped."""
