@@ -137,3 +137,13 @@ def test_cosimulation_goes_on_after_a_jump_of_the_input(version: str) -> None:
     assert record.values["y"][-1] == pytest.approx(-math.expm1(-0.65 / tau), abs=1e-5)
     at = record.time == 0.35
     assert record.inputs["u"][at].tolist() == [0.0, 1.0]
+
+
+@BOTH
+def test_directional_derivatives_match_the_equation(version: str) -> None:
+    with load(f"fmu:FirstOrderLag{version}") as model, model.open_session() as session:
+        tau = session.values(["tau"])["tau"]
+        known = [*model.states, *model.inputs]
+        rate = model.description.derivatives
+        assert session.instance.directional_derivative(rate, known, [1.0, 0.0]) == pytest.approx([-1.0 / tau])
+        assert session.instance.directional_derivative(rate, known, [0.0, 2.0]) == pytest.approx([2.0 / tau])

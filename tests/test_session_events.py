@@ -46,7 +46,7 @@ class Integrator(Hybrid):
 
     states = ("x",)
     inputs = ("u",)
-    integers = ("k",)
+    integers: tuple[str, ...] = ("k",)
 
     def derivatives(self) -> list[float]:
         return [self.v["u"] + self.v["k"]]
