@@ -22,6 +22,7 @@ import workbench.build.compile as compiler
 from workbench.analysis.simulate import SimulationResult, simulate
 from workbench.build import build_all, build_fmu
 from workbench.build.fmu import generate
+from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.model.load import load
 from workbench.signals import Constant, Sine
@@ -271,3 +272,20 @@ def test_no_path_of_the_building_machine_is_inside(fmus: Path) -> None:
             data = archive.read(name)
             assert str(Path.home()).encode() not in data or str(Path.home()) == "/", name
             assert b"/tmp/" not in data, name
+
+
+def test_what_a_model_asks_for_at_the_start_is_done(tmp_path: Path) -> None:
+    file = tmp_path / "Start.mo"
+    file.write_text(
+        "model Start\n  Real x(start = 1, fixed = true);\n  discrete Real n(start = 0, fixed = true);\nequation\n"
+        "  der(x) = -x;\n  when initial() then\n    reinit(x, 2);\n    n = 5;\n  end when;\n"
+        '  when x < 0.5 then\n    terminate("small enough");\n  end when;\nend Start;\n'
+    )
+    build_fmu([file], out=tmp_path / "Start.fmu", platforms=[HOST])
+    for interface in ("me", "cs"):
+        with load(tmp_path / "Start.fmu", interface=interface) as model, model.open_session() as session:
+            assert session.values(["x", "n"]) == {"x": 2.0, "n": 5.0}
+            session.advance(1.3, signals={}, points=np.array([1.3]))
+            assert session.values(["x"])["x"] == pytest.approx(2.0 * np.exp(-1.3), rel=1e-4)
+            with pytest.raises(SimulationError, match="end"):  # x passes 0.5 at ln 4 = 1.386 s
+                session.advance(1.5, signals={}, points=np.array([1.5]))

@@ -67,7 +67,12 @@ def model_description_2(description: Description) -> bytes:
     slave = ET.SubElement(
         root,
         "CoSimulation",
-        {**common, "canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"},
+        {
+            **common,
+            "canHandleVariableCommunicationStepSize": "true",
+            "canInterpolateInputs": "true",
+            "maxOutputDerivativeOrder": "1",
+        },
     )
     for interface in (exchange, slave):
         files = ET.SubElement(interface, "SourceFiles")
@@ -97,7 +102,15 @@ def model_description_3(description: Description) -> bytes:
     ET.SubElement(
         root,
         "CoSimulation",
-        {**common, "canHandleVariableCommunicationStepSize": "true", "hasEventMode": "true"},
+        {
+            **common,
+            "canHandleVariableCommunicationStepSize": "true",
+            "maxOutputDerivativeOrder": "1",
+            "providesIntermediateUpdate": "true",
+            "mightReturnEarlyFromDoStep": "true",
+            "canReturnEarlyAfterIntermediateUpdate": "true",
+            "hasEventMode": "true",
+        },
     )
     _definitions(root, model)
     _default_experiment(root, description.experiment)

@@ -16,6 +16,7 @@ typedef struct {
     bool due;               /* the equations have to be evaluated before a value is read */
     bool parameters_due;    /* so do the calculated parameters */
     bool first_iteration;   /* of this event: clocks tick in it */
+    bool terminated;        /* the model asked to end the simulation */
 } Status;
 
 struct Core {
@@ -116,6 +117,7 @@ void core_reset(Core *core)
     core->status.due = true;
     core->status.parameters_due = true;
     core->status.first_iteration = false;
+    core->status.terminated = false;
 }
 
 /* Evaluation */
@@ -315,7 +317,7 @@ static bool act(Core *core, CoreEventInfo *info)
     }
     if ((fired & ACTION_TERMINATE) != 0) {
         core_log(core, false, "terminated at time %.17g: %s", core->frame.v[0], message);
-        info->terminate = true;
+        core->status.terminated = true;
     }
     if ((fired & ACTION_REINIT) != 0) {
         core_set_states(core, x);
@@ -326,7 +328,7 @@ static bool act(Core *core, CoreEventInfo *info)
 
 bool core_exit_initialisation(Core *core)
 {
-    CoreEventInfo info;
+    CoreEventInfo info = {.next_event_time = HUGE_VAL};
     core->status.due = true;
     update(core);
     start_clocks(core);
@@ -365,6 +367,7 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
         || differs(core->frame.frozen, frozen_before, model_layout.n_frozen);
     memcpy(core->frame.condition_pre, core->frame.condition, model_layout.n_conditions * sizeof(double));
     core->status.first_iteration = false;
+    info->terminate = core->status.terminated;
     info->next_event_time = next_event_time(core);
     info->next_event_time_defined = isfinite(info->next_event_time);
     return info->continuous_states_changed || derivatives_are_finite(core);

@@ -1,0 +1,75 @@
+/* solver.h: what a solver of ordinary differential equations is to the kernel.
+ *
+ * Obligations of every solver (the same as of workbench/session/solvers/base.py, its readable twin):
+ *   1. `restart` forgets the past; nothing computed later depends on what was before it.
+ *   2. `step` makes one accepted step from (t, x), never beyond `stop` and never longer than `longest`;
+ *      it ends early, just after it (within 1e-12 relative), where an event indicator changes between
+ *      > 0 and <= 0, and then sets *event. A step that reaches `stop` ends with t exactly `stop`.
+ *   3. `interpolate(t)` is valid for t_old <= t <= t of the last step.
+ *   4. A recoverable failure of the problem, or a value that is not finite, shortens the step first.
+ *   5. No memory is allocated after `create`, except by CVODE for itself.
+ */
+#ifndef WORKBENCH_KERNEL_SOLVER_H
+#define WORKBENCH_KERNEL_SOLVER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef enum {
+    EVALUATED = 0,
+    RECOVERABLE = 1, /* the FMU discards this point, or a value is not finite: try a shorter step */
+    FAILED = -1      /* for good; the owner knows why */
+} Evaluation;
+
+/* dx/dt = f(t, x) with event indicators z(t, x); inputs are evaluated inside, at t. */
+typedef struct {
+    void *owner;
+    size_t n, nz;
+    Evaluation (*derivatives)(void *owner, double t, const double *x, double *dx);
+    Evaluation (*indicators)(void *owner, double t, const double *x, double *z);
+} Problem;
+
+/* Error weights: |error_i| <= rtol·(|x_i| + scale_i). The kernel grows `scale` where the FMU declares no
+ * nominal value, and restarts the solver then. */
+typedef struct {
+    double rtol;
+    const double *scale; /* [n] */
+} Tolerance;
+
+enum { SOLVER_MESSAGE = 256 };
+
+typedef struct Solver Solver;
+
+struct Solver {
+    const struct SolverMethod *method;
+    Problem problem;
+    Tolerance tolerance;
+    double t;     /* present time [s] */
+    double t_old; /* where the last step began [s] */
+    double *x;    /* [n] present states */
+    size_t evaluations, steps, rejected;
+    char message[SOLVER_MESSAGE]; /* why the last call failed */
+};
+
+/* CVODE and what it needs, by address; all NULL where SUNDIALS is missing. The order is that of
+ * GEAR_FUNCTIONS in workbench/kernel/gear.py. */
+typedef struct {
+    void *const *functions;
+    size_t n_functions;
+} GearLibrary;
+
+typedef struct SolverMethod {
+    const char *name;
+    /* NULL when memory is short or the library is missing. */
+    Solver *(*create)(const Problem *problem, const Tolerance *tolerance, const GearLibrary *library);
+    bool (*restart)(Solver *solver, double t, const double *x);
+    bool (*step)(Solver *solver, double stop, double longest, bool *event);
+    bool (*interpolate)(const Solver *solver, double t, double *x);
+    void (*destroy)(Solver *solver);
+} SolverMethod;
+
+extern const SolverMethod solver_vkm;  /* Kutta-Merson, variable step */
+extern const SolverMethod solver_gear; /* CVODE, BDF */
+extern const SolverMethod solver_none; /* no continuous states: time events and indicators of time only */
+
+#endif
