@@ -18,7 +18,7 @@ from rumoca import Session as FrontEnd
 from rumoca import SimConfig
 from scipy.linalg import expm
 
-import workbench.build.compile as compiler
+import workbench.toolchain as compiler
 from workbench.analysis.simulate import SimulationResult, simulate
 from workbench.build import build_all, build_fmu
 from workbench.build.fmu import generate

@@ -3,7 +3,7 @@
 `build_fmu` turns one model into one FMU, `build_all` every model of a file or folder. The steps, one
 module each: frontend (check and flatten) · ir (read the DAE) · translate and scalarise (arrays, loops,
 functions) · causalise (match and sort) · differentiate · emit_c and emit_tables · stiffness · describe
-(XML of FMI 2 and 3) · compile · pack. The C runtime is in the folder runtime.
+(XML of FMI 2 and 3) · pack; the compiler is in workbench.toolchain. The C runtime is in the folder runtime.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from pathlib import Path
 import fmpy
 
 from workbench.build.causalise import causalise
-from workbench.build.compile import PLATFORMS, Platform, compile_all
 from workbench.build.describe import (
     Description,
     Experiment,
@@ -26,6 +25,7 @@ from workbench.build.pack import pack
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
 from workbench.errors import BuildError, suggest
+from workbench.toolchain import PLATFORMS, Platform, compile_all
 
 TOOL = "FMI workbench"
 DEFAULT_TOLERANCE = 1.0e-6

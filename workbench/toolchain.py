@@ -1,0 +1,184 @@
+"""The C compiler that comes as a wheel (ziglang), and the platforms that it compiles for.
+
+The FMU builder and the build hook of this package use it. Imports the standard library only (and our
+modules that do the same), so that it works in the bare environment in which wheels are built.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from workbench.errors import BuildError
+from workbench.fmi.platforms import host
+
+__all__ = ["FLAGS", "KERNEL", "PLATFORMS", "Platform", "compile_all", "compile_kernel", "compile_library", "host_only"]
+
+KERNEL = "workbench_kernel"  # name of the compiled inner loop, without suffix
+
+
+@dataclass(frozen=True, slots=True)
+class Platform:
+    """One platform that FMUs and the kernel are built for.
+
+    Attributes:
+        name: FMI 3 platform tuple.
+        name_2: FMI 2 folder; aarch64 has none in the standard, the tuple is used.
+        target: the compiler's name for it.
+        suffix: of shared libraries.
+        link: options for the linker; `{stem}` stands for the library's name.
+    """
+
+    name: str
+    name_2: str
+    target: str
+    suffix: str
+    link: tuple[str, ...] = ()
+
+
+_INSTALL_NAME = "-Wl,-install_name,@rpath/{stem}.dylib"
+PLATFORMS = (
+    Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so", ("-lm",)),
+    Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so", ("-lm",)),
+    Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll"),
+    Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", ".dylib", (_INSTALL_NAME,)),
+    Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib", (_INSTALL_NAME,)),
+)
+
+# No fused multiply-add and no fast math: the same source gives the same numbers everywhere.
+FLAGS = (
+    "-std=c11", "-O2", "-shared", "-s", "-fvisibility=hidden", "-ffp-contract=off",
+    "-Wall", "-Wextra", "-Wpedantic", "-Werror",
+    "-Wno-strict-prototypes",  # the standard's FMI 3 headers declare functions with ()
+)  # fmt: skip
+
+
+def host_only() -> tuple[Platform, ...]:
+    """Return the platform of this machine, alone; nothing where it is none of `PLATFORMS`."""
+    return tuple(p for p in PLATFORMS if p.name == host())
+
+
+def _cache() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "fmi-workbench" / "compiler"
+
+
+def compile_library(
+    folder: Path, sources: Sequence[str], platform: Platform, output: Path, *, install_stem: str = "model"
+) -> None:
+    """Compile `sources` (names in `folder`) into the shared library `output`.
+
+    Args:
+        folder: where the sources and their headers are.
+        sources: file names in it.
+        platform: what to compile for.
+        output: the library to write; its folder is made.
+        install_stem: name that a library for macOS carries inside.
+
+    Raises:
+        BuildError: The compiler is missing or refuses the code.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise BuildError('building FMUs needs the C compiler in a wheel: pip install "fmi-workbench[build]"')
+    output.parent.mkdir(parents=True, exist_ok=True)
+    # Relative names and a fixed working folder: no path of this machine reaches the binary.
+    command = [
+        sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *FLAGS, "-I.", *sources,
+        "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
+    ]  # fmt: skip
+    cache = str(_cache())
+    environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
+    result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines()
+        raise BuildError(f"the C compiler failed for {platform.name}: {lines[0] if lines else 'no message'}")
+    for leftover in (output.with_suffix(".lib"), output.with_suffix(".pdb")):
+        leftover.unlink(missing_ok=True)
+
+
+def compile_all(
+    folder: Path,
+    sources: Sequence[str],
+    platforms: Iterable[Platform],
+    output: Path,
+    stem: str,
+    *,
+    install_stem: str = "model",
+) -> dict[str, Path]:
+    """Compile for every platform, two at a time; return {platform name: library}.
+
+    Args:
+        folder: where the sources and their headers are.
+        sources: file names in it.
+        platforms: what to compile for.
+        output: each library goes into a folder in it, named after the platform.
+        stem: name of the libraries, without suffix.
+        install_stem: name that libraries for macOS carry inside.
+
+    Raises:
+        BuildError: As :func:`compile_library`.
+    """
+    chosen = list(platforms)
+    libraries = {p.name: output / p.name / f"{stem}{p.suffix}" for p in chosen}
+
+    def compile_one(platform: Platform) -> None:
+        compile_library(folder, sources, platform, libraries[platform.name], install_stem=install_stem)
+
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        list(pool.map(compile_one, chosen))
+    return libraries
+
+
+def compile_kernel(folder: Path, platforms: Iterable[Platform]) -> Mapping[str, Path]:
+    """Compile the C files in `folder` into ``lib/PLATFORM/workbench_kernel.*`` in it, where they have changed.
+
+    Args:
+        folder: the folder ``workbench/kernel`` of a checkout.
+        platforms: what to compile for.
+
+    Returns:
+        {platform name: library}.
+
+    Raises:
+        BuildError: As :func:`compile_library`.
+    """
+    chosen = list(platforms)
+    state = _digest(folder)
+    libraries = {p.name: folder / "lib" / p.name / f"{KERNEL}{p.suffix}" for p in chosen}
+    old = [p for p in chosen if not _is_fresh(libraries[p.name], state)]
+    sources = sorted(f.name for f in folder.glob("*.c"))
+    # Compiled aside and moved, so that no process ever loads half a library, or one that changes under it.
+    aside = folder / "lib" / f"new-{os.getpid()}"
+    made = compile_all(folder, sources, old, aside, KERNEL, install_stem=KERNEL)
+    for name, library in made.items():
+        libraries[name].parent.mkdir(parents=True, exist_ok=True)
+        library.replace(libraries[name])
+        _stamp(libraries[name]).write_text(state, encoding="utf-8")
+        library.parent.rmdir()
+    if made:
+        aside.rmdir()
+    return libraries
+
+
+def _digest(folder: Path) -> str:
+    """What a compiled kernel depends on: its sources and this file with the flags."""
+    digest = hashlib.sha256()
+    for file in sorted([*folder.glob("*.[ch]"), Path(__file__)]):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _stamp(library: Path) -> Path:
+    return library.with_suffix(".sources")
+
+
+def _is_fresh(library: Path, state: str) -> bool:
+    stamp = _stamp(library)
+    return library.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == state
