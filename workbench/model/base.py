@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from workbench.fmi.variable import Variable
+from workbench.model.recipe import Recipe
 from workbench.session.base import Session
 from workbench.signals import Signal
 
@@ -30,6 +31,7 @@ class Model(ABC):
         solver: "vkm", "gear", "fmu" (co-simulation: the FMU's own), "none" (nothing to integrate).
         inputs, outputs, parameters, states: the variables, in the model's order.
         notes: remarks for the user.
+        recipe: how to make the model again in another process; None: it lives in this one only.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Model(ABC):
     parameters: tuple[Variable, ...]
     states: tuple[Variable, ...]
     notes: tuple[str, ...]
+    recipe: Recipe | None = None
 
     @abstractmethod
     def open_session(

@@ -13,6 +13,7 @@ from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
+from workbench.model.recipe import FmuRecipe
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.me import MeSession
@@ -34,6 +35,7 @@ class FmuModel(Model):
         interface: "me" or "cs", one of those offered.
         setup: how sessions begin; who opens instances is put in here.
         notes: remarks for the user.
+        recipe: how to load it again.
 
     Attributes:
         description: all that the FMU says about itself.
@@ -48,7 +50,9 @@ class FmuModel(Model):
         interface: str,
         setup: Setup,
         notes: tuple[str, ...],
+        recipe: FmuRecipe,
     ) -> None:
+        self.recipe = recipe
         self.description = description
         self.source = str(unpacked.source)
         self.name = description.model_name

@@ -7,17 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from workbench.errors import InputError, suggest
-from workbench.fmi.archive import unpack
+from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.binding import INTERFACES
 from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.model.fmu_model import FmuModel
+from workbench.model.recipe import FmuRecipe
 from workbench.session.fmu import Setup
 from workbench.session.solvers import SOLVERS, choose_solver
 
-__all__ = ["load"]
+__all__ = ["load", "open_unpacked"]
 
 DEFAULT_TOLERANCE = 1e-6
 _SETTABLE = ("parameter", "input", "local", "output")
@@ -56,27 +57,51 @@ def load(
     _check_number("tolerance", tolerance, upper=1.0)
     unpacked = unpack(path)
     try:
-        source = str(unpacked.source)
-        description = read_description(unpacked.folder, source=source)
-        chosen = _choose_interface(interface, description, source)
-        binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
-        name, note = _choose_solver(solver, chosen, description)
-        variables = {v.name: v for v in description.variables}
-        setup = Setup(
-            open_instance=_not_yet,
-            variables=variables,
-            start_values=_starts(start_values or {}, variables),
-            bias=_biases(bias or {}, variables),
-            rtol=tolerance or DEFAULT_TOLERANCE,
-            tolerance=tolerance or description.experiment.tolerance,
+        recipe = FmuRecipe(
+            source=str(unpacked.source.absolute()),
+            folder=str(unpacked.folder.absolute()),
+            owned=unpacked.owned,
+            interface=interface,
+            solver=solver,
             step=step,
-            solver=name,
+            tolerance=tolerance,
+            start_values=dict(start_values or {}),
+            bias=dict(bias or {}),
         )
-        notes = (*description.notes, *_notes(interface, chosen, description, step), *filter(None, [note]))
-        return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes)
+        return open_unpacked(unpacked, recipe)
     except BaseException:
         unpacked.close()
         raise
+
+
+def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
+    """Return the model that `recipe` describes, on an FMU that is unpacked already.
+
+    Args:
+        unpacked: the FMU; the model owns it from now on.
+        recipe: what `load` was told.
+
+    Raises:
+        InputError, FmuError: see `load`.
+    """
+    source = str(unpacked.source)
+    description = read_description(unpacked.folder, source=source)
+    chosen = _choose_interface(recipe.interface, description, source)
+    binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
+    name, note = _choose_solver(recipe.solver, chosen, description)
+    variables = {v.name: v for v in description.variables}
+    setup = Setup(
+        open_instance=_not_yet,
+        variables=variables,
+        start_values=_starts(recipe.start_values, variables),
+        bias=_biases(recipe.bias, variables),
+        rtol=recipe.tolerance or DEFAULT_TOLERANCE,
+        tolerance=recipe.tolerance or description.experiment.tolerance,
+        step=recipe.step,
+        solver=name,
+    )
+    notes = (*description.notes, *_notes(recipe.interface, chosen, description, recipe.step), *filter(None, [note]))
+    return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=recipe)
 
 
 def _not_yet() -> Instance:

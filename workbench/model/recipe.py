@@ -1,0 +1,155 @@
+"""How to make a model again, in another process or on another machine."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import shutil
+import tempfile
+import zipfile
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.errors import InputError
+from workbench.fmi.archive import Unpacked
+from workbench.fmi.variable import Value
+
+if TYPE_CHECKING:
+    from workbench.model.base import Model
+
+__all__ = ["FmuRecipe", "Recipe", "content_hash"]
+
+
+class Recipe(ABC):
+    """Small and picklable; opens the same model wherever it is sent.
+
+    Obligations of a subclass:
+      1. `open` returns a model that behaves as the one the recipe came from; whoever opens it closes it.
+      2. `identity` names everything that influences what the model computes, and nothing else:
+         results are kept under it.
+    """
+
+    @abstractmethod
+    def open(self) -> Model:
+        """Return the model.
+
+        Raises:
+            InputError, FmuError: as when it was loaded first.
+        """
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """Return what tells this model from others, ready for JSON."""
+
+    @abstractmethod
+    def with_tolerance(self, tolerance: float) -> Recipe:
+        """Return the recipe of the same model at another relative tolerance of the integration."""
+
+    def packed(self) -> Recipe:
+        """Return a recipe that needs no file of this machine."""
+        return self
+
+    @abstractmethod
+    def abandon(self) -> None:
+        """Remove what the owner of the model left behind; called when that process is dead."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmuRecipe(Recipe):
+    """An FMU and what `load` was told.
+
+    Attributes:
+        source: what the user named, for messages and for `identity`.
+        folder: where it is unpacked; the loading process owns it.
+        owned: whether that folder is temporary.
+        interface, solver, driver, step, tolerance, start_values, bias: see `load`.
+        archive: the unpacked files as a zip archive, in place of `folder`; None: use the folder.
+    """
+
+    source: str
+    folder: str
+    owned: bool
+    interface: str
+    solver: str
+    driver: str = "auto"
+    step: float | None = None
+    tolerance: float | None = None
+    start_values: Mapping[str, Value] = field(default_factory=dict)
+    bias: Mapping[str, float] = field(default_factory=dict)
+    archive: bytes | None = field(default=None, repr=False)
+
+    def open(self) -> Model:
+        from workbench.model.load import open_unpacked  # noqa: PLC0415 - `load` makes recipes
+
+        unpacked = self._unpacked()
+        try:
+            return open_unpacked(unpacked, self)
+        except BaseException:
+            unpacked.close()
+            raise
+
+    def _unpacked(self) -> Unpacked:
+        if self.archive is None:
+            return Unpacked(Path(self.source), Path(self.folder), owned=False)
+        folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
+        # The archive is the workbench's own, made by `packed`; the FMU's was checked when it was unpacked.
+        with zipfile.ZipFile(io.BytesIO(self.archive)) as archive:
+            archive.extractall(folder)
+        return Unpacked(Path(self.source), folder, owned=True)
+
+    def identity(self) -> dict[str, Any]:
+        return {
+            "fmu": content_hash(Path(self.source)),
+            "interface": self.interface,
+            "solver": self.solver,
+            "driver": self.driver,
+            "step": self.step,
+            "tolerance": self.tolerance,
+            "start_values": dict(self.start_values),
+            "bias": dict(self.bias),
+        }
+
+    def with_tolerance(self, tolerance: float) -> FmuRecipe:
+        return replace(self, tolerance=tolerance)
+
+    def packed(self) -> FmuRecipe:
+        buffer = io.BytesIO()
+        folder = Path(self.folder)
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for file in _files(folder):
+                archive.write(file, file.relative_to(folder).as_posix())
+        return replace(self, archive=buffer.getvalue())
+
+    def abandon(self) -> None:
+        if self.owned:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def content_hash(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, or of a folder's files (names and bytes, in a fixed order).
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        if path.is_file():
+            return _file_hash(path)
+        digest = hashlib.sha256()
+        for file in _files(path):
+            digest.update(f"{file.relative_to(path).as_posix()}\0{_file_hash(file)}\n".encode())
+        return digest.hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _files(folder: Path) -> list[Path]:
+    files = (p for p in folder.rglob("*") if p.is_file())
+    return sorted(files, key=lambda p: p.relative_to(folder).as_posix())
+
+
+def _file_hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
