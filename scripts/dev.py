@@ -33,6 +33,13 @@ DEMO = ROOT / "demo"
 # OpenModelica's FMUs come in this wheel; what else it depends on is not needed to run them.
 THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
 
+# Compiles the inner loop where its C sources have changed since; an installation compiles it, too.
+KERNEL = """
+from pathlib import Path
+from workbench.toolchain import compile_kernel, host_only
+compile_kernel(Path("workbench/kernel"), host_only())
+"""
+
 
 def main() -> int:
     """Run the command given on the command line and return its exit code."""
@@ -131,14 +138,15 @@ def _bytes(path: Path) -> bytes:
 def _ensure_installed() -> None:
     if not (PYTHON.exists() and STAMP.exists() and STAMP.read_text(encoding="utf-8") == _fingerprint()):
         install()
+    _run([PYTHON, "-c", KERNEL])
 
 
 def _fingerprint() -> str:
     """What an installation depends on: the settings of the project and of this script, where they lie, the Python."""
     digest = hashlib.sha256()
-    for part in ((ROOT / "pyproject.toml").read_bytes(), THIRD_PARTY_FMUS.encode(), str(ROOT).encode()):
+    for part in (_bytes(ROOT / "pyproject.toml"), _bytes(ROOT / "hatch_build.py"), THIRD_PARTY_FMUS.encode()):
         digest.update(part)
-    digest.update(sys.version.encode())
+    digest.update(f"{ROOT}{sys.version}".encode())
     return digest.hexdigest()
 
 

@@ -11,6 +11,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -98,7 +99,8 @@ def compile_library(
     result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines()
-        raise BuildError(f"the C compiler failed for {platform.name}: {lines[0] if lines else 'no message'}")
+        reason = lines[0] if lines else f"it ended with code {result.returncode}"
+        raise BuildError(f"the C compiler failed for {platform.name}: {reason}")
     for leftover in (output.with_suffix(".lib"), output.with_suffix(".pdb")):
         leftover.unlink(missing_ok=True)
 
@@ -154,16 +156,14 @@ def compile_kernel(folder: Path, platforms: Iterable[Platform]) -> Mapping[str, 
     libraries = {p.name: folder / "lib" / p.name / f"{KERNEL}{p.suffix}" for p in chosen}
     old = [p for p in chosen if not _is_fresh(libraries[p.name], state)]
     sources = sorted(f.name for f in folder.glob("*.c"))
+    (folder / "lib").mkdir(exist_ok=True)
     # Compiled aside and moved, so that no process ever loads half a library, or one that changes under it.
-    aside = folder / "lib" / f"new-{os.getpid()}"
-    made = compile_all(folder, sources, old, aside, KERNEL, install_stem=KERNEL)
-    for name, library in made.items():
-        libraries[name].parent.mkdir(parents=True, exist_ok=True)
-        library.replace(libraries[name])
-        _stamp(libraries[name]).write_text(state, encoding="utf-8")
-        library.parent.rmdir()
-    if made:
-        aside.rmdir()
+    with tempfile.TemporaryDirectory(dir=folder / "lib", prefix="new-") as aside:
+        made = compile_all(folder, sources, old, Path(aside), KERNEL, install_stem=KERNEL)
+        for name, library in made.items():
+            libraries[name].parent.mkdir(exist_ok=True)
+            library.replace(libraries[name])
+            _stamp(libraries[name]).write_text(state, encoding="utf-8")
     return libraries
 
 
