@@ -1,0 +1,396 @@
+/* gear.c: SUNDIALS CVODE, backward differentiation of variable step and order, for stiff models.
+ *
+ * CVODE comes by address (see workbench/kernel/gear.py): no SUNDIALS header is needed. Its Newton matrix
+ * is dense, by differences; right-hand side and error weights are compiled callbacks. Events are located
+ * on CVODE's own dense output by `Watch`, as in the other solvers, because the domains are > 0 and <= 0
+ * and CVODE's own root functions treat 0 as a third one.
+ *
+ * Source: C. W. Gear, Numerical Initial Value Problems in Ordinary Differential Equations, 1971;
+ * A. Hindmarsh et al., SUNDIALS, ACM TOMS 31 (2005); SUNDIALS 7 user guide for the signatures.
+ */
+#include "locate.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Errors of BDF add up to some multiple of what one step is allowed; asking for less makes the result as
+ * accurate as that of `vkm` at the same tolerance. */
+#define STRICTER 0.3
+#define TINY_GAP 1e-14 /* relative: no solver crosses less */
+#define MOST_RETREATS 12
+#define MOST_FAILURES 30 /* of one step; CVODE's own 10 give up on a model that only wants a short step */
+
+enum { BDF = 2, ONE_STEP = 2, NO_HNIL_WARNINGS = -1 };
+
+/* The types of SUNDIALS 7: sunrealtype is double, sunindextype int64_t, SUNComm int without MPI; its
+ * objects are pointers. */
+typedef void *Pointer;
+typedef int (*Rhs)(double t, Pointer y, Pointer ydot, void *data);
+typedef int (*Weights)(Pointer y, Pointer weights, void *data);
+typedef void (*Handler)(int line, const char *function, const char *file, const char *message, int code,
+                        void *data, Pointer context);
+
+/* One line each, in the order of GEAR_FUNCTIONS in workbench/kernel/gear.py. */
+typedef struct {
+    int (*SUNContext_Create)(int comm, Pointer *context);
+    int (*SUNContext_Free)(Pointer *context);
+    int (*SUNContext_ClearErrHandlers)(Pointer context);
+    int (*SUNContext_PushErrHandler)(Pointer context, Handler handler, void *data);
+    Pointer (*N_VNew_Serial)(int64_t n, Pointer context);
+    double *(*N_VGetArrayPointer)(Pointer vector);
+    void (*N_VDestroy)(Pointer vector);
+    Pointer (*SUNDenseMatrix)(int64_t rows, int64_t columns, Pointer context);
+    void (*SUNMatDestroy)(Pointer matrix);
+    Pointer (*SUNLinSol_Dense)(Pointer vector, Pointer matrix, Pointer context);
+    int (*SUNLinSolFree)(Pointer solver);
+    Pointer (*CVodeCreate)(int method, Pointer context);
+    int (*CVodeInit)(Pointer memory, Rhs rhs, double t, Pointer y);
+    int (*CVodeReInit)(Pointer memory, double t, Pointer y);
+    int (*CVodeSetUserData)(Pointer memory, void *data);
+    int (*CVodeWFtolerances)(Pointer memory, Weights weights);
+    int (*CVodeSetLinearSolver)(Pointer memory, Pointer solver, Pointer matrix);
+    int (*CVodeSetMaxHnilWarns)(Pointer memory, int warnings);
+    int (*CVodeSetMaxConvFails)(Pointer memory, int failures);
+    int (*CVodeSetMaxErrTestFails)(Pointer memory, int failures);
+    int (*CVodeSetInitStep)(Pointer memory, double h);
+    int (*CVodeSetMaxStep)(Pointer memory, double h);
+    int (*CVodeSetStopTime)(Pointer memory, double t);
+    int (*CVode)(Pointer memory, double t_out, Pointer y, double *t, int task);
+    int (*CVodeGetDky)(Pointer memory, double t, int order, Pointer y);
+    int (*CVodeGetNumErrTestFails)(Pointer memory, long *failures);
+    void (*CVodeFree)(Pointer *memory);
+} Sundials;
+
+enum { FUNCTIONS = 27 };
+_Static_assert(sizeof(Sundials) == FUNCTIONS * sizeof(void *), "one address for each function");
+
+typedef struct {
+    Solver base;
+    Sundials c;
+    Pointer context, y, dense, matrix, linear, memory;
+    double *y_values, *dense_values; /* [n] of the vectors y, dense */
+    double end;                      /* [s] end of CVODE's last step; y belongs to it */
+    double longest;                  /* [s] what CVODE was told last; 0: no bound */
+    bool cut;        /* the last step ended before CVODE's did: begin anew */
+    bool failed;     /* the model failed for good in a callback */
+    size_t rejected; /* before the last CVodeReInit */
+    Watch watch;
+    double work[];
+} Gear;
+
+static size_t vector_size(const Gear *g) { return g->base.problem.n * sizeof(double); }
+
+/* ---- callbacks ---- */
+
+static bool all_finite(const double *values, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        if (!isfinite(values[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static int on_rhs(double t, Pointer y, Pointer ydot, void *data)
+{
+    Gear *g = data;
+    const Problem *problem = &g->base.problem;
+    double *dx = g->c.N_VGetArrayPointer(ydot);
+    g->base.evaluations++;
+    const Evaluation evaluation = problem->derivatives(problem->owner, t, g->c.N_VGetArrayPointer(y), dx);
+    if (evaluation == EVALUATED) {
+        return all_finite(dx, problem->n) ? EVALUATED : RECOVERABLE;
+    }
+    g->failed = g->failed || evaluation == FAILED;
+    return evaluation;
+}
+
+/* CVODE asks once a step, so a scale that grows needs no restart. */
+static int on_weights(Pointer y, Pointer weights, void *data)
+{
+    const Gear *g = data;
+    const double *x = g->c.N_VGetArrayPointer(y), *scale = g->base.tolerance.scale;
+    double *w = g->c.N_VGetArrayPointer(weights);
+    for (size_t i = 0; i < g->base.problem.n; i++) {
+        w[i] = 1.0 / (STRICTER * g->base.tolerance.rtol * (fabs(x[i]) + scale[i]));
+    }
+    return 0;
+}
+
+static void on_error(int line, const char *function, const char *file, const char *message, int code, void *data,
+                     Pointer context)
+{
+    Gear *g = data;
+    (void)line, (void)function, (void)file, (void)code, (void)context;
+    snprintf(g->base.message, SOLVER_MESSAGE, "gear: CVODE cannot go on: %s", message != NULL ? message : "");
+    for (char *c = g->base.message; *c != '\0'; c++) {
+        *c = *c == '\n' || *c == '\r' ? ' ' : *c;
+    }
+}
+
+/* ---- creation ---- */
+
+static bool take_functions(Gear *g, const GearLibrary *library)
+{
+    if (library == NULL || library->functions == NULL || library->n_functions != FUNCTIONS) {
+        return false;
+    }
+    for (size_t i = 0; i < FUNCTIONS; i++) {
+        if (library->functions[i] == NULL) {
+            return false;
+        }
+    }
+    memcpy(&g->c, library->functions, sizeof g->c); /* C has no cast from data to function pointers */
+    return true;
+}
+
+static bool make_objects(Gear *g)
+{
+    const int64_t n = (int64_t)g->base.problem.n;
+    const Sundials *c = &g->c;
+    if (c->SUNContext_Create(0, &g->context) != 0) {
+        return false;
+    }
+    c->SUNContext_ClearErrHandlers(g->context); /* SUNDIALS prints errors by default */
+    c->SUNContext_PushErrHandler(g->context, on_error, g);
+    g->y = c->N_VNew_Serial(n, g->context);
+    g->dense = c->N_VNew_Serial(n, g->context);
+    g->matrix = c->SUNDenseMatrix(n, n, g->context);
+    if (g->y == NULL || g->dense == NULL || g->matrix == NULL) {
+        return false;
+    }
+    g->y_values = c->N_VGetArrayPointer(g->y);
+    g->dense_values = c->N_VGetArrayPointer(g->dense);
+    memset(g->y_values, 0, vector_size(g));
+    g->linear = c->SUNLinSol_Dense(g->y, g->matrix, g->context);
+    g->memory = c->CVodeCreate(BDF, g->context);
+    return g->linear != NULL && g->memory != NULL;
+}
+
+static bool set_up(Gear *g)
+{
+    const Sundials *c = &g->c;
+    return c->CVodeInit(g->memory, on_rhs, 0.0, g->y) == 0 && c->CVodeSetUserData(g->memory, g) == 0
+        && c->CVodeWFtolerances(g->memory, on_weights) == 0
+        && c->CVodeSetLinearSolver(g->memory, g->linear, g->matrix) == 0
+        && c->CVodeSetMaxHnilWarns(g->memory, NO_HNIL_WARNINGS) == 0
+        && c->CVodeSetMaxConvFails(g->memory, MOST_FAILURES) == 0
+        && c->CVodeSetMaxErrTestFails(g->memory, MOST_FAILURES) == 0;
+}
+
+static void destroy(Solver *solver)
+{
+    Gear *g = (Gear *)solver;
+    const Sundials *c = &g->c;
+    if (g->memory != NULL) {
+        c->CVodeFree(&g->memory);
+    }
+    if (g->linear != NULL) {
+        c->SUNLinSolFree(g->linear);
+    }
+    if (g->matrix != NULL) {
+        c->SUNMatDestroy(g->matrix);
+    }
+    if (g->dense != NULL) {
+        c->N_VDestroy(g->dense);
+    }
+    if (g->y != NULL) {
+        c->N_VDestroy(g->y);
+    }
+    if (g->context != NULL) {
+        c->SUNContext_Free(&g->context);
+    }
+    free(g);
+}
+
+static Evaluation indicators_at(void *owner, double t, double *z);
+
+static Solver *create(const Problem *problem, const Tolerance *tolerance, const GearLibrary *library)
+{
+    const size_t doubles = problem->n + watch_doubles(problem->nz);
+    Gear *g = problem->n > 0 ? calloc(1, sizeof *g + doubles * sizeof(double)) : NULL;
+    if (g == NULL) {
+        return NULL;
+    }
+    g->base.method = &solver_gear;
+    g->base.problem = *problem;
+    g->base.tolerance = *tolerance;
+    g->base.x = g->work;
+    watch_bind(&g->watch, problem->nz, g->work + problem->n, g, indicators_at);
+    if (!take_functions(g, library) || !make_objects(g) || !set_up(g)) {
+        destroy(&g->base);
+        return NULL;
+    }
+    return &g->base;
+}
+
+/* ---- stepping ---- */
+
+static bool fail(Gear *g, const char *words)
+{
+    Solver *solver = &g->base;
+    if (g->failed) {
+        solver->message[0] = '\0'; /* the owner knows why */
+    } else if (solver->message[0] == '\0') {
+        snprintf(solver->message, SOLVER_MESSAGE, "gear: %s", words);
+    }
+    return false;
+}
+
+static bool fail_from(Gear *g, Evaluation evaluation, const char *words)
+{
+    g->failed = g->failed || evaluation == FAILED;
+    return fail(g, words);
+}
+
+static void count_rejected(Gear *g)
+{
+    long failures = 0;
+    g->c.CVodeGetNumErrTestFails(g->memory, &failures);
+    g->base.rejected = g->rejected + (size_t)failures;
+}
+
+/* Begin at solver->t, ->x with a first step h; 0: CVODE chooses it. */
+static bool begin(Gear *g, double h)
+{
+    const Solver *solver = &g->base;
+    g->rejected = solver->rejected;
+    g->cut = false;
+    g->end = solver->t;
+    memcpy(g->y_values, solver->x, vector_size(g));
+    return g->c.CVodeReInit(g->memory, solver->t, g->y) == 0 && g->c.CVodeSetInitStep(g->memory, h) == 0;
+}
+
+static Evaluation states_at(Gear *g, double t, double *x)
+{
+    const bool inside = t != g->end;
+    if (inside && g->c.CVodeGetDky(g->memory, t, 0, g->dense) != 0) {
+        return RECOVERABLE;
+    }
+    memmove(x, inside ? g->dense_values : g->y_values, vector_size(g));
+    return EVALUATED;
+}
+
+static Evaluation indicators_at(void *owner, double t, double *z)
+{
+    Gear *g = owner;
+    const Problem *problem = &g->base.problem;
+    const double *x = g->y_values;
+    if (t != g->end) {
+        if (g->c.CVodeGetDky(g->memory, t, 0, g->dense) != 0) {
+            return RECOVERABLE;
+        }
+        x = g->dense_values;
+    }
+    return problem->indicators(problem->owner, t, x, z);
+}
+
+static bool restart(Solver *solver, double t, const double *x)
+{
+    Gear *g = (Gear *)solver;
+    g->failed = false;
+    solver->message[0] = '\0';
+    solver->t = solver->t_old = t;
+    memmove(solver->x, x, vector_size(g));
+    if (!begin(g, 0.0)) {
+        return fail(g, "CVODE does not begin");
+    }
+    const Evaluation evaluation = watch_restart(&g->watch, t);
+    return evaluation == EVALUATED || fail_from(g, evaluation, "the event indicators cannot be evaluated");
+}
+
+/* A bound that shrinks does not touch the step that CVODE has planned: a nearer stop does. */
+static bool set_bounds(Gear *g, double stop, double longest)
+{
+    const double bound = isfinite(longest) ? longest : 0.0; /* 0: none */
+    const bool shrinks = bound > 0.0 && (g->longest == 0.0 || bound < g->longest);
+    const double nearest = shrinks && g->base.t + bound < stop ? g->base.t + bound : stop;
+    if (bound != g->longest && g->c.CVodeSetMaxStep(g->memory, bound) != 0) {
+        return false;
+    }
+    g->longest = bound;
+    return g->c.CVodeSetStopTime(g->memory, nearest) == 0;
+}
+
+/* One accepted step of CVODE: to g->end, g->y. */
+static bool advance(Gear *g, double stop, double longest)
+{
+    const double t = g->base.t;
+    if (stop - t <= TINY_GAP * fmax(fabs(t), fabs(stop))) {
+        g->end = stop;
+        g->cut = true;
+        memcpy(g->y_values, g->base.x, vector_size(g));
+        return true;
+    }
+    if (!set_bounds(g, stop, longest) || g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP) < 0) {
+        return fail(g, "CVODE cannot go on");
+    }
+    count_rejected(g);
+    if (!all_finite(g->y_values, g->base.problem.n)) {
+        return fail(g, "a state is not a finite number");
+    }
+    return g->end > t || fail(g, "the step became too small; the model jumps without an event");
+}
+
+/* Take the step over, up to the first event in it. */
+static Evaluation take(Gear *g, bool *event)
+{
+    Solver *solver = &g->base;
+    double end = g->end;
+    Evaluation evaluation = watch_step(&g->watch, solver->t, &end, event);
+    if (evaluation == EVALUATED) {
+        evaluation = states_at(g, end, solver->x);
+    }
+    if (evaluation == EVALUATED) {
+        g->cut = g->cut || end != g->end;
+        solver->t_old = solver->t;
+        solver->t = end;
+        solver->steps++;
+    }
+    return evaluation;
+}
+
+static bool step(Solver *solver, double stop, double longest, bool *event)
+{
+    Gear *g = (Gear *)solver;
+    *event = false;
+    g->failed = false;
+    solver->message[0] = '\0';
+    if (g->cut && !begin(g, 0.0)) {
+        return fail(g, "CVODE does not begin");
+    }
+    for (int retreats = 0; retreats < MOST_RETREATS; retreats++) {
+        if (!advance(g, stop, longest)) {
+            return false;
+        }
+        const double h = g->end - solver->t;
+        const Evaluation evaluation = take(g, event);
+        if (evaluation == EVALUATED) {
+            return true;
+        }
+        if (evaluation == FAILED) {
+            return fail_from(g, evaluation, "");
+        }
+        solver->rejected++; /* the indicators cannot be evaluated there: shorter, as for the right-hand side */
+        if (!begin(g, 0.25 * h)) {
+            break;
+        }
+    }
+    return fail(g, "the event indicators cannot be evaluated");
+}
+
+static bool interpolate(const Solver *solver, double t, double *x)
+{
+    Gear *g = (Gear *)solver; /* the vector for dense output is scratch */
+    if (t == solver->t) {
+        memmove(x, solver->x, vector_size(g));
+        return true;
+    }
+    return states_at(g, t, x) == EVALUATED || fail(g, "no interpolation there");
+}
+
+const SolverMethod solver_gear = {"gear", create, restart, step, interpolate, destroy};
