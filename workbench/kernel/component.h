@@ -1,0 +1,83 @@
+/* component.h: one FMU by the addresses of its functions, whatever its FMI version.
+ *
+ * The caller owns the memory that a Component points to and keeps it alive.
+ */
+#ifndef WORKBENCH_KERNEL_COMPONENT_H
+#define WORKBENCH_KERNEL_COMPONENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "failure.h"
+
+typedef void (*Function)(void);
+
+/* What the kernel calls besides getters and setters; `function_name` gives the same names as text. */
+typedef enum {
+    SET_TIME,
+    SET_STATES,
+    GET_STATES,
+    GET_DERIVATIVES,
+    GET_INDICATORS,
+    COMPLETED_STEP,
+    ENTER_EVENT_MODE,
+    ENTER_CONTINUOUS_MODE,
+    ENTER_STEP_MODE,
+    UPDATE_DISCRETE_STATES,
+    DO_STEP,
+    SET_SLOPES,
+    N_FUNCTIONS
+} FunctionIndex;
+
+enum { FMI_WARNING = 1, FMI_DISCARD = 2, NOT_EXPORTED = -1 };
+
+struct ComponentCalls;
+
+typedef struct {
+    void *handle;
+    const Function *functions; /* [N_FUNCTIONS], NULL where the FMU has none */
+    const char *const *names;  /* [N_FUNCTIONS], as error messages call them */
+    size_t nx, nz;
+    int32_t version;
+    int32_t event_mode;     /* model exchange, and co-simulation that was asked for it */
+    int32_t completed_step; /* wants to be told of completed steps */
+    int32_t interpolates;   /* co-simulation: takes the slopes of its inputs */
+    int32_t slopes_work;    /* until it says otherwise */
+    double time;            /* of the last set_time or do_step [s] */
+    const struct ComponentCalls *calls;
+} Component;
+
+/* What an event iteration or a step says. */
+typedef struct {
+    bool again, terminate, states_changed, event;
+    double time; /* next time event (infinite: none), or how far the step got [s] */
+} Answer;
+
+/* One table for each FMI version. Each call returns the FMI status, or NOT_EXPORTED. */
+typedef struct ComponentCalls {
+    int (*completed_step)(const Component *component, Answer *answer);
+    int (*update_discrete_states)(const Component *component, Answer *answer);
+    int (*do_step)(const Component *component, double time, double step, Answer *answer);
+    int (*set_slopes)(const Component *component, const uint32_t *references, size_t n, const int32_t *orders,
+                      const double *slopes);
+    bool modes;          /* has the functions that enter a mode */
+    bool sized;          /* getters and setters also take the number of values */
+} ComponentCalls;
+
+extern const ComponentCalls calls_fmi1;
+extern const ComponentCalls calls_fmi2;
+extern const ComponentCalls calls_fmi3;
+
+const char *function_name(size_t index);
+/* The table of an FMI version, NULL if there is none. */
+const ComponentCalls *component_calls(int32_t version);
+
+/* All of these note what went wrong in `failure` and return false then. `who` is the component's number. */
+bool component_checked(const Component *component, FunctionIndex function, int status, int32_t who, Failure *failure);
+bool component_set_time(Component *component, double time, int32_t who, Failure *failure);
+bool component_states(const Component *component, FunctionIndex function, double *values, size_t n, int32_t who,
+                      Failure *failure);
+bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure);
+
+#endif

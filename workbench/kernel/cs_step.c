@@ -1,0 +1,154 @@
+#include "cs_step.h"
+
+#include <math.h>
+
+enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
+
+static Failure *failure_of(Cs *cs) {
+    return &cs->system->failure;
+}
+
+/* ---- event mode ---- */
+
+static bool ended(Cs *cs, int32_t who) {
+    failure_of(cs)->component = who;
+    return fail_at(failure_of(cs), FAILED_ENDED, cs->time);
+}
+
+/* Iterate until nothing changes, then go to step mode. */
+static bool leave_event_mode(Cs *cs, int32_t who) {
+    const Component *component = &cs->system->components[who];
+    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
+        Answer answer = {0};
+        const int status = component->calls->update_discrete_states(component, &answer);
+        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure_of(cs))) {
+            return false;
+        }
+        if (answer.terminate) {
+            return ended(cs, who);
+        }
+        if (!answer.again) {
+            return component_enter(component, ENTER_STEP_MODE, who, failure_of(cs));
+        }
+    }
+    failure_of(cs)->component = who;
+    return fail_at(failure_of(cs), FAILED_ITERATION, component->time);
+}
+
+static bool enter_event_mode(Cs *cs, int32_t who) {
+    return component_enter(&cs->system->components[who], ENTER_EVENT_MODE, who, failure_of(cs));
+}
+
+/* ---- inputs ---- */
+
+/* Write one component's part of `values`. */
+static bool write_blocks(Cs *cs, Access *access, int32_t who, const double *values) {
+    for (size_t b = 0; b < access->n_blocks; b++) {
+        Block *block = &access->blocks[b];
+        if (block->component == who && !block_write(block, cs->system->components, values, failure_of(cs))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool write_wanted(Cs *cs, int32_t who, bool events) {
+    Forcing *forcing = cs->system->forcing;
+    if (!write_blocks(cs, &forcing->fast, who, forcing->wanted) ||
+        (events && !write_blocks(cs, &forcing->slow, who, forcing->wanted))) {
+        return false;
+    }
+    for (size_t i = 0; i < forcing->n; i++) {
+        if (forcing->owners[i] == who && (events || !forcing->discrete[i])) {
+            forcing->written[i] = forcing->wanted[i];
+        }
+    }
+    return true;
+}
+
+/* Whether an input of the component differs from what it should be: any, or only discrete ones. */
+static bool differs(const Forcing *forcing, int32_t who, bool any) {
+    for (size_t i = 0; i < forcing->n; i++) {
+        const bool asked = forcing->owners[i] == who && (any || forcing->discrete[i]);
+        if (asked && !(forcing->wanted[i] == forcing->written[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
+    if (!cs->system->components[who].event_mode) {
+        return write_wanted(cs, who, true);
+    }
+    if (differs(cs->system->forcing, who, jump)) {
+        return enter_event_mode(cs, who) && write_wanted(cs, who, true) && leave_event_mode(cs, who);
+    }
+    return write_wanted(cs, who, false);
+}
+
+bool cs_set_inputs(Cs *cs, bool jump) {
+    System *system = cs->system;
+    if (system->forcing->n) {
+        forcing_evaluate(system->forcing, cs->time);
+        for (size_t i = 0; i < system->n_components; i++) {
+            if (!set_component_inputs(cs, (int32_t)i, jump)) {
+                return false;
+            }
+        }
+    }
+    return system_propagate(system, false, NULL);
+}
+
+/* ---- steps ---- */
+
+static bool handle(Cs *cs, int32_t who, const Answer *answer) {
+    if (answer->terminate) {
+        return ended(cs, who);
+    }
+    if (!answer->event) {
+        return true;
+    }
+    if (!cs->system->components[who].event_mode) {
+        failure_of(cs)->component = who;
+        return fail_at(failure_of(cs), FAILED_EVENT_MODE, answer->time);
+    }
+    return enter_event_mode(cs, who) && leave_event_mode(cs, who);
+}
+
+static bool step_component(Cs *cs, int32_t who, double start, double end) {
+    Component *component = &cs->system->components[who];
+    cs->time = start;
+    for (int i = 0; i < MAX_EARLY_RETURNS; i++) {
+        Answer answer = {0};
+        component->time = cs->time;
+        const int status = component->calls->do_step(component, cs->time, end - cs->time, &answer);
+        if (!component_checked(component, DO_STEP, status, who, failure_of(cs))) {
+            return false;
+        }
+        const bool early = answer.time < end - 1e-12 * fmax(fabs(end), end - cs->time);
+        if (early) {
+            cs->time = answer.time;
+        }
+        if (!handle(cs, who, &answer)) {
+            return false;
+        }
+        if (!early) {
+            component->time = end;
+            return true;
+        }
+    }
+    failure_of(cs)->component = who;
+    return fail_at(failure_of(cs), FAILED_EARLY, cs->time);
+}
+
+bool cs_step_to(Cs *cs, double end) {
+    const double start = cs->time;
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        if (!step_component(cs, (int32_t)i, start, end)) {
+            return false;
+        }
+    }
+    cs->time = end;
+    return true;
+}

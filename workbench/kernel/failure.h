@@ -1,0 +1,50 @@
+/* failure.h: why a run could not go on; the Python side turns it into an exception. */
+#ifndef WORKBENCH_KERNEL_FAILURE_H
+#define WORKBENCH_KERNEL_FAILURE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "solver.h"
+
+/* The order is that of FAILURES in workbench/session/compiled_errors.py. */
+typedef enum {
+    NO_FAILURE = 0,
+    FAILED_STATUS,      /* an FMI function returned worse than "warning" */
+    FAILED_MISSING,     /* the FMU does not export the function */
+    FAILED_ENDED,       /* the FMU asks to end the simulation */
+    FAILED_ITERATION,   /* the event iteration does not settle */
+    FAILED_VALUE,       /* recorded variable `index` is not finite: `value` */
+    FAILED_STATE,       /* state `index` is not finite */
+    FAILED_BOUND,       /* recorded variable `index` left the bound: `value` */
+    FAILED_SOLVER,      /* see `message` */
+    FAILED_STEPS,       /* too many steps between two points */
+    FAILED_ZENO,        /* events without time passing */
+    FAILED_EARLY,       /* too many early returns from one communication step */
+    FAILED_EVENT_MODE,  /* the FMU wants event mode, which it does not offer */
+    FAILED_GRID,        /* point `value` lies off the grid of the constant step */
+    FAILED_MEMORY,      /* no memory */
+    FAILED_READ_ONLY,   /* variables of this type cannot be set */
+    FAILED_INTERRUPTED, /* the caller asked to stop */
+    N_FAILURES
+} FailureCode;
+
+typedef struct {
+    int32_t code;
+    int32_t status;    /* FMI status */
+    int32_t component; /* whose call failed */
+    int32_t function;  /* index of a missing function, -1: a getter or setter */
+    int64_t index;     /* of the variable or state */
+    double time;       /* [s] */
+    double value;
+    const char *name; /* of the FMI function */
+    char message[SOLVER_MESSAGE];
+} Failure;
+
+/* Note the failure unless one is noted already; always false, so that callers can return it. */
+bool fail_at(Failure *failure, FailureCode code, double time);
+bool fail_value(Failure *failure, FailureCode code, double time, size_t index, double value);
+void failure_clear(Failure *failure);
+
+#endif

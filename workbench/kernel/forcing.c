@@ -1,0 +1,106 @@
+#include "forcing.h"
+
+#include <math.h>
+#include <string.h>
+
+double forcing_next_break(const Forcing *forcing, double t) {
+    double first = (double)INFINITY;
+    for (size_t i = 0; i < forcing->n; i++) {
+        first = fmin(first, signal_next_break(&forcing->signals[i], t));
+    }
+    return first;
+}
+
+static double biased(const Forcing *forcing, size_t i, double t) {
+    return signal_value(&forcing->signals[i], t) + forcing->bias[i];
+}
+
+void forcing_evaluate(Forcing *forcing, double t) {
+    for (size_t i = 0; i < forcing->n; i++) {
+        forcing->wanted[i] = value_as_type((ValueType)forcing->types[i], biased(forcing, i, t));
+    }
+}
+
+bool forcing_differs(const Forcing *forcing) {
+    for (size_t i = 0; i < forcing->n; i++) {
+        if (!(forcing->wanted[i] == forcing->written[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool forcing_discrete_differs(const Forcing *forcing) {
+    for (size_t i = 0; i < forcing->n; i++) {
+        if (forcing->discrete[i] && !(forcing->wanted[i] == forcing->written[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool forcing_write_continuous(Forcing *forcing, Component *components, double t, Failure *failure) {
+    if (forcing->fast.n_blocks == 0) {
+        return true;
+    }
+    for (size_t i = 0; i < forcing->n; i++) {
+        if (!forcing->discrete[i]) {
+            forcing->written[i] = biased(forcing, i, t);
+        }
+    }
+    return access_write(&forcing->fast, components, forcing->written, failure);
+}
+
+bool forcing_write_wanted(Forcing *forcing, Component *components, Failure *failure) {
+    if (!access_write(&forcing->fast, components, forcing->wanted, failure) ||
+        !access_write(&forcing->slow, components, forcing->wanted, failure)) {
+        return false;
+    }
+    memcpy(forcing->written, forcing->wanted, forcing->n * sizeof(double));
+    return true;
+}
+
+/* ---- slopes ---- */
+
+/* Give one block its slopes; whether the FMU took them. */
+static bool block_slopes(Forcing *forcing, const Block *block, Component *component, double span, const double *left) {
+    if (!component->interpolates || !component->slopes_work) {
+        return false;
+    }
+    for (size_t k = 0; k < block->n; k++) {
+        const size_t i = block->columns[k];
+        forcing->slopes[block->slots[k]] = (left[i] - forcing->written[i]) / span;
+    }
+    int status = NOT_EXPORTED;
+    if (component->calls->set_slopes && block->type == FLOAT64) {
+        status = component->calls->set_slopes(component, block->references, block->n_references, forcing->orders,
+                                              forcing->slopes);
+    }
+    /* Some FMUs claim to interpolate inputs but answer with an error; theirs are held then. */
+    component->slopes_work = status >= 0 && status <= FMI_WARNING;
+    return component->slopes_work != 0;
+}
+
+void forcing_give_slopes(Forcing *forcing, Component *components, double t, double end) {
+    memcpy(forcing->seen, forcing->written, forcing->n * sizeof(double));
+    bool usable = false;
+    for (size_t b = 0; b < forcing->fast.n_blocks; b++) {
+        const Component *component = &components[forcing->fast.blocks[b].component];
+        usable = usable || (component->interpolates && component->slopes_work);
+    }
+    if (!usable) {
+        return;
+    }
+    const double left = forcing_next_break(forcing, t) > end ? end : nextafter(end, -(double)INFINITY);
+    for (size_t i = 0; i < forcing->n; i++) {
+        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : biased(forcing, i, left);
+    }
+    for (size_t b = 0; b < forcing->fast.n_blocks; b++) {
+        const Block *block = &forcing->fast.blocks[b];
+        if (block_slopes(forcing, block, &components[block->component], end - t, forcing->wanted)) {
+            for (size_t k = 0; k < block->n; k++) {
+                forcing->seen[block->columns[k]] = forcing->wanted[block->columns[k]];
+            }
+        }
+    }
+}

@@ -1,0 +1,39 @@
+/* forcing.h: the forced inputs: evaluate their signals, write them, remember what was written.
+ *
+ * The twin of workbench/session/forcing.py. The caller owns all memory a Forcing points to.
+ */
+#ifndef WORKBENCH_KERNEL_FORCING_H
+#define WORKBENCH_KERNEL_FORCING_H
+
+#include "access.h"
+#include "signals.h"
+
+typedef struct {
+    const Signal *signals;   /* [n] */
+    const double *bias;      /* [n] */
+    const int32_t *types;    /* [n] ValueType */
+    const int32_t *owners;   /* [n] component */
+    const int32_t *discrete; /* [n] may change at events only */
+    double *written;         /* [n] what the FMUs see now */
+    double *wanted;          /* [n] scratch */
+    double *seen;            /* [n] what they see just before the end of a step */
+    double *slopes;          /* [n] scratch [1/s] */
+    const int32_t *orders;   /* [n] ones */
+    size_t n, n_discrete;
+    Access fast, slow; /* columns are positions in the list above */
+    double longest_step;
+} Forcing;
+
+double forcing_next_break(const Forcing *forcing, double t);
+/* All values at t, biased, as the FMUs would see them, to `wanted`. */
+void forcing_evaluate(Forcing *forcing, double t);
+bool forcing_differs(const Forcing *forcing);
+bool forcing_discrete_differs(const Forcing *forcing);
+/* Write the inputs that may change in continuous time. */
+bool forcing_write_continuous(Forcing *forcing, Component *components, double t, Failure *failure);
+/* Write `wanted`; allowed in event mode and between co-simulation steps. */
+bool forcing_write_wanted(Forcing *forcing, Component *components, Failure *failure);
+/* Tell those FMUs that can take it how their inputs go on until `end`; fills `seen`. */
+void forcing_give_slopes(Forcing *forcing, Component *components, double t, double end);
+
+#endif

@@ -1,0 +1,35 @@
+/* fourier.h: mean and harmonics of rows that come one by one.
+ *
+ * The same integrals as workbench/analysis/harmonics.py, to rounding: the trapezoidal rule over all rows, two
+ * rows with one time included, so that jumps are integrated exactly. The first row's value is taken off first,
+ * so that a large constant part leaves no rounding.
+ */
+#ifndef WORKBENCH_KERNEL_FOURIER_H
+#define WORKBENCH_KERNEL_FOURIER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef struct {
+    double begin;     /* time at which the phase is zero [s] */
+    double frequency; /* [Hz] */
+    size_t orders;    /* number of harmonics */
+    size_t n;         /* number of signals */
+    const size_t *columns; /* [n] in the row: time is column 0 */
+    /* Memory of the caller, set up by `fourier_clear`. */
+    double *basis;    /* [2][1 + 2 orders]: 1, sin, cos, sin 2, ... at the last row and at this */
+    double *weights;  /* [1 + 2 orders] ∫ basis */
+    double *sums;     /* [n][1 + 2 orders] ∫ (y - y_first) · basis */
+    double *first;    /* [n] */
+    double *last;     /* [n] the last row's values, less the first */
+    double *largest;  /* [n] largest magnitude so far */
+    double start, time; /* [s] of the first and the last row */
+    size_t rows;
+} Fourier;
+
+void fourier_clear(Fourier *fourier);
+void fourier_add(Fourier *fourier, const double *row);
+/* Coefficients [n][1 + 2 orders]: mean, then in-phase and quadrature part of each harmonic. */
+void fourier_result(const Fourier *fourier, double *coefficients);
+
+#endif

@@ -1,0 +1,50 @@
+/* kernel.h: what the shared library exports.
+ *
+ * Python fills the structures of the other headers (workbench/kernel/structs.py), keeps all that they point to
+ * alive, and makes one call for many steps. The kernel has no global state and keeps no pointer after `close`.
+ */
+#ifndef WORKBENCH_KERNEL_H
+#define WORKBENCH_KERNEL_H
+
+#include "cs.h"
+#include "me.h"
+
+/* To be raised with every change of a structure or of the meaning of a call. */
+enum { KERNEL_VERSION = 1 };
+
+#ifdef _WIN32
+#define KERNEL_EXPORT __declspec(dllexport)
+#else
+#define KERNEL_EXPORT __attribute__((visibility("default")))
+#endif
+
+KERNEL_EXPORT int32_t kernel_version(void);
+/* Size of a structure by its name, 0 if there is none: the caller compares it with its own. */
+KERNEL_EXPORT size_t kernel_sizeof(const char *structure);
+/* Names of the FMI functions in the order of FunctionIndex; NULL behind the last. */
+KERNEL_EXPORT const char *kernel_function_name(size_t index);
+
+/* Check and complete what the caller filled in; 0: an FMI version is unknown. */
+KERNEL_EXPORT int32_t kernel_system_open(System *system);
+
+/* These return 1, or 0 after noting the reason in system->failure. */
+KERNEL_EXPORT int32_t kernel_me_open(Me *me);
+KERNEL_EXPORT int32_t kernel_me_restart(Me *me);
+KERNEL_EXPORT int32_t kernel_me_run(Me *me, double until, const double *targets, size_t n_targets, Record *record,
+                                    int32_t fresh);
+KERNEL_EXPORT void kernel_me_close(Me *me);
+KERNEL_EXPORT int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record,
+                                    int32_t fresh);
+
+/* Copy the rows to `columns` [width][rows]. */
+KERNEL_EXPORT void kernel_record_columns(const Record *record, double *columns);
+KERNEL_EXPORT void kernel_record_free(Record *record);
+
+KERNEL_EXPORT double kernel_signal_value(const Signal *signal, double t);
+KERNEL_EXPORT double kernel_signal_next_break(const Signal *signal, double t);
+
+/* Fourier coefficients of rows [n][width]; `fourier` names columns and memory. */
+KERNEL_EXPORT void kernel_fourier(Fourier *fourier, const double *rows, size_t n, size_t width, double *coefficients);
+KERNEL_EXPORT void kernel_fourier_result(const Fourier *fourier, double *coefficients);
+
+#endif

@@ -1,0 +1,35 @@
+/* me.h: model exchange: the kernel integrates from stop to stop. The twin of workbench/session/me.py. */
+#ifndef WORKBENCH_KERNEL_ME_H
+#define WORKBENCH_KERNEL_ME_H
+
+#include "record.h"
+#include "solver.h"
+#include "system.h"
+
+typedef struct {
+    System *system;
+    const char *solver_name;
+    const GearLibrary *gear;
+    double rtol;
+    double *scale;      /* [nx] see Tolerance */
+    const double *most; /* [nx] bound of the scale */
+    /* Where the session stands. */
+    double time, next_time; /* [s] */
+    double last_event, cautious, span;
+    int32_t crowd; /* events in a row without time passing */
+    /* Owned by the kernel. */
+    Solver *solver;
+    double *x; /* [nx] scratch */
+    const double *targets;
+    size_t n_targets;
+    Record *record;
+} Me;
+
+/* Make the solver. */
+bool me_open(Me *me);
+/* Begin anew at `time` with the states that the FMUs have. */
+bool me_restart(Me *me);
+bool me_run(Me *me, double until, const double *targets, size_t n_targets, Record *record, bool fresh);
+void me_close(Me *me);
+
+#endif

@@ -1,0 +1,136 @@
+#include "me_event.h"
+
+#include <float.h>
+#include <math.h>
+
+enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20 };
+static const double ZENO_GAP = 1e-8;
+
+static Failure *failure_of(Me *me) {
+    return &me->system->failure;
+}
+
+bool me_completed(Me *me, bool *event) {
+    System *system = me->system;
+    for (size_t i = 0; i < system->n_components; i++) {
+        const Component *component = &system->components[i];
+        Answer answer = {0};
+        if (!component->completed_step) {
+            continue;
+        }
+        const int status = component->calls->completed_step(component, &answer);
+        if (!component_checked(component, COMPLETED_STEP, status, (int32_t)i, &system->failure)) {
+            return false;
+        }
+        if (answer.terminate) {
+            system->failure.component = (int32_t)i;
+            return fail_at(&system->failure, FAILED_ENDED, me->time);
+        }
+        *event = *event || answer.event;
+    }
+    return true;
+}
+
+static double spacing(double t) {
+    return nextafter(fabs(t), (double)INFINITY) - fabs(t);
+}
+
+/* Refuse to go on when events follow each other without time passing. */
+static bool guard_zeno(Me *me) {
+    const double gap = me->time - me->last_event;
+    const bool close = gap <= ZENO_GAP * me->span;
+    if (me->system->nz) {
+        /* The next event may follow as quickly as this one did: a long first step would jump over it. */
+        me->cautious = fmax(0.25 * gap, 64.0 * spacing(me->time));
+    }
+    me->crowd = close ? me->crowd + 1 : 0;
+    me->last_event = me->time;
+    return me->crowd > ZENO_EVENTS ? fail_at(failure_of(me), FAILED_ZENO, me->time) : true;
+}
+
+/* One round: every component evaluates the event once. */
+static bool update_all(Me *me, bool *again, bool *states_changed) {
+    System *system = me->system;
+    me->next_time = (double)INFINITY;
+    for (size_t i = 0; i < system->n_components; i++) {
+        const Component *component = &system->components[i];
+        Answer answer = {0};
+        const int status = component->calls->update_discrete_states(component, &answer);
+        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+            return false;
+        }
+        *again = *again || answer.again;
+        *states_changed = *states_changed || answer.states_changed;
+        me->next_time = fmin(me->next_time, answer.time);
+        if (answer.terminate) {
+            system->failure.component = (int32_t)i;
+            return fail_at(&system->failure, FAILED_ENDED, me->time);
+        }
+    }
+    return true;
+}
+
+/* Iterate in event mode until neither a component nor a connected value changes. */
+static bool iterate(Me *me, bool *states_changed) {
+    System *system = me->system;
+    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
+        bool again = false;
+        bool moved = false;
+        if (!update_all(me, &again, states_changed) || !system_propagate(system, true, &moved)) {
+            return false;
+        }
+        if (!again && !moved) {
+            return system_enter(system, ENTER_CONTINUOUS_MODE);
+        }
+    }
+    return fail_at(&system->failure, FAILED_ITERATION, me->time);
+}
+
+bool me_put(Me *me) {
+    return system_put(me->system, me->time, me->solver->x);
+}
+
+static void grow_scale(Me *me, const double *x) {
+    for (size_t i = 0; i < me->system->nx; i++) {
+        me->scale[i] = fmax(me->scale[i], fmin(fabs(x[i]), me->most[i]));
+    }
+}
+
+bool me_restart_solver(Me *me, const double *x) {
+    grow_scale(me, x);
+    if (!me->solver->method->restart(me->solver, me->time, x)) {
+        return fail_at(failure_of(me), FAILED_SOLVER, me->time);
+    }
+    failure_clear(failure_of(me));
+    return true;
+}
+
+static bool write_inputs(Me *me) {
+    Forcing *forcing = me->system->forcing;
+    if (forcing->n == 0) {
+        return system_propagate(me->system, true, NULL);
+    }
+    forcing_evaluate(forcing, me->time);
+    return forcing_write_wanted(forcing, me->system->components, failure_of(me)) &&
+           system_propagate(me->system, true, NULL);
+}
+
+bool me_event(Me *me) {
+    System *system = me->system;
+    bool states_changed = false;
+    if (!guard_zeno(me)) {
+        return false;
+    }
+    system->limit = (double)INFINITY;
+    if (!me_put(me) || !system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
+        !iterate(me, &states_changed)) {
+        return false;
+    }
+    for (size_t i = 0; i < system->nx; i++) {
+        me->x[i] = me->solver->x[i];
+    }
+    if (states_changed && !system_vectors(system, GET_STATES, me->x, false)) {
+        return false;
+    }
+    return me_restart_solver(me, me->x);
+}

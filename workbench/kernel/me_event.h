@@ -1,0 +1,14 @@
+/* me_event.h: what happens at an event of model exchange. */
+#ifndef WORKBENCH_KERNEL_ME_EVENT_H
+#define WORKBENCH_KERNEL_ME_EVENT_H
+
+#include "me.h"
+
+/* Report an accepted step; *event: an FMU wants an event. */
+bool me_completed(Me *me, bool *event);
+/* Handle an event at the present time; the FMUs stand at their left limit. */
+bool me_event(Me *me);
+bool me_put(Me *me);
+bool me_restart_solver(Me *me, const double *x);
+
+#endif

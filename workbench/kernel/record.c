@@ -1,0 +1,78 @@
+#include "record.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FIRST_ROWS = 512 };
+
+void record_begin(Record *record, const System *system) {
+    const size_t width = 1 + system->forcing->n + record->n_values;
+    /* The memory of wider or narrower rows is used again. */
+    record->capacity = record->width ? record->capacity * record->width / width : 0;
+    record->width = width;
+    record->rows = 0;
+    record->skipped = 0;
+    if (record->fourier) {
+        fourier_clear(record->fourier);
+    }
+}
+
+static bool grow(Record *record) {
+    const size_t capacity = record->capacity ? 2 * record->capacity : FIRST_ROWS;
+    if (capacity > SIZE_MAX / sizeof(double) / record->width) {
+        return false;
+    }
+    double *data = realloc(record->data, capacity * record->width * sizeof(double));
+    if (data) {
+        record->data = data;
+        record->capacity = capacity;
+    }
+    return data != NULL;
+}
+
+static bool check_values(const Record *record, System *system, double time, const double *values) {
+    for (size_t i = 0; i < record->n_values; i++) {
+        if (!isfinite(values[i])) {
+            return fail_value(&system->failure, FAILED_VALUE, time, i, values[i]);
+        }
+        if (fabs(values[i]) > record->bound) {
+            return fail_value(&system->failure, FAILED_BOUND, time, i, values[i]);
+        }
+    }
+    return true;
+}
+
+static bool is_kept(Record *record, RowKind kind) {
+    if (kind == ROW_SECOND) {
+        return record->skipped == 0;
+    }
+    const bool skip = kind == ROW_POINT && record->skipped + 1 < record->every;
+    record->skipped = skip ? record->skipped + 1 : 0;
+    return !skip;
+}
+
+bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind) {
+    if (record->rows >= record->capacity && !grow(record)) {
+        return fail_at(&system->failure, FAILED_MEMORY, time);
+    }
+    const size_t n = system->forcing->n;
+    double *row = record->data + record->rows * record->width;
+    row[0] = time;
+    memcpy(row + 1, inputs, n * sizeof(double));
+    if (!access_read(&record->access, system->components, row + 1 + n, &system->failure) ||
+        !check_values(record, system, time, row + 1 + n)) {
+        return false;
+    }
+    if (record->fourier) {
+        fourier_add(record->fourier, row);
+    }
+    record->rows += record->keep && is_kept(record, kind);
+    return true;
+}
+
+void record_free(Record *record) {
+    free(record->data);
+    record->data = NULL;
+    record->rows = record->capacity = record->width = 0;
+}
