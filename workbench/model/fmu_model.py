@@ -40,7 +40,10 @@ class FmuModel(Model):
     Attributes:
         description: all that the FMU says about itself.
         source: what the user named.
+        recipe: how to load it again.
     """
+
+    recipe: FmuRecipe
 
     def __init__(
         self,
@@ -52,7 +55,6 @@ class FmuModel(Model):
         notes: tuple[str, ...],
         recipe: FmuRecipe,
     ) -> None:
-        self.recipe = recipe
         self.description = description
         self.source = str(unpacked.source)
         self.name = description.model_name
@@ -66,6 +68,7 @@ class FmuModel(Model):
         self._unpacked = unpacked
         self._setup = dataclasses.replace(setup, open_instance=self._open_instance, state_works=self._state_works)
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
+        self.recipe = recipe
         self._trusted: bool | None = None
         self._closed = False
 

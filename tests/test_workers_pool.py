@@ -1,0 +1,224 @@
+"""Worker processes: what crashes, hangs or eats memory costs its own job only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import workbench as wb
+from tests.worker_tasks import obey
+from workbench.workers.limits import Limits, memory_limit_works
+from workbench.workers.pool import Pool
+from workbench.workers.reasons import died
+from workbench.workers.runner import Lost, Reply
+
+ROOT = Path(__file__).resolve().parent.parent
+posix = pytest.mark.skipif(os.name == "nt", reason="signals")
+linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
+
+Outcome = dict[tuple[Any, ...], list[Any]]
+
+
+@pytest.fixture(scope="module")
+def model() -> Iterator[wb.FmuModel]:
+    with wb.load("fmu:FirstOrderLag") as loaded:
+        yield loaded
+
+
+def do(model: wb.FmuModel, *jobs: tuple[Any, ...], workers: int = 2, limits: Limits | None = None) -> Outcome:
+    """Run jobs; return what came of each: its items, and the reason if it was lost."""
+    found: Outcome = {job: [] for job in jobs}
+    with Pool(model.recipe, jobs=workers, limits=limits or Limits()) as pool:
+        for event in pool.run(obey, deque(jobs)):
+            found[event.job].append(event.value if isinstance(event, Reply) else event.reason)
+        pids = pool.pids
+    assert not any(alive(p) for p in pids)
+    return found
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return "Z" not in Path(f"/proc/{pid}/stat").read_text().split() if Path("/proc/self/stat").exists() else True
+
+
+def test_jobs_run_on_the_model_in_other_processes(model: wb.FmuModel) -> None:
+    found = do(model, ("say", 1, 2, 3), ("name",), ("say",))
+    assert found["say", 1, 2, 3] == [1, 2, 3]
+    assert found["say",] == []
+    name, outputs, pid = found["name",][0]
+    assert (name, outputs) == ("FirstOrderLag", ["y"])
+    assert pid != os.getpid()
+
+
+@posix
+def test_a_crash_costs_its_own_job_only(model: wb.FmuModel) -> None:
+    say = [("say", k) for k in range(4)]
+    bad: list[tuple[Any, ...]] = [("segfault",), ("signal", int(signal.SIGABRT)), ("exit", 3)]
+    found = do(model, say[0], bad[0], say[1], bad[1], say[2], bad[2], say[3])
+    assert [found[s] for s in say] == [[0], [1], [2], [3]]
+    assert found[bad[0]] == ["the FMU crashed: segmentation fault (SIGSEGV)"]
+    assert found[bad[1]] == ["before", "the FMU aborted its process (SIGABRT)"]
+    assert found[bad[2]] == ["the FMU ended its process (exit code 3)"]
+
+
+@posix
+def test_a_hang_is_ended_by_the_time_limit(model: wb.FmuModel) -> None:
+    begin = time.monotonic()
+    found = do(model, ("endless_in_c",), ("say", 1), limits=Limits(timeout=0.3))
+    assert found["endless_in_c",] == ["time limit: not finished after 0.3 s; --timeout sets it"]
+    assert found["say", 1] == [1]
+    assert time.monotonic() - begin < 5.0
+
+
+def test_the_time_limit_counts_from_item_to_item(model: wb.FmuModel) -> None:
+    found = do(model, ("sleep", 0.3, 0.3, 0.3), limits=Limits(timeout=0.6))
+    assert found["sleep", 0.3, 0.3, 0.3] == [0.3, 0.3, 0.3]
+
+
+@linux
+def test_the_memory_limit_refuses_allocations(model: wb.FmuModel) -> None:
+    found = do(model, ("allocate", 400), ("allocate", 20), ("malloc", 400), limits=Limits(memory=200.0))
+    assert found["allocate", 400] == ["memory limit: more than 200 MB needed; --memory-limit sets it"]
+    assert found["allocate", 20] == [20_000_000]
+    assert found["malloc", 400] == [
+        "the FMU crashed: segmentation fault (SIGSEGV), perhaps by the memory limit of 200 MB"
+    ]
+
+
+def test_an_error_of_the_task_is_raised_here(model: wb.FmuModel) -> None:
+    with pytest.raises(wb.SimulationError, match=r"fmi2DoStep returned error \(at t = 1.5 s\)") as caught:
+        do(model, ("fail",))
+    assert caught.value.time == 1.5
+    with pytest.raises(RuntimeError, match="KeyError"):
+        do(model, ("bug",))
+
+
+def test_the_queue_may_grow_meanwhile(model: wb.FmuModel) -> None:
+    jobs = deque([("say", 3)])
+    seen = []
+    with Pool(model.recipe, jobs=2, limits=Limits()) as pool:
+        for event in pool.run(obey, jobs):
+            assert isinstance(event, Reply)
+            seen.append(event.value)
+            if event.value:
+                jobs.append(("say", event.value - 1))
+    assert seen == [3, 2, 1, 0]
+
+
+def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.FmuModel) -> None:
+    pool = Pool(model.recipe, jobs=1, limits=Limits())
+    events = pool.run(obey, deque([("sleep", 0.0, 100.0)]))
+    assert next(events) == Reply(("sleep", 0.0, 100.0), 0.0)
+    pids = pool.pids
+    pool.stop()
+    with pytest.raises(KeyboardInterrupt):
+        next(events)
+    assert pids
+    assert not any(alive(p) for p in pids)
+
+
+@posix
+def test_ctrl_c_is_the_parents_affair(model: wb.FmuModel) -> None:
+    assert do(model, ("interrupt",)) == {("interrupt",): ["still here"]}
+
+
+def test_a_worker_loads_only_what_it_needs(model: wb.FmuModel) -> None:
+    modules = set(do(model, ("modules",))["modules",][0])
+    assert not modules & {"matplotlib", "typer", "rich", "control", "pytest", "scipy", "sqlite3"}
+
+
+@posix
+def test_standard_output_belongs_to_the_result(model: wb.FmuModel, capfd: pytest.CaptureFixture[str]) -> None:
+    do(model, ("stdout",))
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert "written by the FMU" in captured.err
+
+
+def test_a_model_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    with wb.load("fmu:FirstOrderLag") as loaded:
+        recipe = loaded.recipe
+    with Pool(recipe, jobs=1, limits=Limits()) as pool, pytest.raises(wb.WorkbenchError):
+        list(pool.run(obey, deque([("say", 1)])))
+
+
+ORPHANS = """
+import workbench as wb
+from collections import deque
+from tests.worker_tasks import obey
+from workbench.workers import Limits
+from workbench.workers.pool import Pool
+model = wb.load("fmu:FirstOrderLag")
+pool = Pool(model.recipe, jobs=2, limits=Limits())
+for event in pool.run(obey, deque([("sleep", 0.0, 100.0), ("say", 1), ("endless_in_c",)])):
+    print(model.recipe.folder, *pool.pids, flush=True)
+"""
+
+
+@posix
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_with_their_parent_whatever_ends_it(how: signal.Signals) -> None:
+    # The script has no `if __name__ == "__main__"`: a worker does not run it again.
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, text=True, env=environment)
+    assert process.stdout is not None
+    lines = [process.stdout.readline().split() for _ in range(2)]
+    time.sleep(0.3)  # the second worker is in C code now
+    process.send_signal(how)
+    process.wait()
+    folder, *pids = lines[-1]
+    assert len(pids) == 2
+    deadline = time.monotonic() + 5.0
+    while any(alive(int(p)) for p in pids) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(alive(int(p)) for p in pids)
+    assert not Path(folder).exists()
+    process.stdout.close()
+
+
+def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
+    script = tmp_path / "plain.py"
+    script.write_text(ORPHANS.replace('("sleep", 0.0, 100.0), ("say", 1), ("endless_in_c",)', '("say", 1)'))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, env=environment)
+    assert len(done.stdout.splitlines()) == 1
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("code", "platform", "text"),
+    [
+        (0xC0000005, "win32", "access violation"),
+        (-1073741819, "win32", "access violation"),
+        (3, "win32", "exit code 3"),
+        (-9, "linux", "killed (SIGKILL)"),
+        (-8, "linux", "arithmetic"),
+        (-60, "linux", "signal"),
+        (0, "linux", "exit code 0"),
+        (None, "linux", "exit code None"),
+    ],
+)
+def test_reasons_name_what_happened(code: int | None, platform: str, text: str) -> None:
+    assert text in died(code, Limits(), platform=platform)
+
+
+@pytest.mark.parametrize("limits", [{"timeout": 0.0}, {"timeout": float("nan")}, {"memory": -1.0}])
+def test_limits_are_checked(limits: dict[str, float]) -> None:
+    with pytest.raises(wb.InputError, match="not a positive number"):
+        Limits(**limits)
+
+
+def test_lost_and_reply_are_values() -> None:
+    assert Lost(1, "x") == Lost(1, "x")

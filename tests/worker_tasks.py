@@ -1,0 +1,98 @@
+"""Tasks that worker processes can import: each does what its job says, well or badly."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from workbench.errors import SimulationError
+from workbench.model import Model
+
+
+def obey(model: Model, job: tuple[Any, ...]) -> Iterator[Any]:
+    """Jobs are tuples: a word, then its arguments."""
+    word, *arguments = job
+    yield from _DEEDS[word](model, *arguments)
+
+
+def _say(model: Model, *values: int) -> Iterator[Any]:
+    yield from values
+
+
+def _name(model: Model) -> Iterator[Any]:
+    with model.open_session() as session:
+        yield model.name, sorted(session.values([v.name for v in model.outputs])), os.getpid()
+
+
+def _signal(model: Model, number: int) -> Iterator[Any]:
+    yield "before"
+    os.kill(os.getpid(), number)
+    yield "never"
+
+
+def _segfault(model: Model) -> Iterator[Any]:
+    ctypes.string_at(0)
+    yield "never"
+
+
+def _exit(model: Model, code: int) -> Iterator[Any]:
+    if code >= 0:
+        os._exit(code)
+    yield "never"
+
+
+def _sleep(model: Model, *seconds: float) -> Iterator[Any]:
+    for s in seconds:
+        time.sleep(s)
+        yield s
+
+
+def _endless_in_c(model: Model) -> Iterator[Any]:
+    """Sit in C code, as an FMU that hangs does."""
+    ctypes.CDLL(None).pause()
+    yield "never"
+
+
+def _allocate(model: Model, megabytes: int) -> Iterator[Any]:
+    yield len(bytearray(megabytes * 1_000_000))
+
+
+def _malloc(model: Model, megabytes: int) -> Iterator[Any]:
+    """Write where malloc said NULL, as careless C code does."""
+    library = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    address = library.malloc(ctypes.c_size_t(megabytes * 1_000_000))
+    ctypes.memset(address or 0, 1, 1)
+    yield "allocated"
+
+
+def _fail(model: Model) -> Iterator[Any]:
+    yield from ()
+    raise SimulationError("fmi2DoStep returned error", time=1.5)
+
+
+def _bug(model: Model) -> Iterator[Any]:
+    nothing: dict[str, int] = {}
+    yield nothing["nosuch"]
+
+
+def _modules(model: Model) -> Iterator[Any]:
+    yield sorted(name.partition(".")[0] for name in sys.modules)
+
+
+def _stdout(model: Model) -> Iterator[Any]:
+    os.write(1, b"written by the FMU\n")
+    yield None
+
+
+def _interrupt(model: Model) -> Iterator[Any]:
+    os.kill(os.getpid(), signal.SIGINT)
+    yield "still here"
+
+
+_DEEDS = {name.lstrip("_"): deed for name, deed in list(globals().items()) if name.startswith("_") and callable(deed)}

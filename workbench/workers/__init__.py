@@ -1,0 +1,11 @@
+"""Worker processes: run functions of a model where a crash of the FMU harms nobody.
+
+An analysis describes its work as a generator function of a model and a job (`Task`) and hands a queue of
+jobs to a `Runner`; which runner that is, this process, worker processes or any executor, `choose` decides.
+"""
+
+from workbench.workers.choose import Workers, choose
+from workbench.workers.limits import DEFAULT_TIMEOUT, Limits
+from workbench.workers.runner import InProcess, Lost, Reply, Runner
+
+__all__ = ["DEFAULT_TIMEOUT", "InProcess", "Limits", "Lost", "Reply", "Runner", "Workers", "choose"]

@@ -1,0 +1,99 @@
+"""What runs in a worker process: open the model once, do tasks until the parent hangs up."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection, wait
+from typing import TYPE_CHECKING, Any
+
+from workbench.errors import WorkbenchError
+from workbench.workers.limits import Limits, restrict_memory
+
+if TYPE_CHECKING:
+    from workbench.model.base import Model
+    from workbench.model.recipe import Recipe
+
+__all__ = ["BUG", "DONE", "ERROR", "ITEM", "MEMORY", "READY", "Task", "work"]
+
+# Kinds of messages to the parent, each followed by its content.
+READY, ITEM, DONE, ERROR, MEMORY, BUG = "ready", "item", "done", "error", "memory", "bug"
+
+Task = Callable[["Model", Any], Iterator[Any]]
+
+_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+
+
+def work(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
+    """Serve one parent; ends the process.
+
+    Args:
+        pipe: brings pairs of a task and its argument, takes messages (kind, content).
+        recipe: of the model.
+        limits: the memory limit is set here, the time limit is the parent's affair.
+    """
+    _behave()
+    threading.Thread(target=_watch_parent, args=(recipe,), daemon=True).start()
+    try:
+        _serve(pipe, recipe, limits)
+    except (EOFError, BrokenPipeError, ConnectionError):
+        os._exit(0)
+
+
+def _serve(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
+    try:
+        model = recipe.open()
+    except WorkbenchError as error:
+        pipe.send((ERROR, error))
+        return
+    restrict_memory(limits.memory)
+    with model:
+        pipe.send((READY, None))
+        while True:
+            task, argument = pipe.recv()
+            pipe.send(_do(task, model, argument, pipe))
+
+
+def _do(task: Task, model: Model, argument: Any, pipe: Connection) -> tuple[str, Any]:  # noqa: ANN401 - any task's
+    """Do one task, sending its items; return the last message."""
+    try:
+        for item in task(model, argument):
+            pipe.send((ITEM, item))
+    except WorkbenchError as error:
+        return ERROR, error
+    except MemoryError:
+        return MEMORY, None
+    except (EOFError, OSError):
+        raise
+    except Exception:  # noqa: BLE001 - a bug of ours; the parent raises it
+        return BUG, traceback.format_exc()
+    return DONE, None
+
+
+def _behave() -> None:
+    """Leave Ctrl-C to the parent, standard output to the result, and no core dumps or dialogs behind."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
+    if sys.platform == "win32":
+        import ctypes  # noqa: PLC0415 - Windows only
+
+        # SEM_FAILCRITICALERRORS | SEM_NOGPFAULTERRORBOX | SEM_NOOPENFILEERRORBOX
+        ctypes.windll.kernel32.SetErrorMode(0x0001 | 0x0002 | 0x8000)
+        return
+    import resource  # noqa: PLC0415 - not on Windows
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _watch_parent(recipe: Recipe) -> None:
+    """End this process when the parent is gone, even while the FMU's code runs."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        recipe.abandon()
+    os._exit(1)

@@ -1,0 +1,113 @@
+"""What runs tasks on a model, here or elsewhere."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from workbench.workers.child import Task
+
+if TYPE_CHECKING:
+    from workbench.model.base import Model
+
+__all__ = ["InProcess", "Lost", "Reply", "Runner"]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """One item that a task yielded.
+
+    Attributes:
+        job: the task's argument, the very object.
+        value: the item.
+    """
+
+    job: Any
+    value: Any
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A task that did not come to its end: its process crashed, hung, or ran out of memory.
+
+    Attributes:
+        job: the task's argument, the very object; items may have come before.
+        reason: one line.
+    """
+
+    job: Any
+    reason: str
+
+
+class Runner(ABC):
+    """Runs one function on a model for many arguments.
+
+    Obligations of a subclass:
+      1. `run` begins the jobs in their order, gives the items of one job in order, and takes jobs
+         that the caller appends to the queue meanwhile.
+      2. An exception of the task ends `run` and is raised by it; a crash is a `Lost` and the next job is done.
+      3. The next job is begun only after the caller has taken the items before it: what the caller
+         writes to disk is there before that.
+      4. After `stop` (which a signal handler may call) `run` raises KeyboardInterrupt soon.
+      5. `close` ends everything that runs; any number of times.
+    """
+
+    stopped = False
+
+    @abstractmethod
+    def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        """Do `task(model, job)` for all jobs.
+
+        Args:
+            task: a generator function of a model and a job; picklable, so a module's.
+            jobs: arguments; taken from the left.
+
+        Raises:
+            WorkbenchError: raised by the task, or the model cannot be opened.
+            KeyboardInterrupt: after `stop`.
+        """
+
+    def stop(self) -> None:
+        """Let `run` end."""
+        self.stopped = True
+
+    @abstractmethod
+    def close(self) -> None:
+        """End what runs."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class InProcess(Runner):
+    """Runs tasks one after the other in this process: nothing survives a crash.
+
+    Args:
+        model: what the tasks get; it stays open.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+
+    def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        while jobs:
+            job = jobs.popleft()
+            for value in task(self._model, job):
+                yield Reply(job, value)
+            if self.stopped:
+                raise KeyboardInterrupt
+
+    def close(self) -> None:
+        return
