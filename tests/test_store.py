@@ -1,0 +1,140 @@
+"""The store of finished measurements: exact, durable, shared, and never mixed up."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import workbench as wb
+from workbench.store import FILE_NAME, Store
+
+ROOT = Path(__file__).resolve().parent.parent
+SUBJECT: dict[str, Any] = {"fmu": "abc", "errcrit": 0.1}
+
+
+def store(folder: Path, *, effort: int = 20, **subject: object) -> Store:
+    return Store(folder, subject={**SUBJECT, **subject}, effort={"max_periods": effort})
+
+
+def test_values_come_back_exactly(tmp_path: Path) -> None:
+    value = {"gain": 0.1 + 0.2, "tiny": 5e-324, "none": None, "reason": "µ → ∞", "list": [1, 2.5]}
+    with store(tmp_path / "new" / "folder") as first:
+        first.save("p", value)
+        first.save("q", 1)
+        first.save("q", 2)
+    with store(tmp_path / "new" / "folder") as second:
+        assert second.load() == {"p": value, "q": 2}
+
+
+def test_a_changed_setting_never_mixes_results(tmp_path: Path) -> None:
+    with store(tmp_path) as first:
+        first.save("p", 1)
+    for other in ({"fmu": "abd"}, {"errcrit": 0.2}, {"extra": None}):
+        with store(tmp_path, **other) as changed:
+            assert changed.load() == {}
+            assert changed.latest() == {}
+    with store(tmp_path, effort=40) as harder:
+        assert harder.load() == {}
+        assert harder.latest()["p"].value == 1
+        assert harder.latest()["p"].effort == {"max_periods": 20}
+        harder.save("p", 2)
+        assert harder.latest()["p"].value == 2
+    with store(tmp_path) as again:
+        assert again.load() == {"p": 1}
+        assert again.latest()["p"].value == 2
+
+
+def test_the_order_of_settings_does_not_matter(tmp_path: Path) -> None:
+    with Store(tmp_path, subject={"a": 1, "b": 2}, effort={}) as first:
+        first.save("p", 1)
+    with Store(tmp_path, subject={"b": 2, "a": 1}, effort={}) as second:
+        assert second.load() == {"p": 1}
+
+
+def test_files_that_are_no_store_are_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text("this is no database at all, only a long enough text " * 20)
+    with pytest.raises(wb.InputError, match="damaged or no store"):
+        store(tmp_path)
+    (tmp_path / FILE_NAME).unlink()
+    with sqlite3.connect(tmp_path / FILE_NAME) as foreign:
+        foreign.execute("CREATE TABLE theirs (x)")
+    foreign.close()
+    with pytest.raises(wb.InputError, match="another program"):
+        store(tmp_path)
+    with pytest.raises(wb.InputError, match="cannot be made"):
+        store(tmp_path / FILE_NAME)
+
+
+def test_a_newer_layout_is_refused(tmp_path: Path) -> None:
+    store(tmp_path).close()
+    with sqlite3.connect(tmp_path / FILE_NAME) as database:
+        database.execute("PRAGMA user_version = 99")
+    database.close()
+    with pytest.raises(wb.InputError, match="newer workbench"):
+        store(tmp_path)
+
+
+def test_a_damaged_page_is_told(tmp_path: Path) -> None:
+    with store(tmp_path) as first:
+        for k in range(300):
+            first.save(f"p{k}", "x" * 100)
+    path = tmp_path / FILE_NAME
+    data = bytearray(path.read_bytes())
+    data[4096:] = b"\xaa" * (len(data) - 4096)
+    path.write_bytes(data)
+    with pytest.raises(wb.InputError, match="damaged"), store(tmp_path) as second:
+        second.load()
+
+
+def test_a_full_disk_is_told(tmp_path: Path) -> None:
+    with store(tmp_path) as first:
+        first._database.execute("PRAGMA max_page_count = 8")
+        with pytest.raises(wb.WorkbenchError, match="full"):
+            first.save("p", "x" * 1_000_000)
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from workbench.store import Store
+with Store(sys.argv[1], subject={"s": 1}, effort={}) as store:
+    for k in range(int(sys.argv[3])):
+        store.save(f"{sys.argv[2]}{k}", [k, sys.argv[2]])
+        print(k, flush=True)
+"""
+
+
+def writer(folder: Path, name: str, count: int) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", WRITER, str(folder), name, str(count)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def test_two_processes_write_at_once(tmp_path: Path) -> None:
+    both = [writer(tmp_path, name, 100) for name in "ab"]
+    for process in both:
+        _, err = process.communicate(timeout=60.0)
+        assert process.returncode == 0, err
+    with Store(tmp_path, subject={"s": 1}, effort={}) as shared:
+        assert shared.load() == {f"{name}{k}": [k, name] for name in "ab" for k in range(100)}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_what_was_saved_survives_a_kill(tmp_path: Path) -> None:
+    process = writer(tmp_path, "p", 1_000_000)
+    assert process.stdout is not None
+    seen = [process.stdout.readline().strip() for _ in range(50)]
+    process.send_signal(signal.SIGKILL)
+    rest, _ = process.communicate()
+    promised = [int(k) for k in (*seen, *rest.split("\n")[:-1])]
+    with Store(tmp_path, subject={"s": 1}, effort={}) as survivor:
+        found = survivor.load()
+    assert {f"p{k}" for k in promised} <= set(found)
+    assert len(found) - len(promised) <= 1

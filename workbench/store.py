@@ -1,0 +1,197 @@
+"""Finished measurements on disk, in one SQLite file; they survive `kill -9` and power cuts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from workbench.errors import InputError, WorkbenchError
+
+__all__ = ["FILE_NAME", "Measurement", "Store"]
+
+FILE_NAME = "measurements.sqlite"
+
+# Written into the file's header, so that another program's database is not taken for ours: "FMIW".
+_APPLICATION, _LAYOUT = 0x464D4957, 1
+
+# So long one process waits for another's write [s].
+_PATIENCE = 30.0
+
+_TABLES = """
+CREATE TABLE IF NOT EXISTS settings (
+    id INTEGER PRIMARY KEY,
+    subject TEXT NOT NULL,
+    effort TEXT NOT NULL,
+    text TEXT NOT NULL,
+    UNIQUE (subject, effort)
+);
+CREATE TABLE IF NOT EXISTS measurements (
+    settings INTEGER NOT NULL REFERENCES settings (id),
+    point TEXT NOT NULL,
+    value TEXT NOT NULL,
+    made TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now')),
+    PRIMARY KEY (settings, point)
+) WITHOUT ROWID;
+"""
+
+_COLUMNS = "SELECT point, value, text FROM measurements JOIN settings ON settings.id = settings"
+_SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
+_SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One finished point.
+
+    Attributes:
+        point: what was measured, as the analysis names it.
+        value: the result, as it went in.
+        effort: how hard was tried, as it went in.
+    """
+
+    point: str
+    value: Any
+    effort: dict[str, Any]
+
+
+class Store:
+    """The finished measurements of one subject, in a folder that many subjects and processes share.
+
+    Obligations:
+      1. After `save` returns, the measurement is on disk: write-ahead log, flushed at each commit.
+      2. Only what was saved under the same subject is ever returned.
+      3. Several processes may save and load at once, on one machine (the write-ahead log needs shared memory,
+         so not over a network file system).
+
+    Args:
+        folder: made if it is not there.
+        subject: everything that influences a value, ready for JSON: the FMU's hash, settings, versions.
+        effort: how hard is tried, ready for JSON: told apart from the subject since `latest` looks past it.
+
+    Raises:
+        InputError: the folder cannot be used, or its file is damaged or no store.
+    """
+
+    def __init__(self, folder: str | Path, *, subject: Mapping[str, Any], effort: Mapping[str, Any]) -> None:
+        self.path = Path(folder) / FILE_NAME
+        self._subject, self._effort = _canonical(subject), _canonical(effort)
+        try:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"store {folder}: cannot be made: {error.strerror or error}") from None
+        with self._one_line():
+            self._database = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
+        try:
+            with self._one_line():
+                self._prepare()
+        except BaseException:
+            self._database.close()
+            raise
+
+    def _prepare(self) -> None:
+        database = self._database
+        # In this order: another process that makes the store meanwhile writes tables and mark together.
+        (tables,) = database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        (application,) = database.execute("PRAGMA application_id").fetchone()
+        if application != _APPLICATION and tables:
+            raise InputError(f"{self.path}: is a database of another program; name another folder for the store")
+        (layout,) = database.execute("PRAGMA user_version").fetchone()
+        if layout > _LAYOUT:
+            raise InputError(f"{self.path}: was made by a newer workbench; name another folder for the store")
+        self._write_ahead()
+        # FULL flushes the log at every commit; NORMAL would lose the last points in a power cut.
+        database.execute("PRAGMA synchronous = FULL")
+        marks = f"PRAGMA application_id = {_APPLICATION}; PRAGMA user_version = {_LAYOUT};"
+        database.executescript(f"BEGIN IMMEDIATE; {_TABLES} {marks} COMMIT;")
+        self._settings = self._settings_row()
+
+    def _write_ahead(self) -> None:
+        """Switch to the write-ahead log; SQLite does not wait for other processes here, so we do."""
+        give_up = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                self._database.execute("PRAGMA journal_mode = WAL")
+            except sqlite3.OperationalError:
+                if time.monotonic() > give_up:
+                    raise
+                time.sleep(0.01)
+            else:
+                return
+
+    def _settings_row(self) -> int:
+        key = (_hash(self._subject), _hash(self._effort))
+        text = f'{{"subject": {self._subject}, "effort": {self._effort}}}'
+        self._database.execute("INSERT OR IGNORE INTO settings (subject, effort, text) VALUES (?, ?, ?)", (*key, text))
+        found = self._database.execute("SELECT id FROM settings WHERE subject = ? AND effort = ?", key).fetchone()
+        return int(found[0])
+
+    def save(self, point: str, value: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
+        """Keep the value of a point; an earlier one under the same settings is replaced.
+
+        Args:
+            point: what was measured.
+            value: ready for JSON; numbers come back exactly.
+
+        Raises:
+            WorkbenchError: it cannot be written, e.g. because the disk is full.
+        """
+        row = (self._settings, point, json.dumps(value))
+        with self._one_line(WorkbenchError):
+            self._database.execute("INSERT OR REPLACE INTO measurements (settings, point, value) VALUES (?, ?, ?)", row)
+
+    def load(self) -> dict[str, Any]:
+        """Return the values measured under exactly these settings, by point."""
+        return {m.point: m.value for m in self._select(_SAME_SETTINGS, self._settings)}
+
+    def latest(self) -> dict[str, Measurement]:
+        """Return the newest measurement of each point of the subject, whatever the effort."""
+        return {m.point: m for m in self._select(_SAME_SUBJECT, _hash(self._subject))}
+
+    def _select(self, query: str, key: int | str) -> list[Measurement]:
+        with self._one_line():
+            rows = self._database.execute(query, (key,)).fetchall()
+            return [Measurement(point, json.loads(value), json.loads(text)["effort"]) for point, value, text in rows]
+
+    @contextmanager
+    def _one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
+        """Turn what SQLite raises into one line."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            raise kind(f"{self.path}: cannot be used: {error}") from None
+        except (sqlite3.DatabaseError, json.JSONDecodeError, KeyError, TypeError) as error:
+            raise kind(
+                f"{self.path}: is damaged or no store of the workbench ({error}); move it away or name another folder"
+            ) from None
+
+    def close(self) -> None:
+        """Close the file. Any number of times."""
+        self._database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _canonical(value: Mapping[str, Any]) -> str:
+    """One text for equal settings: keys sorted, numbers as Python writes them, which is exact."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
