@@ -1,0 +1,148 @@
+"""Tasks on executors that somebody else owns: threads, processes, a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from importlib.util import find_spec
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from tests.fakes import lag
+from tests.worker_tasks import obey
+from workbench.workers import InProcess, Limits, Lost, Reply, Runner, Workers, choose
+from workbench.workers.executor import OnExecutor
+from workbench.workers.pool import Pool
+
+ROOT = Path(__file__).resolve().parent.parent
+needs_distributed = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
+
+
+@pytest.fixture(scope="module")
+def model() -> Iterator[wb.FmuModel]:
+    with wb.load("fmu:FirstOrderLag") as loaded:
+        yield loaded
+
+
+def values(runner: Runner, *jobs: tuple[object, ...]) -> dict[tuple[object, ...], list[object]]:
+    found: dict[tuple[object, ...], list[object]] = {job: [] for job in jobs}
+    for event in runner.run(obey, deque(jobs)):
+        found[event.job].append(event.value if isinstance(event, Reply) else event.reason)
+    return found
+
+
+SAY = [("say", k, k + 1) for k in range(10)]
+
+
+def test_threads(model: wb.FmuModel) -> None:
+    with ThreadPoolExecutor(2) as threads, OnExecutor(threads, model.recipe) as runner:
+        assert values(runner, *SAY) == {job: [job[1], job[2]] for job in SAY}
+        with pytest.raises(wb.SimulationError, match="fmi2DoStep"):
+            values(runner, ("fail",))
+        # The executor is not ours: it goes on.
+        assert threads.submit(int, "3").result() == 3
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_processes_that_break_lose_the_rest(model: wb.FmuModel) -> None:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
+        found = values(OnExecutor(processes, model.recipe), ("name",), ("exit", 3), ("say", 1))
+    assert found["name",][0][:2] == ("FirstOrderLag", ["y"])  # type: ignore[index]
+    assert "the executor is broken, perhaps by a crash of the FMU" in str(found["exit", 3][0])
+    assert "the executor is broken" in str(found["say", 1][0])
+
+
+def test_stop_cancels_what_waits(model: wb.FmuModel) -> None:
+    with ThreadPoolExecutor(1) as threads:
+        runner = OnExecutor(threads, model.recipe)
+        events = runner.run(obey, deque([("sleep", 0.1), ("sleep", 0.2), *SAY]))
+        next(events)
+        runner.stop()
+        with pytest.raises(KeyboardInterrupt):
+            next(events)
+
+
+def test_the_table_of_places(model: wb.FmuModel) -> None:
+    fake = lag(1.0)  # written in Python
+    with ThreadPoolExecutor(1) as threads:
+        cases: list[tuple[wb.Model, Workers, type[Runner], int]] = [
+            (model, Workers(), Pool, 0),
+            (model, Workers(jobs=3), Pool, 0),
+            (model, Workers(in_process=True), InProcess, 0),
+            (model, Workers(executor=threads), OnExecutor, 0),
+            (fake, Workers(), InProcess, 0),
+            (fake, Workers(executor=threads), InProcess, 1),
+            (fake, Workers(limits=Limits(timeout=1.0)), InProcess, 1),
+        ]
+        for which, workers, kind, remarks in cases:
+            runner, notes = choose(which, workers)
+            assert isinstance(runner, kind)
+            assert len(notes) == remarks
+
+
+def test_contradictions_are_refused() -> None:
+    with pytest.raises(wb.InputError, match="at least 1"):
+        Workers(jobs=0)
+    with pytest.raises(wb.InputError, match="cannot have 2 jobs"):
+        Workers(jobs=2, in_process=True)
+    with pytest.raises(wb.InputError, match="only one place"):
+        Workers(in_process=True, scheduler="tcp://localhost:1")
+    with pytest.raises(wb.InputError, match="own worker processes"):
+        Workers(in_process=True, limits=Limits(timeout=1.0))
+
+
+def test_lost_jobs_name_the_job() -> None:
+    assert Lost(("say", 1), "why").job == ("say", 1)
+
+
+CLUSTER = """
+if __name__ == "__main__":
+    import sys
+    from distributed import LocalCluster
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+"""
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A local Dask cluster with two workers, in processes of its own."""
+    script = tmp_path_factory.mktemp("cluster") / "cluster.py"
+    script.write_text(CLUSTER)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment,
+    )  # fmt: skip
+    assert process.stdout is not None
+    yield process.stdout.readline().strip()
+    process.communicate()
+
+
+@needs_distributed
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_runs_tasks_and_survives_a_crash(model: wb.FmuModel, scheduler: str) -> None:
+    runner, notes = choose(model, Workers(scheduler=scheduler))
+    assert notes == ()
+    with runner:
+        found = values(runner, *SAY, ("name",), ("exit", 3), ("sleep", 0.1))
+    assert {job: found[job] for job in SAY} == {job: [job[1], job[2]] for job in SAY}
+    assert found["name",][0][2] != os.getpid()  # type: ignore[index]
+    assert "the executor lost the task: KilledWorker" in str(found["exit", 3][0])
+    assert found["sleep", 0.1] == [0.1]
+
+
+@needs_distributed
+def test_a_scheduler_that_is_not_there_is_one_line(model: wb.FmuModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workbench.workers.cluster._CONNECT", "200ms")
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        with pytest.raises(wb.InputError, match="cannot be reached"):
+            choose(model, Workers(scheduler=address))
