@@ -1,0 +1,106 @@
+"""FMI 1.0 on real binaries: the same answers as the same models give in FMI 2.0."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from tests.fmi1_fmus import MODELS, build_fmi1
+from workbench.analysis.simulate import simulate
+from workbench.build import build_fmu
+from workbench.errors import FmuError
+from workbench.fmi.platforms import host
+from workbench.model.load import load
+from workbench.signals import Signal, Sine, Step
+
+OUTPUTS = {"FirstOrderLag": ["x", "y"], "Hybrid": ["h", "v", "T", "held", "stairs", "bounces", "heating", "y"]}
+STOP = 1.9
+GRID = np.arange(0.0137, STOP, 0.0137)  # no event falls on these
+SIGNALS: dict[str, Signal] = {"u": Sine(amplitude=0.3, frequency=1.7)}
+# Co-simulation of FMI 1.0 holds its inputs, of FMI 2.0 it gets their slopes, too: alike for a step only.
+FORCED: dict[str, dict[str, Signal]] = {"me": SIGNALS, "cs": {"u": Step(time=0.45, value=0.3, initial=0.1)}}
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fmi1")
+    for model, source in MODELS.items():
+        for interface in ("me", "cs"):
+            build_fmi1(folder, model, interface)
+        build_fmu([source], out=folder / f"{model}.fmu", platforms=[host()])
+    return folder
+
+
+def run(file: Path, interface: str, names: list[str]) -> dict[str, np.ndarray]:
+    solver = "vkm" if interface == "me" else "auto"
+    with load(file, interface, solver, tolerance=1e-10, step=1e-3 if interface == "cs" else None) as model:
+        forced = FORCED[interface]
+        result = simulate(model, stop=float(GRID[-1]), inputs=forced, outputs=names, points=GRID, verify_step=False)
+    rows = np.searchsorted(result.time, GRID, side="right") - 1
+    return {name: result.signals[name][rows].astype(float) for name in names}
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("model", MODELS)
+def test_fmus_are_valid(fmus: Path, model: str, interface: str) -> None:
+    assert validate_fmu(str(fmus / f"{model}_{interface}.fmu")) == []
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_answers_are_those_of_fmi_2(fmus: Path, model: str, interface: str) -> None:
+    with load(fmus / f"{model}_{interface}.fmu") as opened:
+        assert opened.description.fmi_version == "1.0"
+        assert opened.interface == interface
+    names = OUTPUTS[model]
+    one = run(fmus / f"{model}_{interface}.fmu", interface, names)
+    two = run(fmus / f"{model}.fmu", interface, names)
+    for name in names:
+        assert one[name] == pytest.approx(two[name], rel=1e-6, abs=1e-6), name
+        assert np.ptp(one[name]) > 0.0, name
+
+
+def test_gear_goes_through_the_events_too(fmus: Path) -> None:
+    with load(fmus / "Hybrid_me.fmu", solver="gear", tolerance=1e-9) as model, model.open_session() as session:
+        record = session.advance(STOP, signals=SIGNALS, record=["bounces", "h"])
+    bounces, height = record.values["bounces"], record.values["h"]
+    at = np.flatnonzero(np.diff(bounces))
+    first = np.sqrt(2.0 / 9.81)
+    assert record.time[at[:2]] == pytest.approx([first, first * (1 + 2 * 0.7)], rel=1e-6)
+    assert height[at] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_session_goes_back_by_replay(fmus: Path) -> None:
+    for interface in ("me", "cs"):
+        with load(fmus / f"Hybrid_{interface}.fmu", step=0.01) as model, model.open_session() as session:
+            assert model.snapshot_method() == "replay"
+            session.advance(0.5, signals=SIGNALS)
+            saved = session.snapshot()
+            ends = []
+            for _ in range(2):
+                session.restore(saved)
+                session.advance(1.0, signals=SIGNALS)
+                ends.append(session.values(["h", "v", "T"]))
+            assert ends[0] == ends[1]
+
+
+def test_parameters_are_set_before_the_start(fmus: Path) -> None:
+    for interface in ("me", "cs"):
+        file = fmus / f"FirstOrderLag_{interface}.fmu"
+        with load(file, start_values={"tau": 0.25, "u": 1.0}, step=0.05) as model, model.open_session() as session:
+            session.advance(0.5, signals={})
+            assert session.values(["y"])["y"] == pytest.approx(1.0 - np.exp(-2.0), rel=1e-5)
+
+
+def test_the_wrong_token_is_refused_with_the_fmus_own_reason(fmus: Path, tmp_path: Path) -> None:
+    file = tmp_path / "Wrong.fmu"
+    with zipfile.ZipFile(fmus / "Hybrid_cs.fmu") as old, zipfile.ZipFile(file, "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            new.writestr(name, data.replace(b'guid="{', b'guid="{0') if name.endswith(".xml") else data)
+    with load(file) as model, pytest.raises(FmuError, match=r"refuses to be instantiated.*GUID"):
+        model.open_session()
