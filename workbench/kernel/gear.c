@@ -75,6 +75,7 @@ typedef struct {
     double end;                      /* [s] end of CVODE's last step; y belongs to it */
     double longest;                  /* [s] what CVODE was told last; 0: no bound */
     bool cut;        /* the last step ended before CVODE's did: begin anew */
+    bool planned;    /* CVODE has chosen its next step already */
     bool failed;     /* the model failed for good in a callback */
     size_t rejected; /* before the last CVodeReInit */
     Watch watch;
@@ -259,7 +260,7 @@ static bool begin(Gear *g, double h)
 {
     const Solver *solver = &g->base;
     g->rejected = solver->rejected;
-    g->cut = false;
+    g->cut = g->planned = false;
     g->end = solver->t;
     memcpy(g->y_values, solver->x, vector_size(g));
     return g->c.CVodeReInit(g->memory, solver->t, g->y) == 0 && g->c.CVodeSetInitStep(g->memory, h) == 0;
@@ -307,7 +308,7 @@ static bool restart(Solver *solver, double t, const double *x)
 static bool set_bounds(Gear *g, double stop, double longest)
 {
     const double bound = isfinite(longest) ? longest : 0.0; /* 0: none */
-    const bool shrinks = bound > 0.0 && (g->longest == 0.0 || bound < g->longest);
+    const bool shrinks = g->planned && bound > 0.0 && (g->longest == 0.0 || bound < g->longest);
     const double nearest = shrinks && g->base.t + bound < stop ? g->base.t + bound : stop;
     if (bound != g->longest && g->c.CVodeSetMaxStep(g->memory, bound) != 0) {
         return false;
@@ -329,11 +330,13 @@ static bool advance(Gear *g, double stop, double longest)
     if (!set_bounds(g, stop, longest) || g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP) < 0) {
         return fail(g, "CVODE cannot go on");
     }
+    g->planned = true;
     count_rejected(g);
     if (!all_finite(g->y_values, g->base.problem.n)) {
         return fail(g, "a state is not a finite number");
     }
-    return g->end > t || fail(g, "the step became too small; the model jumps without an event");
+    return g->end > t
+        || fail(g, "the step became too small; the model jumps without an event or is not defined further on");
 }
 
 /* Take the step over, up to the first event in it. */
