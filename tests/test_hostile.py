@@ -1,0 +1,118 @@
+"""Hostile FMUs: each ends in one clear line, and those that would take the process with them really do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
+from workbench.analysis.simulate import simulate
+from workbench.errors import FmuError, SimulationError
+from workbench.model.load import load
+from workbench.signals import Constant
+
+ROOT = Path(__file__).parent.parent
+INTERFACES = ["me", "cs"]
+GRID = np.linspace(0.01, 1.0, 100)
+
+
+def run(file: Path, interface: str) -> float:
+    with load(file, interface) as model:
+        return float(simulate(model, stop=1.0, points=GRID, verify_step=False).signals["y"][-1])
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_the_tame_one_runs(tmp_path: Path, interface: str) -> None:
+    assert run(build_hostile(tmp_path, "nothing"), interface) == pytest.approx(1.0 - np.exp(-1.0), rel=5e-3)
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+@pytest.mark.parametrize("name", [n for n, h in HOSTILE.items() if h.message])
+def test_failures_while_running_are_one_line_with_the_time(tmp_path: Path, name: str, interface: str) -> None:
+    file = build_hostile(tmp_path, name)
+    with pytest.raises(SimulationError, match=HOSTILE[name].message) as caught:
+        run(file, interface)
+    assert caught.value.time == pytest.approx(0.5, abs=0.05)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", BROKEN_FILES)
+def test_broken_files_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    file = build_broken(tmp_path, name)
+    with pytest.raises(FmuError, match=BROKEN_FILES[name][1]) as caught:
+        run(file, "cs")
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400 + len(str(file))
+    assert not list(tmp_path.parent.rglob("escaped.txt"))
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+@pytest.mark.parametrize("name", ["lazy-restore", "wrong-restore", "random"])
+def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str, interface: str) -> None:
+    with load(build_hostile(tmp_path, name), interface) as model, model.open_session() as session:
+        assert model.snapshot_method() == "replay"
+        session.advance(0.3, signals={"u": Constant(2.0)})
+        before = session.values(["x"])["x"]
+        saved = session.snapshot()
+        session.advance(0.6, signals={"u": Constant(-5.0)})
+        session.restore(saved)
+        assert session.time == 0.3
+        assert session.values(["x"])["x"] == pytest.approx(before, abs=0.0 if name != "random" else 1e-3)
+
+
+def test_an_honest_saved_state_is_used(tmp_path: Path) -> None:
+    with load(build_hostile(tmp_path, "nothing")) as model:
+        assert model.snapshot_method() == "state"
+
+
+def test_a_second_instance_is_refused(tmp_path: Path) -> None:
+    with load(build_hostile(tmp_path, "once"), "cs") as model:
+        with model.open_session(), pytest.raises(FmuError, match="allows one instance per process, and one is in use"):
+            model.open_session()
+        with model.open_session() as session:
+            session.advance(0.1, signals={})
+
+
+# What a worker process has to survive really happens.
+
+ENDS = {"segfault": -11, "segfault-at-start": -11, "abort": -6, "exit": 3}
+CHILD = """
+import sys
+sys.path.insert(0, {root!r})
+from workbench import load, simulate
+with load({file!r}, "cs") as model:
+    simulate(model, stop=1.0, verify_step=False)
+"""
+
+
+def child(file: Path, *, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
+    code = CHILD.format(root=str(ROOT), file=str(file))
+    return subprocess.run(
+        [sys.executable, "-c", code], timeout=timeout, capture_output=True, text=True, cwd=file.parent, check=False
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="exit codes of signals are those of POSIX")
+@pytest.mark.parametrize("name", ENDS)
+def test_crashes_end_a_process(tmp_path: Path, name: str) -> None:
+    assert child(build_hostile(tmp_path, name)).returncode == ENDS[name]
+
+
+def test_endless_loop_blocks_a_process(tmp_path: Path) -> None:
+    file = build_hostile(tmp_path, "hang")
+    with pytest.raises(subprocess.TimeoutExpired):
+        child(file, timeout=2.5)
+
+
+def test_a_chattering_fmu_writes_where_results_go(tmp_path: Path) -> None:
+    done = child(build_hostile(tmp_path, "chatter"))
+    assert done.returncode == 0
+    assert "nobody wants" in done.stdout
+
+
+def test_the_list_for_workers_is_complete() -> None:
+    assert set(NEEDS_WORKER) == {*ENDS, "hang", "memory", "chatter"}
