@@ -149,6 +149,7 @@ class NfrSweep:
         self._carry, self._step = carry, step
         self._points: list[NfrPoint] = []
         self._warnings: list[str] = []
+        self._stopped = False
 
     @property
     def total(self) -> int:
@@ -165,6 +166,7 @@ class NfrSweep:
 
         Raises:
             FmuError, SimulationError: the FMU cannot be started.
+            KeyboardInterrupt: after `stop`.
         """
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies]
@@ -173,6 +175,10 @@ class NfrSweep:
                 for point in self._measure(group):
                     self._points.append(point)
                     yield point
+
+    def stop(self) -> None:
+        """Let `run` end with KeyboardInterrupt after the period it is in; may be called by a signal handler."""
+        self._stopped = True
 
     def result(self) -> NfrResult:
         """Return what was measured so far."""
@@ -194,6 +200,7 @@ class NfrSweep:
             amplitude=amplitude,
             errcrit=self._errcrit,
             max_periods=self._max_periods,
+            stopped=lambda: self._stopped,
         )
 
     def _measure(self, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
@@ -218,11 +225,13 @@ def _carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
     rest = list(tasks)
     while rest:
         first = Sine(amplitude=rest[0].amplitude, frequency=rest[0].frequency)
-        with model.open_session(signals={rest[0].input: first}) as session:
+        # One session serves all frequencies; the rows of each divide its period and bound the step.
+        steps = [t.step for t in rest if t.step is not None]
+        with model.open_session(signals={rest[0].input: first}, step=max(steps, default=None)) as session:
             while rest:
                 task = rest.pop(0)
                 point = run_point(session, task)
-                yield replace(point, step=task.step if model.interface == "cs" else None)
+                yield point if model.interface == "cs" else replace(point, step=None)
                 if point.reason is not None:
                     break
 

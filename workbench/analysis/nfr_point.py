@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.harmonics import ORDERS, measure_period
+from workbench.analysis.harmonics import ORDERS, Period, measure_period
 from workbench.analysis.settling import Outcome, Response, Settling
 from workbench.errors import SimulationError
 from workbench.model import Model
-from workbench.session import Session
+from workbench.session import Record, Session
 from workbench.signals import Sine
 
 __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
@@ -28,6 +29,10 @@ _REASONS = {
 }
 
 
+def _never() -> bool:
+    return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class PointTask:
     """What is to be measured at one point.
@@ -39,6 +44,8 @@ class PointTask:
         errcrit: error criterion of `Settling`.
         max_periods: largest number of periods.
         rows: samples per period.
+        fixed_step: whether the session's communication step is one row, and not the model's own.
+        stopped: asked between periods; true ends the measurement by KeyboardInterrupt.
     """
 
     input: str
@@ -48,11 +55,13 @@ class PointTask:
     errcrit: float
     max_periods: int
     rows: int = ROWS
+    fixed_step: bool = False
+    stopped: Callable[[], bool] = _never
 
     @property
-    def step(self) -> float:
-        """Distance of two rows [s]."""
-        return 1.0 / (self.frequency * self.rows)
+    def step(self) -> float | None:
+        """Communication step to ask the session for [s]; None leaves it to the model."""
+        return 1.0 / (self.frequency * self.rows) if self.fixed_step else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +76,7 @@ class NfrPoint:
         periods: number of periods run (of the run that is reported).
         averaged: whether it never settled and is the mean of the last half of the periods.
         resolved: whether the transient was identified and removed (see `Settling`).
-        step: communication step of co-simulation [s]; None for model exchange.
+        step: longest communication step of co-simulation [s]; None for model exchange, or where nothing ran.
         reason: why the point failed; None where it did not.
     """
 
@@ -89,9 +98,9 @@ def run_fresh(model: Model, task: PointTask) -> NfrPoint:
         FmuError, SimulationError: the session cannot be opened; no other point would fare better.
     """
     start = Sine(amplitude=task.amplitude, frequency=task.frequency)
-    with model.open_session(signals={task.input: start}) as session:
+    with model.open_session(signals={task.input: start}, step=task.step) as session:
         point = run_point(session, task)
-    return replace(point, step=task.step if model.interface == "cs" else None)
+    return point if model.interface == "cs" else replace(point, step=None)
 
 
 def run_point(session: Session, task: PointTask) -> NfrPoint:
@@ -102,38 +111,41 @@ def run_point(session: Session, task: PointTask) -> NfrPoint:
     After a failed point the session cannot be continued.
     """
     settling = Settling(errcrit=task.errcrit, most=task.max_periods)
-    begin = session.time
-    sine = Sine(amplitude=task.amplitude, frequency=task.frequency, start=begin)
+    sine = Sine(amplitude=task.amplitude, frequency=task.frequency, start=session.time)
+    longest: float | None = None
+    response: Response | None = None
     try:
         # A response that runs away may overflow before it is recognised; that is an answer, not a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            for k in range(task.max_periods):
-                response = _one_period(session, task, sine, k, settling)
-                if response is not None:
-                    return _point(task, response, k + 1)
+            while response is None:
+                if task.stopped():
+                    raise KeyboardInterrupt
+                record = _one_period(session, task, sine, len(settling.periods))
+                longest = float(np.max(np.diff(record.time)))
+                response = settling.add(_measured(record, task, sine))
     except SimulationError as error:
-        return _failed(task, len(settling.periods), str(error))
-    return _failed(task, task.max_periods, "no period was run")
+        return replace(_failed(task, len(settling.periods), str(error)), step=longest)
+    return replace(_point(task, response, len(settling.periods)), step=longest)
 
 
-def _one_period(session: Session, task: PointTask, sine: Sine, k: int, settling: Settling) -> Response | None:
+def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> Record:
     # Times are computed from the first period's begin, not added up, so that they do not drift.
     fractions = k + np.arange(1, task.rows + 1) / task.rows
     points = sine.start + fractions / task.frequency
-    record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
+    return session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
+
+
+def _measured(record: Record, task: PointTask, sine: Sine) -> Period:
+    orders = max(1, min(ORDERS, task.rows // 4))
+    end = float(record.time[-1])
     period = measure_period(
-        record,
-        input=task.input,
-        output=task.output,
-        begin=sine.start,
-        frequency=task.frequency,
-        orders=max(1, min(ORDERS, task.rows // 4)),
+        record, input=task.input, output=task.output, begin=sine.start, frequency=task.frequency, orders=orders
     )
     if not np.all(np.isfinite(period.harmonics)):
-        raise SimulationError(f"{task.output} is not finite", time=session.time)
+        raise SimulationError(f"{task.output} is not finite", time=end)
     if period.drive == 0.0:
-        raise SimulationError(f"{task.input} does not move under an amplitude of {task.amplitude:g}", time=session.time)
-    return settling.add(period)
+        raise SimulationError(f"{task.input} does not move under an amplitude of {task.amplitude:g}", time=end)
+    return period
 
 
 def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:

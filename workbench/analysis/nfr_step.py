@@ -68,7 +68,7 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> tuple[list[Nfr
     Raises:
         InputError: fewer than four steps make a period.
     """
-    tasks = [replace(t, rows=_rows(t, step)) for t in tasks]
+    tasks = [replace(t, rows=_rows(t, step), fixed_step=True) for t in tasks]
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)

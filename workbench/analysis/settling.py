@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.analysis.harmonics import Period, fundamental
 from workbench.analysis.transient import Limit, remove_transient
+from workbench.session.base import Floats
 
 __all__ = ["Outcome", "Response", "Settling"]
 
@@ -64,7 +65,8 @@ class Settling:
          a tenth of what the published gain test would let pass.
       2. SETTLED: the periods resist that description (sampling beats, noise), but the published
          test passes in the second half of the periods allowed, from where on the source report,
-         too, takes the model to be stationary. The value is the plain one-period value of the report.
+         too, takes the model to be stationary. The value is the same extrapolation: the last
+         period with its drift removed, or better.
       3. AVERAGED: neither by the last period; as published. SCATTERED, which is a failure, if
          those periods lie farther from their mean (root mean square) than the mean from zero: then gain and
          phase are anything.
@@ -95,38 +97,33 @@ class Settling:
         self.periods.append(period)
         count = len(self.periods)
         if self._runs_away():
-            return self._plain(Outcome.DIVERGED)
+            return self._response(period.harmonics, Outcome.DIVERGED)
         if count >= 2 and period.responds:
             limit = self._limit()
             if limit.defect <= max(self.errcrit / 100.0, _NOISE):
-                return Response(
-                    self._over_drive(fundamental(limit.harmonics)), float(limit.harmonics[0]), Outcome.RESOLVED
-                )
+                return self._response(limit.harmonics, Outcome.RESOLVED)
             if 2 * count > self.most and self._repeats() and not self._grows():
-                return self._plain(Outcome.SETTLED)
+                return self._response(limit.harmonics, Outcome.SETTLED)
         return self._last_resort() if count >= self.most else None
 
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]))
 
     def _last_resort(self) -> Response:
+        last = self.periods[-1].harmonics
         if self._grows():
-            return self._plain(Outcome.DIVERGED)
+            return self._response(last, Outcome.DIVERGED)
         half = np.array([p.harmonics for p in self.periods[len(self.periods) // 2 :]])
         mean = np.mean(half, axis=0)
         if not any(p.responds for p in self.periods):
             return Response(0j, float(mean[0]), Outcome.AVERAGED)
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
         scattered = scatter > abs(fundamental(mean))
-        outcome = Outcome.SCATTERED if scattered else Outcome.AVERAGED
-        return Response(self._over_drive(fundamental(mean)), float(mean[0]), outcome)
+        return self._response(mean, Outcome.SCATTERED if scattered else Outcome.AVERAGED)
 
-    def _over_drive(self, output: complex) -> complex:
-        return output / self.periods[-1].drive
-
-    def _plain(self, outcome: Outcome) -> Response:
-        last = self.periods[-1]
-        return Response(_value(last), float(last.harmonics[0]), outcome)
+    def _response(self, harmonics: Floats, outcome: Outcome) -> Response:
+        value = fundamental(harmonics) / self.periods[-1].drive
+        return Response(value, float(harmonics[0]), outcome)
 
     def _repeats(self) -> bool:
         """Whether the last two periods pass the published test, and their other harmonics with them."""

@@ -103,11 +103,12 @@ def nfr(
 
 def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
     """Measure; whatever ends it, what was measured is written."""
+    from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.output import note
     from workbench.cli.progress import Bar
 
     stopped: BaseException | None = None
-    with Bar(sweep.total) as bar:
+    with Bar(sweep.total) as bar, OnInterrupt(sweep.stop):
         try:
             for point in sweep.run():
                 bar.update(sweep.done, f"{point.amplitude:g} at {point.frequency:.4g} Hz")

@@ -1,0 +1,147 @@
+"""`workbench info`, `simulate` and `build`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.cli import build as build_command
+from workbench.cli.app import run
+
+
+def test_info_tells_all_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "fmu:Rudder", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    promised = {"fmi_version", "generation_tool", "interfaces", "platforms", "runnable", "inputs", "outputs"}
+    promised |= {"parameters", "states", "capabilities", "command", "model", "version", "seconds"}
+    assert promised <= set(found)
+    assert found["interfaces"] == ["cs", "me"]
+    assert found["runnable"] is True
+    assert [v["name"] for v in found["inputs"]][0] == "delC"
+    assert found["inputs"][0]["unit"] == "deg"
+    assert set(found["inputs"][0]) == {"name", "type", "unit", "start", "description"}
+    assert len(found["states"]) == 8
+
+
+def test_info_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "fmu:FirstOrderLag@3"]) == 0
+    out = capsys.readouterr().out
+    assert "3.0 (cs, me)" in out
+    assert "parameters" in out
+    assert "tau" in out
+
+
+@needs_gemseo
+def test_info_of_a_third_party_fmu(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", str(gemseo_fmu("Mass_Damper"))]) == 0
+    out = capsys.readouterr().out
+    assert "OpenModelica" in out
+    assert "spring.c" in out
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (None, "not a zip"),
+        ({"other.txt": "x"}, "no modelDescription.xml"),
+        ({"../evil.txt": "x", "modelDescription.xml": "<x/>"}, "would leave the target folder"),
+    ],
+)
+def test_info_refuses_what_is_no_fmu(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], entries: dict[str, str] | None, message: str
+) -> None:
+    path = tmp_path / "bad.fmu"
+    if entries is None:
+        path.write_text("this is no archive")
+    else:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, text in entries.items():
+                archive.writestr(name, text)
+    assert run(["info", str(path)]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert not (tmp_path.parent / "evil.txt").exists()
+
+
+def test_simulate_writes_a_time_history(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / name for name in ("r.json", "r.csv", "r.svg")]
+    options = [x for pair in zip(("--json", "--csv", "--plot"), map(str, files), strict=True) for x in pair]
+    command = ["simulate", "fmu:FirstOrderLag", "--stop", "3", "--input", "u=step:time=1,value=2", "--output", "y"]
+    assert run([*command, "--set", "tau=0.5", *options]) == 0
+    assert "largest" in capsys.readouterr().out
+    result = json.loads(files[0].read_text(encoding="utf-8"))
+    assert {"command", "model", "interface", "solver", "version", "seconds", "time", "signals"} <= set(result)
+    time, y = np.array(result["time"]), np.array(result["signals"]["y"])
+    np.testing.assert_allclose(y, np.where(time < 1.0, 0.0, 2.0 - 2.0 * np.exp(-(time - 1.0) / 0.5)), atol=1e-4)
+    with files[1].open(encoding="utf-8") as file:
+        assert next(csv.reader(file))[0] == "time"
+    assert files[2].read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_simulate_keeps_standard_output_for_the_csv(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "fmu:FirstOrderLag", "--stop", "1", "--input", "u=1", "--csv", "-"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split(",")[0] == "time"
+    assert all(len(line.split(",")) == 3 for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--stop", "0"], "stop"),
+        (["--stop", "1", "--input", "u"], "--input: 'u' is not of the form NAME=VALUE"),
+        (["--stop", "1", "--input", "u=sin:x"], "is no signal"),
+        (["--stop", "1", "--input", "u=sine:amplitude=1"], "frequency"),
+        (["--stop", "1", "--input", "u=nosuch.csv"], "nosuch.csv"),
+        (["--stop", "1", "--input", "y=1"], "an input is needed"),
+        (["--stop", "1", "--output", "yy"], "yy"),
+        (["--stop", "1", "--plot", "x.bmp"], ".png"),
+    ],
+)
+def test_simulate_complains_in_one_line(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:
+    assert run(["simulate", "fmu:FirstOrderLag", *arguments]) == 2
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, captured.err
+    assert message in lines[0]
+
+
+def test_build_says_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert run(["build", "Lag.mo", "--out", str(tmp_path / "Lag.fmu")]) == 2
+    assert 'pip install "fmi-workbench[build]"' in capsys.readouterr().err
+    assert build_command.__all__ == ["build"]
+
+
+def test_build_complains_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "Bad.mo"
+    source.write_text("model Bad\n  Real x;\nequation\n  der(x) = = 1;\nend Bad;\n")
+    for arguments in ([str(tmp_path / "nosuch.mo")], [str(source)]):
+        assert run(["build", *arguments, "--out", str(tmp_path / "x.fmu")]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    assert run(["build", str(source), "--out", str(tmp_path / "none" / "x.fmu")]) == 2
+    assert "does not exist" in capsys.readouterr().err
+
+
+def test_build_makes_an_fmu_that_info_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "Lag.mo"
+    source.write_text(
+        "model Lag\n  input Real u(start = 0);\n  output Real y;\n  Real x(start = 0, fixed = true);\n"
+        "equation\n  der(x) = u - x;\n  y = x;\nend Lag;\n"
+    )
+    out = tmp_path / "Lag.fmu"
+    assert run(["build", str(source), "--out", str(out), "--fmi", "3", "--json", "-"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["files"] == [str(out)]
+    assert len(result["platforms"]) == 5
+    assert run(["info", str(out), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["fmi_version"] == "3.0"

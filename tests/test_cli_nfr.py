@@ -1,0 +1,177 @@
+"""`workbench nfr` and what all commands share: files, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.cli.app import run
+
+LAG = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--amplitude", "1"]
+
+
+def complaint(capsys: pytest.CaptureFixture[str], arguments: Sequence[str]) -> str:
+    """Run, expect exit code 2 and one line on standard error (notes apart), and return that line."""
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, captured.err
+    assert lines[0].startswith("workbench: ")
+    return lines[0]
+
+
+def test_json_csv_and_picture_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / name for name in ("r.json", "r.csv", "r.png")]
+    options = [x for pair in zip(("--json", "--csv", "--plot"), map(str, files), strict=True) for x in pair]
+    assert run([*LAG, "--band", "0.5:2", *options]) == 0
+    out = capsys.readouterr().out
+    assert "amplitude 1" in out
+    assert all(f"wrote {file}" in out for file in files)
+    result = json.loads(files[0].read_text(encoding="utf-8"))
+    assert result["command"] == "nfr"
+    assert {"model", "interface", "solver", "version", "seconds", "gain", "failed"} <= set(result)
+    assert result["frequency_hz"][-1] == 2.0
+    with files[1].open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    np.testing.assert_allclose([float(row["gain"]) for row in rows], result["gain"][0])
+    assert files[2].stat().st_size > 5_000
+
+
+def test_json_on_standard_output_is_alone_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*LAG, "--freq", "1,2", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["frequency_hz"] == [1.0, 2.0]
+    assert "note: interface: me" in captured.err
+
+
+def test_csv_on_standard_output_is_alone_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*LAG, "--freq", "1", "--csv", "-"]) == 0
+    assert capsys.readouterr().out.splitlines()[0].startswith("amplitude,frequency_hz,gain")
+
+
+def test_parameter_and_bias_reach_the_model(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*LAG, "--freq", "1", "--json", "-", "--set", "tau=0.01", "--bias", "u=3"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["gain"][0][0] == pytest.approx(1.0 / abs(1.0 + 0.02j * np.pi), rel=1e-3)
+    assert result["offset"][0][0] == pytest.approx(3.0, abs=1e-2)
+
+
+@needs_gemseo
+def test_points_that_failed_give_exit_code_1_and_their_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    mass_damper = ["nfr", str(gemseo_fmu("Mass_Damper")), "--input", "f", "--output", "y", "--amplitude", "1"]
+    assert run([*mass_damper, "--interface", "cs", "--step", "0.01", "--freq", "1,2"]) == 1
+    out = capsys.readouterr().out
+    assert "failed: 1 Hz, amplitude 1" in out
+    assert "and 1 more" in out
+
+
+@needs_gemseo
+def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    mass_damper = ["nfr", str(gemseo_fmu("Mass_Damper")), "--input", "f", "--output", "y", "--amplitude", "1"]
+    assert run([*mass_damper, "--interface", "cs", "--step", "2e-4", "--freq", "15", "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    warnings = json.loads(captured.out)["warnings"]
+    assert len(warnings) == 1
+    assert f"note: {warnings[0]}" in captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nfr"], "Missing argument 'MODEL'"),
+        (["nosuch"], "No such command 'nosuch'"),
+        ([*LAG, "--freq"], "requires an argument"),
+        ([*LAG, "--nosuch"], "No such option"),
+        ([*LAG, "--ratio", "x", "--freq", "1"], "'--ratio'"),
+        ([*LAG, "--interface", "mee", "--freq", "1"], "'mee' is not one of"),
+        (LAG, "either a list of frequencies or a band"),
+        ([*LAG, "--freq", "1", "--band", "1:2"], "not both"),
+        ([*LAG, "--freq", ""], "--freq: '' is not a number"),
+        ([*LAG, "--freq", "1,x"], "--freq: 'x' is not a number"),
+        ([*LAG, "--freq", "-1"], "-1 is not a positive number"),
+        ([*LAG, "--freq", "0"], "0 is not a positive number"),
+        ([*LAG, "--band", "1"], "--band: '1' is not of the form LO:HI"),
+        ([*LAG, "--band", "2:1"], "falls; write 1:2"),
+        ([*LAG, "--band", "1:2", "--ratio", "1"], "must be above 1"),
+        ([*LAG, "--freq", "1", "--errcrit", "0"], "errcrit: 0"),
+        ([*LAG, "--freq", "1", "--max-periods", "1"], "at least 2"),
+        ([*LAG[:-1], "0", "--freq", "1"], "amplitude: 0 is not a positive number"),
+        ([*LAG, "--freq", "1", "--set", "tau"], "--set: 'tau' is not of the form NAME=VALUE"),
+        ([*LAG, "--freq", "1", "--set", "taw=1"], "did you mean tau?"),
+        ([*LAG, "--freq", "1", "--set", "tau=fast"], "tau"),
+        ([*LAG, "--freq", "1", "--bias", "u=x"], "--bias: u: 'x' is not a number"),
+        ([*LAG, "--freq", "1", "--plot", "r.bmp"], "must end in one of .png"),
+        ([*LAG, "--freq", "1", "--json", "nosuch/r.json"], "the folder 'nosuch' does not exist"),
+        ([*LAG, "--freq", "1", "--json", "-", "--csv", "-"], "cannot both go to standard output"),
+        (["nfr", "nosuch.fmu", *LAG[2:], "--freq", "1"], "nosuch.fmu"),
+        (["nfr", "fmu:FirstOrderLga", *LAG[2:], "--freq", "1"], "did you mean FirstOrderLag"),
+        (["nfr", "pyproject.toml", *LAG[2:], "--freq", "1"], "pyproject.toml"),
+        ([*LAG[:3], "y", *LAG[4:], "--freq", "1"], "'y' of FirstOrderLag is an output; its inputs are: u"),
+        ([*LAG[:5], "u", *LAG[6:], "--freq", "1"], "'u' of FirstOrderLag is an input; its outputs are: y"),
+        ([*LAG[:3], "uu", *LAG[4:], "--freq", "1"], "has no 'uu'; did you mean u?"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert message in complaint(capsys, arguments)
+
+
+def test_help_has_an_example_for_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("info", "simulate", "nfr", "build"):
+        assert run([command, "--help"]) == 0
+        assert f"Example: workbench {command}" in capsys.readouterr().out
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("workbench 0.")
+
+
+def test_help_is_quick() -> None:
+    def seconds() -> float:
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "workbench", "--help"], check=True, capture_output=True)
+        return time.perf_counter() - begin
+
+    assert min(seconds() for _ in range(4)) < 0.4
+
+
+def test_help_needs_no_numerics() -> None:
+    code = "import sys, workbench.cli.app; sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'fmpy')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one process on Windows")
+def test_an_interrupted_sweep_keeps_what_was_measured(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    command = [sys.executable, "-m", "workbench", *LAG, "--band", "0.001:10", "--ratio", "1.0005", "--json", str(path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert "note: interrupted after " in err
+    result = json.loads(path.read_text(encoding="utf-8"))
+    measured = [g is not None for g in result["gain"][0]]
+    assert measured[0]
+    assert not measured[-1]
+    assert "interrupted" in result["failed"][-1]["reason"]
+
+
+def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    run([])
+    assert "simulate" in capsys.readouterr().out
