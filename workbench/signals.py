@@ -196,8 +196,12 @@ class Prbs(Signal):
     def _begin(self, i: int) -> float:
         return self.start + i * self.hold
 
+    def bits(self) -> tuple[bool, ...]:
+        """Return one period of the sequence, True is the upper level; 2^order − 1 bits."""
+        return _register_bits(self.order, self.seed)
+
     def _bit(self, i: int) -> bool:
-        bits = _register_bits(self.order, self.seed)
+        bits = self.bits()
         return bits[i % len(bits)]
 
     def __call__(self, t: float) -> float:

@@ -13,7 +13,7 @@ from workbench.fmi.variable import Value, Variable
 if TYPE_CHECKING:
     from workbench.fmi.instance import Instance
 
-__all__ = ["Access", "TypeCalls"]
+__all__ = ["Access", "Block", "TypeCalls"]
 
 
 def _same(value: Any) -> Any:
@@ -51,8 +51,16 @@ class TypeCalls:
         return cls(getter, setter, ctypes.c_char_p, _utf8, lambda s: str(s).encode())
 
 
-class _Block:
-    """Variables of one type: one C call reads or writes them all."""
+class Block:
+    """Variables of one type: one C call reads or writes them all.
+
+    Attributes:
+        calls, instance: how, and of which instance, they are read and written.
+        slots: where in `buffer` each of them stands.
+        plain: whether they are the whole buffer, in its order, and need no decoding.
+        buffer, references: C arrays of the values and of the value references.
+        partial: whether the buffer holds array elements that are none of them.
+    """
 
     def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
         references = list(dict.fromkeys(v.value_reference for v in variables))
@@ -108,6 +116,10 @@ class Access:
 
     `read` returns values in the list's order; `write` takes them so. Lists of one type only, the
     usual case inside an integration, cost one C call.
+
+    Attributes:
+        blocks: one for each C function.
+        order: for each block, where its variables stand in the list.
     """
 
     def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:
@@ -115,14 +127,14 @@ class Access:
         groups: dict[str, list[int]] = {}
         for i, variable in enumerate(self.variables):
             groups.setdefault(_getter(instance, variable), []).append(i)
-        self._order = list(groups.values())
+        self.order = list(groups.values())
         self.blocks = [
-            _Block(
+            Block(
                 instance,
                 instance.TYPES[self.variables[indices[0]].type],
                 [self.variables[i] for i in indices],
             )
-            for indices in self._order
+            for indices in self.order
         ]
 
     def read(self) -> list[Any]:
@@ -130,7 +142,7 @@ class Access:
         if len(self.blocks) == 1:
             return self.blocks[0].read()
         values: list[Any] = [None] * len(self.variables)
-        for block, indices in zip(self.blocks, self._order, strict=True):
+        for block, indices in zip(self.blocks, self.order, strict=True):
             for i, value in zip(indices, block.read(), strict=True):
                 values[i] = value
         return values
@@ -140,7 +152,7 @@ class Access:
         if len(self.blocks) == 1:
             self.blocks[0].write(values)
             return
-        for block, indices in zip(self.blocks, self._order, strict=True):
+        for block, indices in zip(self.blocks, self.order, strict=True):
             block.write([values[i] for i in indices])
 
 

@@ -66,6 +66,13 @@ class Library:
         """Whether the binary exports the function."""
         return not getattr(self._functions[name], "missing", False)
 
+    def address(self, name: str) -> int | None:
+        """Return where the function begins, for compiled callers; None where the binary has none."""
+        function: Any = self._functions.get(name)
+        if function is None or getattr(function, "missing", False):
+            return None
+        return ctypes.cast(function, ctypes.c_void_p).value
+
 
 def load_library(path: Path, *, version: int, interface: str, identifier: str) -> Library:
     """Load the shared library at `path`.

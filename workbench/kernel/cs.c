@@ -31,9 +31,10 @@ static bool communicate(Cs *cs, double end, bool last) {
     Forcing *forcing = system->forcing;
     const double start = cs->previous = cs->time;
     forcing_give_slopes(forcing, system->components, start, end);
-    if (!cs_step_to(cs, end) || !system_count_step(system, end)) {
+    if (!cs_step_to(cs, end)) {
         return false;
     }
+    system->steps++;
     for (size_t i = 0; i < forcing->n; i++) {
         forcing->written[i] = forcing->seen[i];
     }
@@ -44,40 +45,53 @@ static bool communicate(Cs *cs, double end, bool last) {
                     add_row(cs, forcing->written, ROW_SECOND));
 }
 
-static bool to_target(Cs *cs, double target, double until) {
-    const double start = cs->time;
-    const double count = steps_to(cs, target);
-    if (count < 1.0) {
-        return fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, target);
+/* Cut the way to the next point or break into equal steps. */
+static bool choose_target(Cs *cs) {
+    while (cs->n_targets && cs->targets[0] <= cs->time) {
+        cs->targets++;
+        cs->n_targets--;
     }
-    for (double i = 1.0; i <= count; i++) {
-        const double end = i == count ? target : start + (target - start) * (i / count);
-        if (!communicate(cs, end, end == until)) {
+    const double point = cs->n_targets ? cs->targets[0] : cs->until;
+    cs->start = cs->time;
+    cs->target = fmin(point, forcing_next_break(cs->system->forcing, cs->time));
+    cs->count = steps_to(cs, cs->target);
+    cs->made = 0.0;
+    return cs->count >= 1.0 || fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, cs->target);
+}
+
+static bool next_step(Cs *cs) {
+    cs->made++;
+    const double end =
+        cs->made == cs->count ? cs->target : cs->start + (cs->target - cs->start) * (cs->made / cs->count);
+    return communicate(cs, end, end == cs->until);
+}
+
+static bool run_on(Cs *cs) {
+    while (cs->time < cs->until) {
+        if (system_pauses(cs->system, cs->time)) {
+            return false;
+        }
+        if ((cs->made == cs->count && !choose_target(cs)) || !next_step(cs)) {
             return false;
         }
     }
     return true;
 }
 
+bool cs_go_on(Cs *cs) {
+    system_go_on(cs->system);
+    return run_on(cs);
+}
+
 bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record, bool fresh) {
     System *system = cs->system;
-    const size_t none = n_targets;
-    size_t next = 0;
+    cs->until = until;
+    cs->targets = targets;
+    cs->n_targets = n_targets;
+    cs->made = cs->count = 0.0;
     cs->record = record;
-    failure_clear(&system->failure);
+    system_go_on(system);
     record_begin(record, system);
-    if (!cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) ||
-        !add_row(cs, system->forcing->written, ROW_ALWAYS)) {
-        return false;
-    }
-    while (cs->time < until) {
-        while (next < none && targets[next] <= cs->time) {
-            next++;
-        }
-        const double point = next < none ? targets[next] : until;
-        if (!to_target(cs, fmin(point, forcing_next_break(system->forcing, cs->time)), until)) {
-            return false;
-        }
-    }
-    return true;
+    return cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) &&
+           add_row(cs, system->forcing->written, ROW_ALWAYS) && run_on(cs);
 }

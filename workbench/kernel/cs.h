@@ -18,9 +18,15 @@ typedef struct {
     double longest;  /* longest communication step [s] */
     int32_t variable_step;
     int32_t step_given; /* the user named the step */
+    /* The run: its way to the next target in `count` equal steps, `made` of them made. */
+    double until, start, target, count, made;
+    const double *targets;
+    size_t n_targets;
     Record *record;
 } Cs;
 
 bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record, bool fresh);
+/* Go on after a pause. */
+bool cs_go_on(Cs *cs);
 
 #endif

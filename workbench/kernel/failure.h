@@ -26,7 +26,7 @@ typedef enum {
     FAILED_GRID,        /* point `value` lies off the grid of the constant step */
     FAILED_MEMORY,      /* no memory */
     FAILED_READ_ONLY,   /* variables of this type cannot be set */
-    FAILED_INTERRUPTED, /* the caller asked to stop */
+    PAUSED,             /* no failure: the caller may look after signals, then go on */
     N_FAILURES
 } FailureCode;
 

@@ -59,12 +59,20 @@ int32_t kernel_me_run(Me *me, double until, const double *targets, size_t n_targ
     return me_run(me, until, targets, n_targets, record, fresh != 0);
 }
 
+int32_t kernel_me_go_on(Me *me) {
+    return me_go_on(me);
+}
+
 void kernel_me_close(Me *me) {
     me_close(me);
 }
 
 int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record, int32_t fresh) {
     return cs_run(cs, until, targets, n_targets, record, fresh != 0);
+}
+
+int32_t kernel_cs_go_on(Cs *cs) {
+    return cs_go_on(cs);
 }
 
 void kernel_record_columns(const Record *record, double *columns) {

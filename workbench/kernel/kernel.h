@@ -27,14 +27,16 @@ KERNEL_EXPORT const char *kernel_function_name(size_t index);
 /* Check and complete what the caller filled in; 0: an FMI version is unknown. */
 KERNEL_EXPORT int32_t kernel_system_open(System *system);
 
-/* These return 1, or 0 after noting the reason in system->failure. */
+/* These return 1, or 0 after noting the reason in system->failure; PAUSED: call go_on. */
 KERNEL_EXPORT int32_t kernel_me_open(Me *me);
 KERNEL_EXPORT int32_t kernel_me_restart(Me *me);
 KERNEL_EXPORT int32_t kernel_me_run(Me *me, double until, const double *targets, size_t n_targets, Record *record,
                                     int32_t fresh);
+KERNEL_EXPORT int32_t kernel_me_go_on(Me *me);
 KERNEL_EXPORT void kernel_me_close(Me *me);
 KERNEL_EXPORT int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record,
                                     int32_t fresh);
+KERNEL_EXPORT int32_t kernel_cs_go_on(Cs *cs);
 
 /* Copy the rows to `columns` [width][rows]. */
 KERNEL_EXPORT void kernel_record_columns(const Record *record, double *columns);

@@ -177,7 +177,8 @@ static bool take_step(Me *me, double stop, int *steps, bool *event) {
     }
     failure_clear(&me->system->failure);
     me->cautious *= CAUTION_GROWS;
-    if (!check_states(me) || !system_count_step(me->system, solver->t) || !record_points(me, &some)) {
+    me->system->steps++;
+    if (!check_states(me) || !record_points(me, &some)) {
         return false;
     }
     *steps = some ? 0 : *steps + 1;
@@ -196,7 +197,7 @@ static bool to_stop(Me *me, double stop) {
     int steps = 0;
     while (me->time < stop) {
         bool event = false;
-        if (!take_step(me, stop, &steps, &event)) {
+        if (system_pauses(me->system, me->time) || !take_step(me, stop, &steps, &event)) {
             return false;
         }
         if (event) {
@@ -264,17 +265,22 @@ static bool run_to(Me *me, double until) {
             return false;
         }
     }
+    me->system->limit = (double)INFINITY;
     return true;
 }
 
 bool me_run(Me *me, double until, const double *targets, size_t n_targets, Record *record, bool fresh) {
+    me->until = until;
     me->targets = targets;
     me->n_targets = n_targets;
     me->record = record;
     me->span = fmax(fmax(until - me->time, fabs(until)), 1e-9);
-    failure_clear(&me->system->failure);
+    system_go_on(me->system);
     record_begin(record, me->system);
-    const bool done = enter(me, fresh) && add_row(me, me->time, ROW_ALWAYS) && run_to(me, until);
-    me->system->limit = (double)INFINITY;
-    return done;
+    return enter(me, fresh) && add_row(me, me->time, ROW_ALWAYS) && run_to(me, until);
+}
+
+bool me_go_on(Me *me) {
+    system_go_on(me->system);
+    return run_to(me, me->until);
 }

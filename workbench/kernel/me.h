@@ -20,6 +20,7 @@ typedef struct {
     /* Owned by the kernel. */
     Solver *solver;
     double *x; /* [nx] scratch */
+    double until; /* [s] */
     const double *targets;
     size_t n_targets;
     Record *record;
@@ -30,6 +31,8 @@ bool me_open(Me *me);
 /* Begin anew at `time` with the states that the FMUs have. */
 bool me_restart(Me *me);
 bool me_run(Me *me, double until, const double *targets, size_t n_targets, Record *record, bool fresh);
+/* Go on after a pause. */
+bool me_go_on(Me *me);
 void me_close(Me *me);
 
 #endif

@@ -1,7 +1,7 @@
 #include "me_event.h"
 
-#include <float.h>
 #include <math.h>
+#include <stdio.h>
 
 enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20 };
 static const double ZENO_GAP = 1e-8;
@@ -99,6 +99,7 @@ static void grow_scale(Me *me, const double *x) {
 bool me_restart_solver(Me *me, const double *x) {
     grow_scale(me, x);
     if (!me->solver->method->restart(me->solver, me->time, x)) {
+        snprintf(failure_of(me)->message, SOLVER_MESSAGE, "%s", me->solver->message);
         return fail_at(failure_of(me), FAILED_SOLVER, me->time);
     }
     failure_clear(failure_of(me));

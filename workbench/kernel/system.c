@@ -2,10 +2,13 @@
 
 #include <math.h>
 
-bool system_count_step(System *system, double time) {
-    system->steps++;
-    const bool ask = system->interrupted && system->steps % STEPS_BETWEEN_QUESTIONS == 0;
-    return ask && system->interrupted() ? fail_at(&system->failure, FAILED_INTERRUPTED, time) : true;
+void system_go_on(System *system) {
+    system->pause_at = system->steps + STEPS_BETWEEN_PAUSES;
+    failure_clear(&system->failure);
+}
+
+bool system_pauses(System *system, double time) {
+    return system->steps >= system->pause_at && !fail_at(&system->failure, PAUSED, time);
 }
 
 static bool link_propagate(System *system, Link *link, bool *changed) {

@@ -26,17 +26,19 @@ typedef struct {
     size_t n_links;
     size_t nx, nz;              /* sums over the components */
     Forcing *forcing;           /* in force */
-    int32_t (*interrupted)(void); /* asked now and then; not 0: stop */
     int64_t evaluations;        /* right-hand sides */
     int64_t steps;              /* accepted steps of solvers, communication steps */
+    int64_t pause_at;           /* steps at which a run lets the caller look after signals */
     double limit;               /* no signal is evaluated later than this [s] */
     Failure failure;
 } System;
 
-enum { STEPS_BETWEEN_QUESTIONS = 2048 };
+enum { STEPS_BETWEEN_PAUSES = 1000 };
 
-/* Counts a step; false when the caller wants the run to end. */
-bool system_count_step(System *system, double time);
+/* Begin or go on with a run. */
+void system_go_on(System *system);
+/* Whether it is time for a pause; noted as PAUSED then. */
+bool system_pauses(System *system, double time);
 
 /* Copy what is connected; `events`: discrete inputs too. `changed` (may be NULL): whether a value did. */
 bool system_propagate(System *system, bool events, bool *changed);

@@ -14,15 +14,20 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.recipe import FmuRecipe
+from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.me import MeSession
 from workbench.session.probe import state_can_be_trusted
 from workbench.signals import Signal
 
-__all__ = ["FmuModel"]
+__all__ = ["DRIVERS", "FmuModel"]
 
-_SESSIONS: Mapping[str, type[FmuSession]] = {"me": MeSession, "cs": CsSession}
+# Driver → interface → session. The Python driver is the readable reference of the compiled one.
+DRIVERS: Mapping[str, Mapping[str, type[FmuSession]]] = {
+    "compiled": {"me": CompiledMeSession, "cs": CompiledCsSession},
+    "python": {"me": MeSession, "cs": CsSession},
+}
 _PARAMETERS = ("parameter", "structuralParameter")
 
 
@@ -34,6 +39,7 @@ class FmuModel(Model):
         description: what that FMU says about itself.
         interface: "me" or "cs", one of those offered.
         setup: how sessions begin; who opens instances is put in here.
+        driver: a name in `DRIVERS`.
         notes: remarks for the user.
         recipe: how to load it again.
 
@@ -52,6 +58,7 @@ class FmuModel(Model):
         *,
         interface: str,
         setup: Setup,
+        driver: str,
         notes: tuple[str, ...],
         recipe: FmuRecipe,
     ) -> None:
@@ -60,6 +67,7 @@ class FmuModel(Model):
         self.name = description.model_name
         self.interface = interface
         self.solver = setup.solver
+        self.driver = driver
         self.notes = notes
         self.inputs = self._with("input")
         self.outputs = self._with("output")
@@ -98,7 +106,7 @@ class FmuModel(Model):
         return session
 
     def _open(self, setup: Setup) -> FmuSession:
-        return _SESSIONS[self.interface](setup)
+        return DRIVERS[self.driver][self.interface](setup)
 
     def _check_single(self) -> None:
         if self.description.interfaces[self.interface].once_per_process and self._live():

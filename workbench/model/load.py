@@ -13,7 +13,8 @@ from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
-from workbench.model.fmu_model import FmuModel
+from workbench.kernel.library import why_kernel_missing
+from workbench.model.fmu_model import DRIVERS, FmuModel
 from workbench.model.recipe import FmuRecipe
 from workbench.session.fmu import Setup
 from workbench.session.solvers import SOLVERS, choose_solver
@@ -33,6 +34,7 @@ def load(
     tolerance: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
+    driver: str = "auto",
 ) -> FmuModel:
     """Load an FMU.
 
@@ -45,6 +47,8 @@ def load(
         tolerance: relative tolerance of the integration; None: 1e-6.
         start_values: parameters and start values to set, by name.
         bias: constants added to inputs, by name, whether forced or not.
+        driver: what advances sessions: "compiled", "python" (the readable reference, about 20 times slower), or
+            "auto", which takes the compiled one where it is installed.
 
     Returns:
         The model; close it, or use it in a `with` block, to remove its temporary folder.
@@ -67,6 +71,7 @@ def load(
             tolerance=tolerance,
             start_values=dict(start_values or {}),
             bias=dict(bias or {}),
+            driver=driver,
         )
         return open_unpacked(unpacked, recipe)
     except BaseException:
@@ -89,6 +94,7 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     chosen = _choose_interface(recipe.interface, description, source)
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
+    driver, remark = _choose_driver(recipe.driver)
     variables = {v.name: v for v in description.variables}
     setup = Setup(
         open_instance=_not_yet,
@@ -100,8 +106,9 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         step=recipe.step,
         solver=name,
     )
-    notes = (*description.notes, *_notes(recipe.interface, chosen, description, recipe.step), *filter(None, [note]))
-    return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=recipe)
+    choices = [*_notes(recipe.interface, chosen, description, recipe.step), *filter(None, [note, remark])]
+    notes = (*description.notes, *choices)
+    return FmuModel(unpacked, description, interface=chosen, setup=setup, driver=driver, notes=notes, recipe=recipe)
 
 
 def _not_yet() -> Instance:
@@ -135,6 +142,18 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
             raise InputError(f"solver '{wanted}' is unknown; {suggest(wanted, ('auto', *SOLVERS))}")
         raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
     return "fmu", ""
+
+
+def _choose_driver(wanted: str) -> tuple[str, str]:
+    """Return the driver and a note about the choice (may be empty)."""
+    if wanted not in ("auto", *DRIVERS):
+        raise InputError(f"driver '{wanted}' is unknown; {suggest(wanted, ('auto', *DRIVERS))}")
+    missing = "" if wanted == "python" else why_kernel_missing()
+    if not missing:
+        return ("compiled" if wanted == "auto" else wanted), ""
+    if wanted == "compiled":
+        raise InputError(f"driver compiled is not available: {missing}; or use driver python")
+    return "python", f"driver: python, some 20 times slower than the compiled one: {missing}"
 
 
 def _notes(wanted: str, chosen: str, description: Description, step: float | None) -> list[str]:

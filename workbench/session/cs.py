@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
+from workbench.fmi.variable import Variable
+from workbench.session.base import Floats, Record
 from workbench.session.fmu import FmuSession
 from workbench.session.rows import Rows
 
-__all__ = ["CsSession"]
+__all__ = ["CsSession", "off_grid"]
 
 STEPS_PER_SHAPE = 25  # of a signal's longest step: 200 steps per period of a sine
 STEPS_PER_CALL = 500  # where nothing else says how long a step should be
@@ -38,6 +41,11 @@ class CsSession(FmuSession):
         if self.instance.iterate_events().terminate:
             raise self._ended()
         self.instance.enter_step_mode()
+
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+        rows = Rows(self.instance, variables, self.forcing)
+        self._run(until, targets.tolist(), rows, new=new)
+        return rows.record()
 
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
         self._set_inputs(jump=new or self.forcing.next_break(self._previous) <= self.time)
@@ -144,10 +152,7 @@ class CsSession(FmuSession):
                 return count
         count = round(span / self._fixed)
         if count < 1 or abs(span - count * self._fixed) > GRID_ERROR * self._fixed:
-            raise InputError(
-                f"the FMU needs a constant communication step of {self._fixed:.9g} s, but a point or a "
-                f"break of a signal lies at {target:.9g} s, off that grid; use another step"
-            )
+            raise off_grid(self._fixed, target)
         return count
 
     # -- snapshots ------------------------------------------------------------------------
@@ -162,3 +167,11 @@ class CsSession(FmuSession):
 
     def _forget(self) -> None:
         """The FMU's solver is its own; there is nothing to reset."""
+
+
+def off_grid(step: float, point: float) -> InputError:
+    """Return the error for a point that a constant communication step cannot meet."""
+    return InputError(
+        f"the FMU needs a constant communication step of {step:.9g} s, but a point or a "
+        f"break of a signal lies at {point:.9g} s, off that grid; use another step"
+    )

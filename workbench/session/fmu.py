@@ -15,7 +15,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats, Record, Session, Snapshot
 from workbench.session.forcing import Forcing
-from workbench.session.rows import Rows, find, read_finite
+from workbench.session.rows import find, read_finite
 from workbench.signals import Signal
 
 __all__ = ["FmuSession", "Setup"]
@@ -139,9 +139,7 @@ class FmuSession(Session):
             before = self.forcing
             self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
             self._forcing_changed(before)
-        rows = Rows(self.instance, variables, self.forcing)
-        self._run(until, targets, rows, new=new)
-        return rows.record()
+        return self._advance(until, targets, variables, new=new)
 
     def _forcing_changed(self, before: Forcing) -> None:
         """Carry over what the FMU sees from the previous signals to the present ones."""
@@ -155,20 +153,19 @@ class FmuSession(Session):
         return {n: math.nan if s is None else float(s) + setup.bias.get(n, 0.0) for n, s in starts.items()}
 
     @abstractmethod
-    def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
-        """Advance to `until`; `targets` are the points, rising, the last is `until`."""
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+        """Advance to `until`; `targets` are the points, rising, the last is `until`. `new`: other signals."""
 
-    def _targets(self, until: float, points: Floats | None) -> list[float]:
+    def _targets(self, until: float, points: Floats | None) -> Floats:
         if not math.isfinite(until) or until < self.time:
             raise InputError(f"cannot advance to {until:g} s: the session stands at {self.time:.9g} s")
         if points is None or len(points) == 0:
-            return [until]
-        values = np.asarray(points, dtype=np.float64)
+            return np.array([until])
+        values: Floats = np.asarray(points, dtype=np.float64)
         rising = bool((np.diff(values) > 0.0).all())
         if not rising or not values[0] > self.time or not values[-1] <= until:
             raise InputError(f"points must rise and lie in ({self.time:.9g}, {until:.9g}] s")
-        targets: list[float] = values.tolist()
-        return targets if targets[-1] == until else [*targets, until]
+        return values if values[-1] == until else np.append(values, until)
 
     def values(self, names: Sequence[str]) -> dict[str, float]:
         variables = find(names, self.setup.variables)

@@ -50,6 +50,10 @@ class Forcing:
         self._only_fast = not self._slow
         self.written: list[float] = [math.nan] * len(variables)
 
+    def inputs(self) -> list[tuple[Variable, Signal, float]]:
+        """Return each forced input with its signal and its bias."""
+        return [(v, s, b) for v, (s, b) in zip(self._variables, self._pairs, strict=True)]
+
     @property
     def has_discrete(self) -> bool:
         """Whether some forced input may change at events only."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.errors import InputError, SimulationError
-from workbench.session.base import Floats
+from workbench.fmi.variable import Variable
+from workbench.session.base import Floats, Record
 from workbench.session.fmu import FmuSession
 from workbench.session.forcing import Forcing
 from workbench.session.problem import Problem
@@ -16,7 +18,7 @@ from workbench.session.rows import Rows
 from workbench.session.solvers import SOLVERS, Solver, Tolerance
 from workbench.signals import Signal
 
-__all__ = ["MeSession"]
+__all__ = ["MeSession", "too_many_events", "too_many_steps"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
 ZENO_EVENTS = 20  # in a row, each closer to the last than ZENO_GAP of the time scale
@@ -61,6 +63,11 @@ class MeSession(FmuSession):
         self._make_solver()
 
     def _make_solver(self) -> None:
+        self.problem = Problem(self.instance, self.forcing)
+        self._solver = SOLVERS[self.setup.solver](self.problem, self._tolerance())
+        self._restart()
+
+    def _tolerance(self) -> Tolerance:
         states = self.instance.description.states
         declared = np.zeros(self.instance.nx, dtype=bool)
         named = states[: self.instance.nx]
@@ -69,10 +76,7 @@ class MeSession(FmuSession):
         usable = np.isfinite(nominal) & (nominal > 0.0)
         # A nominal value other than the default 1.0 was given on purpose even if not in the file.
         known = usable & (declared | (nominal != 1.0))
-        self.problem = Problem(self.instance, self.forcing)
-        tolerance = Tolerance(self.setup.rtol, np.where(usable, nominal, 1.0), known)
-        self._solver = SOLVERS[self.setup.solver](self.problem, tolerance)
-        self._restart()
+        return Tolerance(self.setup.rtol, np.where(usable, nominal, 1.0), known)
 
     @property
     def solver(self) -> Solver:
@@ -89,6 +93,11 @@ class MeSession(FmuSession):
     def _forcing_changed(self, before: Forcing) -> None:
         super()._forcing_changed(before)
         self.problem.forcing = self.forcing
+
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+        rows = Rows(self.instance, variables, self.forcing)
+        self._run(until, targets.tolist(), rows, new=new)
+        return rows.record()
 
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
         self._span = max(until - self.time, abs(until), 1e-9)
@@ -175,11 +184,7 @@ class MeSession(FmuSession):
 
     def _count(self, steps: int) -> None:
         if steps > MAX_STEPS:
-            advice = "; use solver gear" if self.setup.solver == "vkm" else ""
-            raise SimulationError(
-                f"{self.setup.solver}: more than {MAX_STEPS} steps needed between two points{advice}",
-                time=self.solver.t,
-            )
+            raise too_many_steps(self.setup.solver, self.solver.t)
 
     def _put(self, x: Floats | None = None) -> None:
         self.problem.put(self.time, self.solver.x if x is None else x)
@@ -234,14 +239,11 @@ class MeSession(FmuSession):
         self._crowd = self._crowd + 1 if close else 0
         self._last_event = self.time
         if self._crowd > ZENO_EVENTS:
-            raise SimulationError(
-                f"more than {ZENO_EVENTS} events without time passing (chattering or Zeno behaviour)",
-                time=self.time,
-            )
+            raise too_many_events(self.time)
 
     # -- snapshots ------------------------------------------------------------------------
 
-    def _memory(self) -> _Memory:
+    def _memory(self) -> object:
         return _Memory(self._next_time, self.solver.tolerance.scale.copy(), dict(self.forcing.signals))
 
     def _resume(self, memory: object) -> None:
@@ -267,3 +269,15 @@ def _drop(waiting: list[float], time: float) -> None:
     """Forget the points up to `time`: they have their rows."""
     while waiting and waiting[-1] <= time:
         waiting.pop()
+
+
+def too_many_steps(solver: str, time: float) -> SimulationError:
+    """Return the error for a solver that does not get on."""
+    advice = "; use solver gear" if solver == "vkm" else ""
+    return SimulationError(f"{solver}: more than {MAX_STEPS} steps needed between two points{advice}", time=time)
+
+
+def too_many_events(time: float) -> SimulationError:
+    """Return the error for events that follow each other without time passing."""
+    words = f"more than {ZENO_EVENTS} events without time passing (chattering or Zeno behaviour)"
+    return SimulationError(words, time=time)

@@ -28,16 +28,17 @@ class Tolerance:
     Attributes:
         rtol: relative tolerance.
         scale: shape (n,).
+        most: upper bound of the scale, shape (n,).
     """
 
     def __init__(self, rtol: float, nominal: Floats, declared: NDArray[np.bool_]) -> None:
         self.rtol = rtol
         self.scale: Floats = np.where(declared, NOMINAL_PART * np.abs(nominal), SMALLEST_SCALE)
-        self._most: Floats = np.where(declared, np.abs(nominal), np.inf)
+        self.most: Floats = np.where(declared, np.abs(nominal), np.inf)
 
     def grow(self, x: Floats) -> None:
         """Take note of the states."""
-        np.maximum(self.scale, np.minimum(np.abs(x), self._most), out=self.scale)
+        np.maximum(self.scale, np.minimum(np.abs(x), self.most), out=self.scale)
 
     def copy_from(self, scale: Floats) -> None:
         """Take the scales of a snapshot back."""

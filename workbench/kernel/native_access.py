@@ -1,0 +1,79 @@
+"""Prepared access to variables as the kernel's structures; buffers are those of the façade."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+from workbench.fmi.access import Access, TypeCalls, decode_flag
+from workbench.fmi.access import Block as Variables
+from workbench.kernel.structs import Access as Native
+from workbench.kernel.structs import Block, Type
+
+__all__ = ["indices", "join_access", "native_access", "value_type"]
+
+
+def indices(values: Sequence[int]) -> ctypes.Array[ctypes.c_size_t]:
+    """Return an array of size_t."""
+    return (ctypes.c_size_t * max(len(values), 1))(*values)
+
+
+def value_type(calls: TypeCalls) -> int:
+    """Return the ValueType of one FMI type."""
+    if calls.decode is decode_flag:
+        return Type.BOOLEAN32 if calls.ctype is ctypes.c_int else Type.BOOLEAN8
+    return Type.NUMBERS[calls.ctype]
+
+
+def native_access(access: Access, *, columns: Sequence[int], component: int = 0) -> tuple[Native, Any]:
+    """Return the structure, and what must live as long as it.
+
+    Args:
+        access: the façade's.
+        columns: where each variable stands in the caller's list.
+        component: number of the FMU in the system.
+    """
+    pairs = [
+        _block(block, [columns[i] for i in order], component)
+        for block, order in zip(access.blocks, access.order, strict=True)
+    ]
+    return _native([block for block, _ in pairs], [access, *(kept for _, kept in pairs)])
+
+
+def join_access(parts: Sequence[tuple[Native, Any]]) -> tuple[Native, Any]:
+    """Return one access to the variables of several components."""
+    blocks: list[Block] = []
+    for native, _ in parts:
+        blocks.extend((Block * native.n_blocks).from_address(native.blocks) if native.n_blocks else ())
+    return _native(blocks, list(parts))
+
+
+def _native(blocks: Sequence[Block], kept: list[Any]) -> tuple[Native, Any]:
+    array = (Block * max(len(blocks), 1))(*blocks)
+    return Native(ctypes.addressof(array), len(blocks)), (array, kept)
+
+
+def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[Block, Any]:
+    calls, library = block.calls, block.instance.library
+    slots, places = indices(block.slots), indices(columns)
+    kind = value_type(calls)
+    contiguous = list(columns) == list(range(columns[0], columns[0] + len(columns)))
+    native = Block(
+        get=library.address(calls.getter),
+        set=library.address(calls.setter) if calls.setter else None,
+        get_name=calls.getter.encode(),
+        set_name=calls.setter.encode() if calls.setter else None,
+        references=ctypes.addressof(block.references),
+        n_references=len(block.references),
+        buffer=ctypes.addressof(block.buffer),
+        n_values=len(block.buffer),
+        slots=ctypes.addressof(slots),
+        columns=ctypes.addressof(places),
+        n=len(columns),
+        type=kind,
+        component=component,
+        partial=block.partial,
+        plain=block.plain and contiguous and kind == Type.FLOAT64,
+    )
+    return native, (slots, places)

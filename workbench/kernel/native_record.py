@@ -1,0 +1,98 @@
+"""The rows that a run records, as the kernel's structures."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.fmi.variable import Variable
+from workbench.kernel.native_access import join_access, native_access
+from workbench.kernel.native_system import NativeSystem
+from workbench.kernel.structs import Fourier, Record
+
+__all__ = ["NativeFourier", "NativeRecord"]
+
+Floats = NDArray[np.float64]
+Recorded = tuple[Variable, int]  # variable, component
+
+
+class NativeRecord:
+    """What is recorded; made once for each list of variables. `close` frees its rows."""
+
+    def __init__(self, system: NativeSystem, variables: Sequence[Recorded]) -> None:
+        self._library = system.library
+        self.variables = tuple(variable for variable, _ in variables)
+        parts = []
+        for owner in dict.fromkeys(c for _, c in variables):
+            columns = [i for i, (_, c) in enumerate(variables) if c == owner]
+            access = system.instances[owner].access([variables[i][0] for i in columns])
+            parts.append(native_access(access, columns=columns, component=owner))
+        native, self._kept = join_access(parts)
+        self.structure = Record(access=native, n_values=len(variables), bound=math.inf, keep=1, every=1)
+        self.address = ctypes.addressof(self.structure)
+
+    def columns(self) -> Floats:
+        """Return the rows as shape (1 + inputs + variables, n): time, forced inputs, recorded values."""
+        table: Floats = np.empty((self.structure.width, self.structure.rows))
+        self._library.kernel_record_columns(self.address, table.ctypes.data)
+        return table
+
+    def close(self) -> None:
+        """Free the rows."""
+        self._library.kernel_record_free(self.address)
+
+    def __del__(self) -> None:
+        self.close()
+
+
+class NativeFourier:
+    """Fourier sums over rows; the integrals of `workbench.analysis.harmonics.measure_period`.
+
+    Args:
+        library: the kernel.
+        columns: positions of the signals in a row; time is column 0.
+        begin: time at which the phase is zero [s].
+        frequency: [Hz].
+        orders: number of harmonics.
+    """
+
+    def __init__(
+        self, library: ctypes.CDLL, columns: Sequence[int], *, begin: float, frequency: float, orders: int
+    ) -> None:
+        self._library = library
+        n, width = len(columns), 1 + 2 * orders
+        self._columns = (ctypes.c_size_t * n)(*columns)
+        sizes = {"basis": 2 * width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
+        self._memory = {name: np.zeros(size) for name, size in sizes.items()}
+        self._shape = (n, width)
+        self.structure = Fourier(
+            begin=begin,
+            frequency=frequency,
+            orders=orders,
+            n=n,
+            columns=ctypes.addressof(self._columns),
+            **{name: array.ctypes.data for name, array in self._memory.items()},
+        )
+        self.address = ctypes.addressof(self.structure)
+
+    @property
+    def largest(self) -> Floats:
+        """Largest magnitude of each signal, shape (n,)."""
+        return self._memory["largest"].copy()
+
+    def of_rows(self, rows: Floats) -> Floats:
+        """Return the coefficients of `rows`, shape (rows, columns), as shape (n, 1 + 2 orders)."""
+        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        result: Floats = np.empty(self._shape)
+        self._library.kernel_fourier(self.address, rows.ctypes.data, *rows.shape, result.ctypes.data)
+        return result
+
+    def result(self) -> Floats:
+        """Return the coefficients of the rows seen in a run, shape (n, 1 + 2 orders)."""
+        result: Floats = np.empty(self._shape)
+        self._library.kernel_fourier_result(self.address, result.ctypes.data)
+        return result

@@ -1,0 +1,136 @@
+"""A list of FMU instances as the kernel's structures; a single FMU is a list of one."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
+from workbench.kernel.library import kernel
+from workbench.kernel.native_access import native_access
+from workbench.kernel.native_signals import Trouble
+from workbench.kernel.structs import FUNCTIONS, Access, Component, Link, System
+
+__all__ = ["Connection", "NativeSystem"]
+
+_NAMES: Mapping[int, Mapping[str, str]] = {
+    1: {
+        "completed_step": "fmi1CompletedIntegratorStep",
+        "update_discrete_states": "fmi1EventUpdate",
+        "do_step": "fmi1DoStep",
+    },
+    2: {
+        "completed_step": "fmi2CompletedIntegratorStep",
+        "enter_event_mode": "fmi2EnterEventMode",
+        "enter_continuous_mode": "fmi2EnterContinuousTimeMode",
+        "update_discrete_states": "fmi2NewDiscreteStates",
+        "do_step": "fmi2DoStep",
+        "set_slopes": "fmi2SetRealInputDerivatives",
+    },
+    3: {
+        "completed_step": "fmi3CompletedIntegratorStep",
+        "enter_event_mode": "fmi3EnterEventMode",
+        "enter_continuous_mode": "fmi3EnterContinuousTimeMode",
+        "enter_step_mode": "fmi3EnterStepMode",
+        "update_discrete_states": "fmi3UpdateDiscreteStates",
+        "do_step": "fmi3DoStep",
+    },
+}
+
+
+@dataclass(frozen=True)
+class Connection:
+    """destination = gain · source, between two components of a system.
+
+    Attributes:
+        source, destination: the variables.
+        from_component, to_component: their components' numbers.
+        gain: factor.
+    """
+
+    source: Variable
+    destination: Variable
+    from_component: int
+    to_component: int
+    gain: float = 1.0
+
+
+class NativeSystem:
+    """The components and their connections, in the order in which they are evaluated.
+
+    Attributes:
+        instances: the FMUs; they must stay open as long as this is used.
+        structure: what the kernel works on.
+        trouble: holds what callbacks into Python raised.
+    """
+
+    def __init__(self, instances: Sequence[Instance], connections: Sequence[Connection] = ()) -> None:
+        self.library = kernel()
+        self.instances = tuple(instances)
+        self.trouble = Trouble()
+        self._kept: list[Any] = []
+        self._components = (Component * len(instances))(*(self._component(i) for i in instances))
+        self._links = (Link * max(len(connections), 1))(*(self._link(c) for c in connections))
+        self.structure = System(
+            components=ctypes.addressof(self._components),
+            n_components=len(instances),
+            links=ctypes.addressof(self._links),
+            n_links=len(connections),
+        )
+        self.address = ctypes.addressof(self.structure)
+        self.library.kernel_system_open(self.address)
+
+    def _component(self, instance: Instance) -> Component:
+        names = {**instance.CALLS, **_NAMES[instance.version]}
+        texts = [names.get(f, f) for f in FUNCTIONS]
+        functions = (ctypes.c_void_p * len(FUNCTIONS))(*(instance.library.address(t) for t in texts))
+        words = (ctypes.c_char_p * len(FUNCTIONS))(*(t.encode() for t in texts))
+        self._kept += [functions, words]
+        capabilities = instance.capabilities
+        return Component(
+            handle=instance.component,
+            functions=ctypes.addressof(functions),
+            names=ctypes.addressof(words),
+            nx=instance.nx,
+            nz=instance.nz,
+            version=instance.version,
+            event_mode=instance.event_mode,
+            completed_step=capabilities.completed_step,
+            interpolates=capabilities.interpolates_inputs,
+            slopes_work=True,
+            time=instance.time,
+        )
+
+    def _link(self, connection: Connection) -> Link:
+        """One connection each: a source may depend on the destination before it."""
+        source = self._one(connection.source, connection.from_component)
+        destination = self._one(connection.destination, connection.to_component)
+        gain, value, fresh = (ctypes.c_double(v) for v in (connection.gain, float("nan"), 0.0))
+        self._kept += [gain, value, fresh]
+        return Link(
+            source=source,
+            destination=destination,
+            gains=ctypes.addressof(gain),
+            values=ctypes.addressof(value),
+            fresh=ctypes.addressof(fresh),
+            n=1,
+            discrete=not connection.destination.is_continuous_input,
+        )
+
+    def _one(self, variable: Variable, component: int) -> Access:
+        access, kept = native_access(self.instances[component].access([variable]), columns=[0], component=component)
+        self._kept.append(kept)
+        return access
+
+    def sync_times(self) -> None:
+        """Tell the façade how far the kernel brought each FMU."""
+        for instance, component in zip(self.instances, self._components, strict=True):
+            instance.time = component.time
+
+    def set_times(self, time: float) -> None:
+        """Tell the kernel at which time the FMUs stand [s]."""
+        for component in self._components:
+            component.time = time

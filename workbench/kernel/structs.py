@@ -1,0 +1,300 @@
+"""The kernel's structures (its header files) as ctypes; the library says at load whether the sizes agree."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from ctypes import c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
+from typing import Any
+
+from workbench.kernel.gear import GearLibrary
+
+__all__ = [
+    "FUNCTIONS",
+    "STRUCTURES",
+    "Access",
+    "Block",
+    "Component",
+    "Cs",
+    "Failure",
+    "Forcing",
+    "Fourier",
+    "Link",
+    "Me",
+    "Record",
+    "Signal",
+    "System",
+    "Type",
+]
+
+MESSAGE = 256
+PARAMETERS = 5
+
+# What the kernel calls by address, in the order of FunctionIndex in component.h.
+FUNCTIONS = (
+    "set_time",
+    "set_states",
+    "get_states",
+    "get_derivatives",
+    "get_indicators",
+    "completed_step",
+    "enter_event_mode",
+    "enter_continuous_mode",
+    "enter_step_mode",
+    "update_discrete_states",
+    "do_step",
+    "set_slopes",
+)
+
+
+class Type:
+    """ValueType in access.h."""
+
+    NUMBERS: Mapping[Any, int] = {
+        ctypes.c_double: 0,
+        ctypes.c_float: 1,
+        ctypes.c_int8: 2,
+        ctypes.c_uint8: 3,
+        ctypes.c_int16: 4,
+        ctypes.c_uint16: 5,
+        ctypes.c_int32: 6,
+        ctypes.c_uint32: 7,
+        ctypes.c_int64: 8,
+        ctypes.c_uint64: 9,
+    }
+    FLOAT64 = 0
+    BOOLEAN8, BOOLEAN32 = 10, 11
+
+
+class Failure(ctypes.Structure):
+    """failure.h."""
+
+    code: int
+    status: int
+    component: int
+    function: int
+    index: int
+    time: float
+    value: float
+    name: bytes | None
+    message: bytes
+
+    _fields_ = (
+        ("code", c_int32),
+        ("status", c_int32),
+        ("component", c_int32),
+        ("function", c_int32),
+        ("index", c_int64),
+        ("time", c_double),
+        ("value", c_double),
+        ("name", ctypes.c_char_p),
+        ("message", c_char * MESSAGE),
+    )
+
+
+class Component(ctypes.Structure):
+    """component.h."""
+
+    _fields_ = (
+        ("handle", c_void_p),
+        ("functions", c_void_p),
+        ("names", c_void_p),
+        ("nx", c_size_t),
+        ("nz", c_size_t),
+        ("version", c_int32),
+        ("event_mode", c_int32),
+        ("completed_step", c_int32),
+        ("interpolates", c_int32),
+        ("slopes_work", c_int32),
+        ("time", c_double),
+        ("calls", c_void_p),
+    )
+
+
+class Block(ctypes.Structure):
+    """access.h: variables of one type and component."""
+
+    _fields_ = (
+        ("get", c_void_p),
+        ("set", c_void_p),
+        ("get_name", ctypes.c_char_p),
+        ("set_name", ctypes.c_char_p),
+        ("references", c_void_p),
+        ("n_references", c_size_t),
+        ("buffer", c_void_p),
+        ("n_values", c_size_t),
+        ("slots", c_void_p),
+        ("columns", c_void_p),
+        ("n", c_size_t),
+        ("type", c_int32),
+        ("component", c_int32),
+        ("partial", c_int32),
+        ("plain", c_int32),
+    )
+
+
+class Access(ctypes.Structure):
+    """access.h."""
+
+    _fields_ = (("blocks", c_void_p), ("n_blocks", c_size_t))
+
+
+class Signal(ctypes.Structure):
+    """signals.h."""
+
+    _fields_ = (
+        ("kind", c_int32),
+        ("p", c_double * PARAMETERS),
+        ("times", c_void_p),
+        ("values", c_void_p),
+        ("bits", c_void_p),
+        ("n", c_size_t),
+        ("evaluate", c_void_p),
+        ("following", c_void_p),
+    )
+
+
+class Forcing(ctypes.Structure):
+    """forcing.h."""
+
+    _fields_ = (
+        ("signals", c_void_p),
+        ("bias", c_void_p),
+        ("types", c_void_p),
+        ("owners", c_void_p),
+        ("discrete", c_void_p),
+        ("written", c_void_p),
+        ("wanted", c_void_p),
+        ("seen", c_void_p),
+        ("slopes", c_void_p),
+        ("orders", c_void_p),
+        ("n", c_size_t),
+        ("n_discrete", c_size_t),
+        ("fast", Access),
+        ("slow", Access),
+        ("longest_step", c_double),
+    )
+
+
+class Link(ctypes.Structure):
+    """system.h."""
+
+    _fields_ = (
+        ("source", Access),
+        ("destination", Access),
+        ("gains", c_void_p),
+        ("values", c_void_p),
+        ("fresh", c_void_p),
+        ("n", c_size_t),
+        ("discrete", c_int32),
+    )
+
+
+class System(ctypes.Structure):
+    """system.h."""
+
+    _fields_ = (
+        ("components", c_void_p),
+        ("n_components", c_size_t),
+        ("links", c_void_p),
+        ("n_links", c_size_t),
+        ("nx", c_size_t),
+        ("nz", c_size_t),
+        ("forcing", c_void_p),
+        ("evaluations", c_int64),
+        ("steps", c_int64),
+        ("pause_at", c_int64),
+        ("limit", c_double),
+        ("failure", Failure),
+    )
+
+
+class Fourier(ctypes.Structure):
+    """fourier.h."""
+
+    _fields_ = (
+        ("begin", c_double),
+        ("frequency", c_double),
+        ("orders", c_size_t),
+        ("n", c_size_t),
+        ("columns", c_void_p),
+        ("basis", c_void_p),
+        ("weights", c_void_p),
+        ("sums", c_void_p),
+        ("first", c_void_p),
+        ("last", c_void_p),
+        ("largest", c_void_p),
+        ("start", c_double),
+        ("time", c_double),
+        ("rows", c_size_t),
+    )
+
+
+class Record(ctypes.Structure):
+    """record.h."""
+
+    _fields_ = (
+        ("access", Access),
+        ("n_values", c_size_t),
+        ("bound", c_double),
+        ("fourier", c_void_p),
+        ("keep", c_int32),
+        ("every", c_size_t),
+        ("data", c_void_p),
+        ("rows", c_size_t),
+        ("capacity", c_size_t),
+        ("width", c_size_t),
+        ("skipped", c_size_t),
+    )
+
+
+class Me(ctypes.Structure):
+    """me.h."""
+
+    _fields_ = (
+        ("system", c_void_p),
+        ("solver_name", ctypes.c_char_p),
+        ("gear", c_void_p),
+        ("rtol", c_double),
+        ("scale", c_void_p),
+        ("most", c_void_p),
+        ("time", c_double),
+        ("next_time", c_double),
+        ("last_event", c_double),
+        ("cautious", c_double),
+        ("span", c_double),
+        ("crowd", c_int32),
+        ("solver", c_void_p),
+        ("x", c_void_p),
+        ("until", c_double),
+        ("targets", c_void_p),
+        ("n_targets", c_size_t),
+        ("record", c_void_p),
+    )
+
+
+class Cs(ctypes.Structure):
+    """cs.h."""
+
+    _fields_ = (
+        ("system", c_void_p),
+        ("time", c_double),
+        ("previous", c_double),
+        ("fixed", c_double),
+        ("longest", c_double),
+        ("variable_step", c_int32),
+        ("step_given", c_int32),
+        ("until", c_double),
+        ("start", c_double),
+        ("target", c_double),
+        ("count", c_double),
+        ("made", c_double),
+        ("targets", c_void_p),
+        ("n_targets", c_size_t),
+        ("record", c_void_p),
+    )
+
+
+STRUCTURES: tuple[type[ctypes.Structure], ...] = (
+    Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
+)  # fmt: skip

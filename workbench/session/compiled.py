@@ -1,0 +1,200 @@
+"""Sessions whose loop runs in compiled code: one call from Python advances many steps.
+
+Start-up, snapshots, replay and bookkeeping are those of the Python sessions; so are the rows.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.errors import FmuError, InputError
+from workbench.fmi.variable import Variable
+from workbench.kernel.gear import gear_library, why_missing
+from workbench.kernel.native_record import NativeFourier, NativeRecord
+from workbench.kernel.structs import Cs, Me
+from workbench.session.base import Floats, Record
+from workbench.session.cs import CsSession
+from workbench.session.fmu import FmuSession
+from workbench.session.forcing import Forcing
+from workbench.session.loop import Loop, Recording, closed
+from workbench.session.me import MeSession
+from workbench.signals import Signal
+
+__all__ = ["CompiledCsSession", "CompiledMeSession", "CompiledSession", "Harmonics"]
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Fourier coefficients over the span of one advance.
+
+    Attributes:
+        values: recorded name → shape (1 + 2·orders,): mean, then in-phase and quadrature part of each harmonic.
+        inputs: the same of each forced input, as the FMU saw it.
+        largest: recorded name → largest magnitude.
+    """
+
+    values: dict[str, Floats]
+    inputs: dict[str, Floats]
+    largest: dict[str, float]
+
+
+class CompiledSession(FmuSession):
+    """What both compiled sessions share.
+
+    Attributes:
+        recording: how rows are recorded from now on.
+    """
+
+    _loop: Loop | None = None
+    recording: Recording
+
+    @property
+    def loop(self) -> Loop:
+        """The kernel's view of this session."""
+        if self._loop is None:
+            raise closed()
+        return self._loop
+
+    def _make_loop(self) -> Loop:
+        self.recording = Recording()
+        self._loop = Loop(self.instance, self.setup.solver)
+        return self._loop
+
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+        forcing, record = self.loop.force(self.forcing), self.loop.record(variables, self.recording)
+        try:
+            self._drive(until, targets, record, new=new)
+        finally:
+            self.forcing.written = forcing.written[: forcing.n]
+        return self.loop.rows(record, self.forcing)
+
+    @abstractmethod
+    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+        """Let the kernel run to `until`, the last of `targets`; the session's time follows."""
+
+    def harmonics(
+        self,
+        until: float,
+        *,
+        signals: Mapping[str, Signal],
+        record: Sequence[str],
+        begin: float,
+        frequency: float,
+        orders: int = 10,
+        points: Floats | None = None,
+    ) -> Harmonics:
+        """Advance as `advance` does, over whole periods; keep no rows, only their Fourier coefficients.
+
+        The integrals are those of `workbench.analysis.harmonics.measure_period`, to rounding.
+
+        Args:
+            until: see `advance`, as for the next three.
+            signals: forced inputs.
+            record: what is measured.
+            points: where, besides events, the trapezoids begin and end.
+            begin: time at which the phase is zero [s].
+            frequency: [Hz].
+            orders: number of harmonics.
+        """
+        n_inputs, n = len(signals), len(record)
+        sums = NativeFourier(
+            self.loop.system.library, range(1, 1 + n_inputs + n), begin=begin, frequency=frequency, orders=orders
+        )
+        self.recording.keep, self.recording.sums = False, sums
+        try:
+            self.advance(until, signals=signals, record=record, points=points)
+        finally:
+            self.recording.keep, self.recording.sums = True, None
+        found = sums.result()
+        return Harmonics(
+            values=dict(zip(record, found[n_inputs:], strict=True)),
+            inputs=dict(zip(signals, found[:n_inputs], strict=True)),
+            largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
+        )
+
+
+class CompiledCsSession(CompiledSession, CsSession):
+    """`CsSession` with its loop in compiled code."""
+
+    def _started(self) -> None:
+        CsSession._started(self)  # noqa: SLF001  its own
+        self._native = Cs(system=self._make_loop().system.address)
+
+    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+        native = self._native
+        native.time, native.previous = self.time, self._previous
+        native.fixed = math.nan if self._fixed is None else self._fixed
+        native.longest = self._longest(until)
+        native.variable_step = self.instance.capabilities.variable_step
+        native.step_given = self.setup.step is not None
+        try:
+            self.loop.run("cs", native, targets, record, new=new)
+        finally:
+            self.time, self._previous = native.time, native.previous
+            self._fixed = None if math.isnan(native.fixed) else native.fixed
+
+
+class CompiledMeSession(CompiledSession, MeSession):
+    """`MeSession` with its loop and its solver in compiled code."""
+
+    def _make_solver(self) -> None:
+        name, tolerance = self.setup.solver, self._tolerance()
+        if name == "gear" and why_missing():
+            raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
+        self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in (tolerance.scale, tolerance.most))
+        self._native = Me(
+            system=self._make_loop().system.address,
+            solver_name=name.encode(),
+            gear=ctypes.addressof(gear_library()) if name == "gear" else None,
+            rtol=tolerance.rtol,
+            scale=self._scale.ctypes.data,
+            most=self._most.ctypes.data,
+            next_time=self._next_time,
+        )
+        self._begin_anew("kernel_me_open")
+
+    def _begin_anew(self, name: str) -> None:
+        """Call a function that starts the solver at the present time."""
+        forcing = self.loop.force(self.forcing)
+        self.loop.system.set_times(self.time)
+        self._native.time = self.time
+        done = getattr(self.loop.system.library, name)(ctypes.addressof(self._native))
+        self.forcing.written = forcing.written[: forcing.n]
+        self.loop.check(done)
+
+    @property
+    def evaluations(self) -> int:
+        """Number of right-hand sides so far."""
+        return int(self.loop.system.structure.evaluations)
+
+    def _forcing_changed(self, before: Forcing) -> None:
+        FmuSession._forcing_changed(self, before)  # noqa: SLF001  there is no Python problem to tell
+
+    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+        try:
+            self.loop.run("me", self._native, targets, record, new=new)
+        finally:
+            self.time = self._native.time
+
+    def _memory(self) -> object:
+        return self._native.next_time, self._scale.copy()
+
+    def _resume(self, memory: object) -> None:
+        if not isinstance(memory, tuple):
+            raise InputError("this snapshot belongs to another kind of session")
+        self._native.next_time, self._scale[:] = memory
+        self._forget()
+
+    def _forget(self) -> None:
+        self._begin_anew("kernel_me_restart")
+
+    def _close_solver(self) -> None:
+        loop, self._loop = self._loop, None
+        if loop is not None:
+            loop.system.library.kernel_me_close(ctypes.addressof(self._native))

@@ -1,0 +1,139 @@
+"""What the kernel notes when it cannot go on, as the exceptions of the Python driver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from workbench.errors import InputError, SimulationError
+from workbench.fmi.instance import MAX_EVENT_ITERATIONS, Instance
+from workbench.fmi.variable import Variable
+from workbench.kernel.structs import Failure
+from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
+from workbench.session.me import too_many_events, too_many_steps
+
+__all__ = ["PAUSED", "Situation", "exception_of"]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """The kernel's note, and what the message needs besides it.
+
+    Attributes:
+        failure: the note.
+        instances: the FMUs.
+        recorded: the variables that are recorded.
+        solver: its name.
+        fixed: constant communication step [s]; NaN: none.
+    """
+
+    failure: Failure
+    instances: Sequence[Instance]
+    recorded: Sequence[Variable] = ()
+    solver: str = ""
+    fixed: float = float("nan")
+
+    @property
+    def function(self) -> str:
+        """Name of the FMI function that failed."""
+        return (self.failure.name or b"").decode()
+
+    @property
+    def instance(self) -> Instance:
+        """The FMU that failed, told when."""
+        instance = self.instances[self.failure.component]
+        instance.time = self.failure.time
+        return instance
+
+    def error(self, words: str) -> SimulationError:
+        """Return the error with the time of the failure."""
+        return SimulationError(words, time=self.failure.time)
+
+
+def _status(now: Situation) -> Exception:
+    try:
+        now.instance.fail(now.function, now.failure.status)
+    except SimulationError as error:
+        return error
+
+
+def _missing(now: Situation) -> Exception:
+    try:
+        now.instance.library[now.function]()
+    except Exception as error:  # noqa: BLE001  it is returned
+        return error
+    return now.error(f"{now.function} is missing in the FMU's binary")
+
+
+def _ended(now: Situation) -> Exception:
+    return now.error(f"the FMU asks to end the simulation{now.instance.log.tail()}")
+
+
+def _iteration(now: Situation) -> Exception:
+    name = now.instance.description.model_name
+    return now.error(f"{name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds")
+
+
+def _value(now: Situation) -> Exception:
+    return now.error(f"{now.recorded[now.failure.index].name} is {now.failure.value:g}, not a finite number")
+
+
+def _bound(now: Situation) -> Exception:
+    return now.error(f"{now.recorded[now.failure.index].name} is {now.failure.value:g}, beyond the bound set for it")
+
+
+def _state(now: Situation) -> Exception:
+    names = [s.name for i in now.instances for s in _states(i)]
+    return now.error(f"state {names[now.failure.index]} is not a finite number")
+
+
+def _states(instance: Instance) -> list[Variable]:
+    """Return one variable for each state that the FMU has at run time."""
+    known = list(instance.description.states[: instance.nx])
+    return known + [Variable(f"state[{i + 1}]") for i in range(len(known), instance.nx)]
+
+
+def _solver(now: Situation) -> Exception:
+    words = now.failure.message.decode("utf-8", "replace") or "cannot go on"
+    return now.error(words if words.startswith(f"{now.solver}:") else f"{now.solver}: {words}")
+
+
+def _steps(now: Situation) -> Exception:
+    return too_many_steps(now.solver, now.failure.time)
+
+
+def _zeno(now: Situation) -> Exception:
+    return too_many_events(now.failure.time)
+
+
+def _early(now: Situation) -> Exception:
+    return now.error(f"the FMU returned early from doStep {MAX_EARLY_RETURNS} times in one step")
+
+
+def _event_mode(now: Situation) -> Exception:
+    return now.error("the FMU wants event mode, which it does not offer")
+
+
+def _grid(now: Situation) -> Exception:
+    return off_grid(now.fixed, now.failure.value)
+
+
+def _memory(now: Situation) -> Exception:
+    return now.error("no memory is left for the solver or the rows; record fewer points")
+
+
+def _read_only(_now: Situation) -> Exception:
+    return InputError("inputs of this type cannot be set")
+
+
+# By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
+FAILURES: tuple[Callable[[Situation], Exception], ...] = (
+    _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _early,
+    _event_mode, _grid, _memory, _read_only,
+)  # fmt: skip
+PAUSED = len(FAILURES) + 1
+
+
+def exception_of(now: Situation) -> Exception:
+    """Return the exception that the Python driver would raise."""
+    return FAILURES[now.failure.code - 1](now)

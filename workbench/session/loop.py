@@ -1,0 +1,120 @@
+"""The kernel's view of one session: components, forced inputs and recorded variables, made once and used again."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.errors import SimulationError
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
+from workbench.kernel.native_forcing import NativeForcing
+from workbench.kernel.native_record import NativeFourier, NativeRecord
+from workbench.kernel.native_system import NativeSystem
+from workbench.kernel.structs import Cs, Me
+from workbench.session.base import Floats, Record
+from workbench.session.compiled_errors import PAUSED, Situation, exception_of
+from workbench.session.forcing import Forcing
+from workbench.signals import Signal
+
+__all__ = ["Loop", "Recording", "closed"]
+
+
+@dataclass
+class Recording:
+    """How rows are recorded.
+
+    Attributes:
+        bound: a recorded value of larger magnitude is a SimulationError.
+        every: of the rows at plain points each n-th is kept.
+        keep: whether rows are kept at all.
+        sums: Fourier sums that see every row.
+    """
+
+    bound: float = math.inf
+    every: int = 1
+    keep: bool = True
+    sums: NativeFourier | None = None
+
+
+class Loop:
+    """Drives one instance; a replay, which makes a new instance, makes a new loop.
+
+    Args:
+        instance: the FMU.
+        solver: name of the solver, for messages.
+    """
+
+    def __init__(self, instance: Instance, solver: str) -> None:
+        self.system = NativeSystem([instance])
+        self._solver = solver
+        self._records: dict[tuple[str, ...], NativeRecord] = {}
+        self._native: NativeForcing | None = None
+        self._signals: Mapping[str, Signal] = {}
+
+    def force(self, forcing: Forcing) -> NativeForcing:
+        """Put `forcing` in force, with what the FMU sees now."""
+        native = self._native
+        if native is None or self._signals != forcing.signals:
+            inputs = [(v, s, b, 0) for v, s, b in forcing.inputs()]
+            native = self._native = NativeForcing(self.system, inputs, longest_step=forcing.longest_step)
+            self._signals = forcing.signals
+            native.apply()
+        native.written[: native.n] = forcing.written
+        return native
+
+    def record(self, variables: Sequence[Variable], how: Recording) -> NativeRecord:
+        """Return what records `variables`."""
+        key = tuple(v.name for v in variables)
+        if key not in self._records:
+            self._records[key] = NativeRecord(self.system, [(v, 0) for v in variables])
+        record = self._records[key]
+        structure = record.structure
+        structure.bound, structure.every, structure.keep = how.bound, how.every, how.keep
+        structure.fourier = None if how.sums is None else how.sums.address
+        return record
+
+    def run(self, kind: str, native: Me | Cs, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+        """Let the kernel run to the last target.
+
+        Args:
+            kind: "me" or "cs".
+            native: the kernel's session.
+            targets: shape (n,) [s].
+            record: what is recorded.
+            new: whether the signals are others than before.
+        """
+        targets = np.ascontiguousarray(targets)
+        library, address = self.system.library, ctypes.addressof(native)
+        start = library.kernel_me_run if kind == "me" else library.kernel_cs_run
+        go_on = library.kernel_me_go_on if kind == "me" else library.kernel_cs_go_on
+        done = start(address, float(targets[-1]), targets.ctypes.data, len(targets), record.address, new)
+        while not done and self.system.structure.failure.code == PAUSED:
+            done = go_on(address)  # signal handlers of Python had their turn before
+        self.system.sync_times()
+        self.check(done, record.variables, fixed=getattr(native, "fixed", math.nan))
+
+    def check(self, done: int, recorded: Sequence[Variable] = (), *, fixed: float = math.nan) -> None:
+        """Raise what went wrong in the last call, if anything did."""
+        self.system.trouble.check()
+        if not done:
+            failure = self.system.structure.failure
+            raise exception_of(Situation(failure, self.system.instances, recorded, self._solver, fixed))
+
+    @staticmethod
+    def rows(record: NativeRecord, forcing: Forcing) -> Record:
+        """Return what the last run recorded."""
+        columns = record.columns()
+        n = len(forcing.names)
+        inputs = dict(zip(forcing.names, columns[1 : 1 + n], strict=True))
+        values = {v.name: c for v, c in zip(record.variables, columns[1 + n :], strict=True)}
+        return Record(time=columns[0], values=values, inputs=inputs)
+
+
+def closed() -> SimulationError:
+    """Return the error for a session that is used after `close`."""
+    return SimulationError("the session is closed")
