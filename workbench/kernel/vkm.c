@@ -24,7 +24,7 @@
 #define GROW 5.0
 #define ERROR_POWER (-0.2)
 
-enum { STAGES = 5, VECTORS = STAGES + 4 };
+enum { STAGES = 5, VECTORS = STAGES + 5 };
 
 typedef struct {
     Solver base;
@@ -35,6 +35,8 @@ typedef struct {
     double *x_old; /* [n] where the last step began */
     double *x_new; /* [n] where the step that is tried ends */
     double *stage; /* [n] where f or z is evaluated */
+    double *next;  /* [n] k1 of the step to come */
+    bool ready;    /* `next` holds it */
     double work[];
 } Merson;
 
@@ -124,6 +126,7 @@ static Solver *create(const Problem *problem, const Tolerance *tolerance, const 
     m->x_old = m->work + 6 * n;
     m->x_new = m->work + 7 * n;
     m->stage = m->work + 8 * n;
+    m->next = m->work + 9 * n;
     watch_bind(&m->watch, problem->nz, m->work + VECTORS * n, m, indicators_at);
     return &m->base;
 }
@@ -145,6 +148,7 @@ static bool restart(Solver *solver, double t, const double *x)
     const size_t size = solver->problem.n * sizeof *x;
     solver->t = solver->t_old = m->end = t;
     m->h = 0.0;
+    m->ready = false;
     memmove(solver->x, x, size);
     memcpy(m->x_old, solver->x, size);
     memcpy(m->x_new, solver->x, size);
@@ -194,19 +198,23 @@ static double error_of(const Merson *m, double h)
 /* One attempt from solver->t to m->end; *error > 1 where it must be shorter. */
 static Evaluation try_step(Merson *m, double *error, bool *event)
 {
-    Solver *solver = &m->base;
-    const double h = m->end - solver->t;
+    const double h = m->end - m->base.t;
     Evaluation evaluation = merson(m, h, m->x_new);
     *error = evaluation == EVALUATED ? error_of(m, h) : INFINITY;
     if (evaluation != EVALUATED || *error > 1.0) {
         return evaluation;
     }
+    /* A step must not end where the next cannot begin. */
+    evaluation = derivatives(m, m->end, m->x_new, m->next);
     double end = m->end;
-    evaluation = watch_step(&m->watch, solver->t, &end, event);
+    if (evaluation == EVALUATED) {
+        evaluation = watch_step(&m->watch, m->base.t, &end, event);
+    }
     if (evaluation == EVALUATED && end != m->end) {
-        evaluation = merson(m, end - solver->t, m->x_new);
+        evaluation = merson(m, end - m->base.t, m->x_new);
         m->end = end;
     }
+    m->ready = evaluation == EVALUATED && !*event;
     *error = evaluation == EVALUATED ? *error : INFINITY;
     return evaluation;
 }
@@ -232,7 +240,12 @@ static bool step(Solver *solver, double stop, double longest, bool *event)
     *event = false;
     solver->t_old = t;
     memcpy(m->x_old, solver->x, solver->problem.n * sizeof(double));
-    Evaluation evaluation = derivatives(m, t, solver->x, m->k[0]);
+    Evaluation evaluation = EVALUATED;
+    if (m->ready) {
+        memcpy(m->k[0], m->next, solver->problem.n * sizeof(double));
+    } else {
+        evaluation = derivatives(m, t, solver->x, m->k[0]);
+    }
     if (evaluation != EVALUATED) {
         return fail(solver, evaluation, NOT_HERE);
     }
@@ -260,6 +273,7 @@ static bool step(Solver *solver, double stop, double longest, bool *event)
         }
     }
     m->end = t;
+    m->ready = false;
     memcpy(m->x_new, solver->x, solver->problem.n * sizeof(double));
     return fail(solver, evaluation,
                 "the step became too small; the model is stiff or jumps without an event: use solver gear");
