@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
+from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.model.recipe import Recipe
 from workbench.session.base import Session
+from workbench.session.point import Point
 from workbench.signals import Signal
 
 __all__ = ["Model"]
@@ -64,6 +66,47 @@ class Model(ABC):
             FmuError: the FMU cannot be instantiated.
             SimulationError: it cannot be initialised.
         """
+
+    def open_at(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tolerance: float | None = None,
+    ) -> Session:
+        """Return a session initialised at `time` with other start values than the model's own.
+
+        Args:
+            time: session time at which the model is initialised [s].
+            values: states, discrete states and inputs → where they start; what the model does not
+                let one start elsewhere is left out.
+            step: communication step [s] in place of the model's.
+            tolerance: relative tolerance of the integration in place of the model's.
+
+        Raises:
+            InputError: the model cannot do that.
+            FmuError, SimulationError: see `open_session`.
+        """
+        raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")
+
+    def open_point(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+    ) -> Point:
+        """Return the model at one instant, for derivatives and outputs at any states and inputs near it.
+
+        Args:
+            time: session time [s].
+            values: as for `open_at`.
+
+        Raises:
+            InputError: the model cannot do that.
+            FmuError, SimulationError: see `open_session`.
+        """
+        raise InputError(f"{self.name}: this kind of model shows no derivatives; use method response")
 
     @abstractmethod
     def close(self) -> None:

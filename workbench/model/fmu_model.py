@@ -18,6 +18,7 @@ from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.me import MeSession
+from workbench.session.point import FmuPoint, starts_of
 from workbench.session.probe import state_can_be_trusted
 from workbench.signals import Signal
 
@@ -104,6 +105,40 @@ class FmuModel(Model):
         session = self._open(setup)
         self._sessions.add(session)
         return session
+
+    def open_at(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tolerance: float | None = None,
+    ) -> FmuSession:
+        if self._closed:
+            raise InputError(f"{self.source}: the model is closed")
+        given, values = self._setup, values or {}
+        setup = dataclasses.replace(
+            given,
+            start_time=float(time),
+            start_values={**given.start_values, **starts_of(given.variables, values)},
+            bias={name: bias for name, bias in given.bias.items() if name not in values},
+            step=step or given.step,
+            rtol=tolerance or given.rtol,
+        )
+        self._check_single()
+        session = self._open(setup)
+        self._sessions.add(session)
+        return session
+
+    def open_point(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+    ) -> FmuPoint:
+        if self.interface != "me":
+            raise InputError(f"{self.source}: interface {self.interface} shows no derivatives; use interface me")
+        return FmuPoint(self.open_at(time=time, values=values))
 
     def _open(self, setup: Setup) -> FmuSession:
         return DRIVERS[self.driver][self.interface](setup)

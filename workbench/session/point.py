@@ -1,0 +1,354 @@
+"""A model at one instant: derivatives and outputs at given states and inputs, without time passing."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from workbench.errors import InputError, SimulationError
+from workbench.fmi.variable import Value, Variable
+from workbench.session.base import Floats
+from workbench.session.fmu import FmuSession
+from workbench.session.forcing import convert
+
+__all__ = ["Evaluation", "FmuPoint", "Point", "starts_of"]
+
+_SAME = 1e-9  # relative: a model that is back where it was may differ by its own iterations
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a model does at one point.
+
+    Attributes:
+        dx: derivatives of the states, shape (n,).
+        y: outputs, shape (q,).
+        latched: discrete states would have been set on the way to this point (a `when` would have
+            fired); the values are those before that.
+    """
+
+    dx: Floats
+    y: Floats
+    latched: bool = False
+
+
+class Point(ABC):
+    """Evaluates dx/dt and y at any (x, u) near a base point; time and discrete states stay as they are there.
+
+    Obligations of a subclass:
+      1. Relations (which branch of an `if`, which step of a `floor`) are those of the evaluated point, not
+         of the base point.
+      2. Discrete states that remember (what a `when` sets) are never changed by an evaluation.
+      3. Evaluations do not depend on those before, failed ones included.
+
+    Attributes:
+        states: n of them.
+        inputs: those that are numbers, m of them.
+        outputs: those that are numbers, q of them.
+        time: session time [s].
+        x0: states of the base point, shape (n,).
+        u0: inputs of the base point, shape (m,).
+        nominal: nominal values of the states, shape (n,).
+        calls: number of "derivatives" (each with the outputs) and "directional" evaluations so far.
+    """
+
+    states: tuple[Variable, ...]
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    time: float
+    x0: Floats
+    u0: Floats
+    nominal: Floats
+    calls: Counter[str]
+
+    @abstractmethod
+    def move(self, x: Floats, u: Floats) -> None:
+        """Make (x, u) the base point; discrete states keep their values unless a `when` there sets them."""
+
+    @abstractmethod
+    def at(self, x: Floats, u: Floats) -> Evaluation:
+        """Return derivatives and outputs at (x, u).
+
+        Raises:
+            SimulationError: the model cannot be evaluated there; other points may still be.
+        """
+
+    @abstractmethod
+    def discrete(self) -> dict[str, float]:
+        """Return the discrete states at the base point, those that the model shows."""
+
+    @abstractmethod
+    def jacobian(self) -> Floats:
+        """Return the exact ∂(dx, y)/∂(x, u) at the base point, shape (n + q, n + m).
+
+        Relations stay as they are there; columns of inputs that are no continuous reals are NaN.
+
+        Raises:
+            InputError: the model offers no directional derivatives.
+        """
+
+    @abstractmethod
+    def why_not_exact(self) -> str:
+        """Return why `jacobian` cannot be used; empty if it can."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free everything. Any number of times."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class FmuPoint(Point):
+    """The point at which a model exchange session stands.
+
+    In continuous time an FMU keeps its relations, so an FMU with event indicators is taken through event
+    mode at the evaluated point, and its state is taken back afterwards: by the saved FMU state where that can
+    be trusted; else by the way back through event mode where that ends at the same values, by replay
+    where not. FMUs without event indicators have no relations that could stay behind.
+
+    Args:
+        session: of model exchange; the point owns it from now on, and it must not be advanced.
+
+    Raises:
+        InputError: the session is of co-simulation.
+    """
+
+    def __init__(self, session: FmuSession) -> None:
+        if session.instance.interface != "me":
+            raise InputError("a co-simulation FMU shows neither states nor derivatives; use interface me")
+        self.session = session
+        self.time = session.time
+        self.calls = Counter()
+        self._state: Any = None
+        self._bind()
+        self._snapshot = session.snapshot() if self._has_relations else None
+        self.nominal = _usable(session.instance.get_nominals())
+        self.x0, self.u0 = self._standing()
+        self._remember()
+
+    def _bind(self) -> None:
+        """Prepare access to the present instance."""
+        instance = self.session.instance
+        variables = tuple(v for v in instance.description.variables if v.is_number and v.type in instance.TYPES)
+        self.states = _named(instance.description.states, instance.nx)
+        self.inputs = tuple(v for v in variables if v.causality == "input")
+        self.outputs = tuple(v for v in variables if v.causality == "output")
+        held = [v for v in variables if v.variability == "discrete" and v.causality in ("local", "output")]
+        self._inputs, self._outputs, self._held = (instance.access(v) for v in (self.inputs, self.outputs, held))
+        self._fast = [i for i, v in enumerate(self.inputs) if v.is_continuous_input]
+        self._slow = [i for i, v in enumerate(self.inputs) if not v.is_continuous_input]
+        self._writers = [instance.access([self.inputs[i] for i in part]) for part in (self._fast, self._slow)]
+
+    def _standing(self) -> tuple[Floats, Floats]:
+        instance = self.session.instance
+        instance.get_states()
+        return instance.x.copy(), _floats(self._inputs.read() if self.inputs else [])
+
+    @property
+    def _has_relations(self) -> bool:
+        return self.session.instance.nz > 0 or bool(self._slow)
+
+    # -- base point -----------------------------------------------------------------------
+
+    def move(self, x: Floats, u: Floats) -> None:
+        self._back()
+        self._settle(x, u)
+        self.x0, self.u0 = self._standing()
+        self._free()
+        self._remember()
+
+    def _settle(self, x: Floats, u: Floats) -> bool:
+        """Go to (x, u) and evaluate every relation there; True: states jumped."""
+        self._put(x, u)
+        return self._has_relations and self._event(u)
+
+    def _remember(self) -> None:
+        """Keep what tells whether the model is back at the base point, and its state if it may be needed."""
+        if self._has_relations and self.session.setup.state_works():
+            self._state = self.session.instance.get_state()
+        self._signs0, self._held0 = self._signs(), self._held_values()
+        self._away = self._lost = False
+
+    def _signs(self) -> Floats:
+        """Return on which side of zero each event indicator is."""
+        instance = self.session.instance
+        instance.get_indicators()
+        return np.where(instance.z > 0.0, 1.0, 0.0)
+
+    def _held_values(self) -> Floats:
+        return _floats(self._held.read() if self._held.variables else [])
+
+    def _unchanged(self) -> bool:
+        """Whether relations and discrete states are those of the base point."""
+        return np.array_equal(self._signs(), self._signs0) and _alike(self._held_values(), self._held0)
+
+    def _back(self) -> None:
+        """Go back to the base point if relations have been evaluated elsewhere."""
+        instance = self.session.instance
+        if not instance.healthy or (self._lost and self._state is None):
+            self._again()
+        elif self._away and self._state is not None:
+            instance.set_state(self._state)
+        self._away = self._lost = False
+
+    def _again(self) -> None:
+        """Take the session back to where it stood, and go to the base point once more."""
+        if self._snapshot is None:
+            raise SimulationError("the FMU failed at a perturbed point and cannot be taken back", time=self.time)
+        self.session.restore(self._snapshot)
+        self._state = None if not self.session.instance.healthy else self._state
+        self._bind()
+        self._settle(self.x0, self.u0)
+
+    # -- evaluation -----------------------------------------------------------------------
+
+    def at(self, x: Floats, u: Floats) -> Evaluation:
+        self._back()
+        self._put(x, u)
+        if self.session.instance.nz == 0 and all(u[i] == self.u0[i] for i in self._slow):
+            return self._read()
+        self._away = self._lost = True  # until it is known to be otherwise
+        jumped = self._event(u)
+        values = self._read()
+        if not jumped and (self._unchanged() or self._returns()):
+            self._lost = False
+            return values
+        return self._before_event(x, u)
+
+    def _returns(self) -> bool:
+        """Whether all is as before when states and inputs go back; if not, a `when` has set something."""
+        return not self._settle(self.x0, self.u0) and self._unchanged()
+
+    def _before_event(self, x: Floats, u: Floats) -> Evaluation:
+        """Evaluate in event mode but before events are handled: relations follow, nothing is set."""
+        self._back()
+        self._put(x, u)
+        self._away = self._lost = True
+        self.session.instance.enter_event_mode()
+        self._write(1, u)
+        values = self._read()
+        if self._state is None:
+            self.session.instance.iterate_events()
+            self.session.instance.enter_continuous_mode()
+        return Evaluation(values.dx, values.y, latched=True)
+
+    def _put(self, x: Floats, u: Floats) -> None:
+        """Set states and continuous inputs."""
+        instance = self.session.instance
+        if len(x) != instance.nx or len(u) != len(self.inputs):
+            raise InputError(f"{instance.nx} states and {len(self.inputs)} inputs are needed")
+        instance.set_time(self.time)
+        instance.x[:] = x
+        instance.set_states()
+        self._write(0, u)
+
+    def _event(self, u: Floats) -> bool:
+        """Set the other inputs and evaluate every relation where the model stands; True: states jumped."""
+        instance = self.session.instance
+        instance.enter_event_mode()
+        self._write(1, u)
+        info = instance.iterate_events()
+        instance.enter_continuous_mode()
+        if info.terminate:
+            raise SimulationError("the FMU asks to end the simulation at a perturbed point", time=self.time)
+        return info.states_changed
+
+    def _write(self, which: int, u: Floats) -> None:
+        indices = (self._fast, self._slow)[which]
+        if indices:
+            self._writers[which].write([convert(self.inputs[i], float(u[i])) for i in indices])
+
+    def _read(self) -> Evaluation:
+        instance = self.session.instance
+        self.calls["derivatives"] += 1
+        instance.get_derivatives()
+        dx, y = instance.dx.copy(), _floats(self._outputs.read() if self.outputs else [])
+        if not (np.isfinite(dx).all() and np.isfinite(y).all()):
+            raise SimulationError(f"{self._not_finite(dx, y)} is not a finite number", time=self.time)
+        return Evaluation(dx, y)
+
+    def _not_finite(self, dx: Floats, y: Floats) -> str:
+        names = [f"the derivative of {v.name}" for v in self.states] + [v.name for v in self.outputs]
+        return names[int(np.flatnonzero(~np.isfinite(np.concatenate([dx, y])))[0])]
+
+    # -- exact derivatives ----------------------------------------------------------------
+
+    def jacobian(self) -> Floats:
+        why = self.why_not_exact()
+        if why:
+            raise InputError(why)
+        self._back()
+        self._put(self.x0, self.u0)
+        instance, n = self.session.instance, len(self.states)
+        rows = [*instance.description.derivatives, *self.outputs]
+        full = np.full((len(rows), n + len(self.inputs)), np.nan)
+        columns = [*enumerate(self.states), *((n + i, self.inputs[i]) for i in self._fast)]
+        for column, variable in columns:
+            self.calls["directional"] += 1
+            full[:, column] = instance.directional_derivative(rows, [variable], [1.0])
+        return full
+
+    def why_not_exact(self) -> str:
+        instance = self.session.instance
+        description = instance.description
+        if not instance.capabilities.directional_derivatives:
+            return f"{description.model_name} offers no directional derivatives"
+        if len(description.derivatives) != instance.nx:
+            return f"{description.model_name} does not name the derivatives of its states"
+        named = (*description.derivatives, *description.states, *self.inputs, *self.outputs)
+        arrays = [v.name for v in named if v.value_reference in description.shapes]
+        return f"{arrays[0]} is an element of an array, which directional derivatives take as a whole" if arrays else ""
+
+    def discrete(self) -> dict[str, float]:
+        return {v.name: float(x) for v, x in zip(self._held.variables, self._held0, strict=True)}
+
+    def _free(self) -> None:
+        if self._state is not None:
+            self.session.instance.free_state(self._state)
+            self._state = None
+
+    def close(self) -> None:
+        self._free()
+        self.session.close()
+
+
+def _named(states: tuple[Variable, ...], count: int) -> tuple[Variable, ...]:
+    """Return the states; FMI 1.0 does not name them."""
+    if len(states) == count:
+        return states
+    return tuple(Variable(name=f"state[{i}]") for i in range(1, count + 1))
+
+
+def _floats(values: Sequence[Any]) -> Floats:
+    return np.array([float(v) for v in values], dtype=np.float64)
+
+
+def _usable(nominal: Floats) -> Floats:
+    good = np.isfinite(nominal) & (nominal != 0.0)
+    result: Floats = np.where(good, np.abs(nominal), 1.0)
+    return result
+
+
+def _alike(a: Floats, b: Floats) -> bool:
+    return bool(np.allclose(a, b, rtol=_SAME, atol=0.0, equal_nan=True))
+
+
+def starts_of(variables: Mapping[str, Variable], values: Mapping[str, float]) -> dict[str, Value]:
+    """Return start values in their variables' types, those alone that the FMU lets one set."""
+    settable = {n: float(v) for n, v in values.items() if n in variables and variables[n].start is not None}
+    return {n: convert(variables[n], v) for n, v in settable.items()}
