@@ -7,22 +7,24 @@ They keep FMI's state machine: a call in the wrong mode returns "error" and logs
 from __future__ import annotations
 
 import copy
+import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from workbench.fmi.description import Capabilities, Description, Experiment
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import Instance
-from workbench.fmi.library import Library
+from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.session.cs import CsSession
+from workbench.model.fmu_model import DRIVERS
 from workbench.session.fmu import FmuSession, Setup
-from workbench.session.me import MeSession
 from workbench.session.probe import state_can_be_trusted
 
 OK, DISCARD, ERROR = 0, 2, 3
+
+driver = "python"  # what drives the sessions of `open_fake`; set by tests/drivers.py
 
 
 class Hybrid:
@@ -202,6 +204,55 @@ class FakeC:
         return OK
 
 
+class Pointer:
+    """What a C caller passes by address, as the functions above see it when Python calls them."""
+
+    def __init__(self, pointer: Any) -> None:
+        self._pointer = pointer
+
+    @property
+    def _obj(self) -> Any:
+        return self._pointer.contents
+
+    @property
+    def value(self) -> Any:
+        return self._pointer
+
+    def __getitem__(self, key: int | slice) -> Any:
+        return self._pointer[key]
+
+    def __setitem__(self, key: int | slice, value: Any) -> None:
+        if isinstance(key, slice):
+            for i, item in enumerate(value):
+                self._pointer[i] = item
+        else:
+            self._pointer[key] = value
+
+
+def as_c(functions: Mapping[str, Callable[..., int]], *, version: int, interface: str) -> dict[str, Any]:
+    """Return the functions as C functions with an address, so that compiled code can call them."""
+    found: dict[str, Any] = {}
+    for name, (result, arguments) in _signatures(version, interface).items():
+        if name in functions:
+            function = functions[name]
+            missing = getattr(function, "missing", False)
+            plain = [a in PLAIN for a in arguments]
+            made = ctypes.CFUNCTYPE(result, *arguments)(_from_c(function, plain))
+            found[name] = function if missing else made
+    return found
+
+
+PLAIN = (ctypes.c_double, ctypes.c_int, ctypes.c_size_t, ctypes.c_uint, ctypes.c_bool, ctypes.c_char, ctypes.c_char_p)
+
+
+def _from_c(function: Callable[..., int], plain: list[bool]) -> Callable[..., int]:
+    def call(*arguments: Any) -> int:
+        seen = [a if p else Pointer(a) for a, p in zip(arguments, plain, strict=True)]
+        return function(*seen)
+
+    return call
+
+
 class LyingC(FakeC):
     """Claims to save its state, but does not take it back."""
 
@@ -211,7 +262,10 @@ class LyingC(FakeC):
 
 class FakeInstance(Instance2):
     def __init__(self, description: Description, c: FakeC, interface: str) -> None:
-        self._setup(description, Library(c.functions()), interface=interface)
+        functions: dict[str, Any] = c.functions()
+        if driver == "compiled":
+            functions = as_c(functions, version=2, interface=interface)
+        self._setup(description, Library(functions), interface=interface)
         self.source, self.folder, self.component, self.c = "fake", Path(), 1, c
 
 
@@ -271,7 +325,7 @@ def open_fake(
     def instance() -> Instance:
         return FakeInstance(description, c(make(), names), interface)
 
-    kind: type[FmuSession] = MeSession if interface == "me" else CsSession
+    kind = DRIVERS[driver][interface]
     by_name = {v.name: v for v in description.variables}
     setup = Setup(instance, by_name, rtol=rtol, solver=solver, step=step, bias=bias or {})
     works = state and state_can_be_trusted(kind, setup)

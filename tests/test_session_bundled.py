@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_names
 from workbench.model import load

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import DISCARD, OK, FakeC, Hybrid, LyingC, inside, open_fake
 from workbench.errors import InputError, SimulationError
 from workbench.session.fmu import FmuSession

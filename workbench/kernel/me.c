@@ -168,7 +168,7 @@ static bool solver_failed(Me *me) {
 }
 
 /* One accepted step with all that belongs to it, but its event. */
-static bool take_step(Me *me, double stop, int *steps, bool *event) {
+static bool take_step(Me *me, double stop, bool *event) {
     Solver *solver = me->solver;
     bool some = false;
     const double longest = fmin(me->system->forcing->longest_step, me->cautious);
@@ -181,8 +181,8 @@ static bool take_step(Me *me, double stop, int *steps, bool *event) {
     if (!check_states(me) || !record_points(me, &some)) {
         return false;
     }
-    *steps = some ? 0 : *steps + 1;
-    if (*steps > MAX_STEPS) {
+    me->steps = some ? 0 : me->steps + 1;
+    if (me->steps > MAX_STEPS) {
         return fail_at(&me->system->failure, FAILED_STEPS, solver->t);
     }
     me->time = solver->t;
@@ -194,10 +194,9 @@ static bool to_stop(Me *me, double stop) {
     if (stop - me->time <= 1e-14 * fmax(fabs(stop), fabs(me->time))) {
         return hop(me, stop);
     }
-    int steps = 0;
     while (me->time < stop) {
         bool event = false;
-        if (system_pauses(me->system, me->time) || !take_step(me, stop, &steps, &event)) {
+        if (system_pauses(me->system, me->time) || !take_step(me, stop, &event)) {
             return false;
         }
         if (event) {
@@ -205,7 +204,7 @@ static bool to_stop(Me *me, double stop) {
                 return false;
             }
             drop_targets(me);
-            steps = 0;
+            me->steps = 0;
             if (me->next_time < stop) {
                 return true;
             }
@@ -258,6 +257,8 @@ static bool run_to(Me *me, double until) {
     while (me->time < until) {
         double end = until;
         const double stop = next_stop(me, until, &end);
+        me->steps = me->resumed ? me->steps : 0;
+        me->resumed = 0;
         if (!to_stop(me, stop)) {
             return false;
         }
@@ -282,5 +283,6 @@ bool me_run(Me *me, double until, const double *targets, size_t n_targets, Recor
 
 bool me_go_on(Me *me) {
     system_go_on(me->system);
+    me->resumed = 1;
     return run_to(me, me->until);
 }

@@ -17,6 +17,8 @@ typedef struct {
     double time, next_time; /* [s] */
     double last_event, cautious, span;
     int32_t crowd; /* events in a row without time passing */
+    int32_t resumed; /* the run goes on after a pause */
+    int32_t steps; /* since the last recorded point or event */
     /* Owned by the kernel. */
     Solver *solver;
     double *x; /* [nx] scratch */

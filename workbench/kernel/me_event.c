@@ -103,7 +103,8 @@ bool me_restart_solver(Me *me, const double *x) {
         return fail_at(failure_of(me), FAILED_SOLVER, me->time);
     }
     failure_clear(failure_of(me));
-    return true;
+    /* A solver that has no indicators to ask for leaves the FMUs where they stood. */
+    return me->system->nz > 0 || system_put(me->system, me->time, x);
 }
 
 static bool write_inputs(Me *me) {
@@ -122,8 +123,10 @@ bool me_event(Me *me) {
     if (!guard_zeno(me)) {
         return false;
     }
+    /* The FMUs must get the right limits now, and the left limits again on the way to the same break. */
+    const double limit = system->limit;
     system->limit = (double)INFINITY;
-    if (!me_put(me) || !system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
+    if (!system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
         !iterate(me, &states_changed)) {
         return false;
     }
@@ -133,5 +136,7 @@ bool me_event(Me *me) {
     if (states_changed && !system_vectors(system, GET_STATES, me->x, false)) {
         return false;
     }
-    return me_restart_solver(me, me->x);
+    const bool restarted = me_restart_solver(me, me->x);
+    system->limit = limit > me->time ? limit : (double)INFINITY;
+    return restarted;
 }

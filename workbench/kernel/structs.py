@@ -264,6 +264,8 @@ class Me(ctypes.Structure):
         ("cautious", c_double),
         ("span", c_double),
         ("crowd", c_int32),
+        ("resumed", c_int32),
+        ("steps", c_int32),
         ("solver", c_void_p),
         ("x", c_void_p),
         ("until", c_double),
