@@ -10,11 +10,14 @@ import numpy as np
 from workbench.session import Record
 from workbench.session.base import Floats
 
-__all__ = ["ORDERS", "Period", "fundamental", "measure_period"]
+__all__ = ["COMPARED", "ORDERS", "Period", "distortion", "fundamental", "measure_period"]
 
-# Harmonics kept of each period. One would do for the response itself; the others show whether two
-# periods are really alike, and one number in eleven cannot agree by accident with all the rest.
-ORDERS = 5
+# Harmonics measured of each period: how far the output is from a sine.
+ORDERS = 10
+
+# Harmonics by which periods are compared. One would do for the response itself; with the others not all numbers
+# agree by accident. Higher ones are small, and noisy where the output has jumps.
+COMPARED = 5
 
 # A fundamental below this part of the signal's size is rounding, not a response.
 _NOTHING = 1e-12
@@ -37,6 +40,11 @@ class Period:
     size: float
 
     @property
+    def compared(self) -> Floats:
+        """The harmonics by which periods are compared: the first five."""
+        return self.harmonics[: 1 + 2 * COMPARED]
+
+    @property
     def responds(self) -> bool:
         """Whether the output has a fundamental that is more than rounding."""
         return abs(fundamental(self.harmonics)) > _NOTHING * self.size
@@ -45,6 +53,18 @@ class Period:
 def fundamental(harmonics: Floats) -> complex:
     """Return the first harmonic as in-phase + j·quadrature, [unit of the signal]."""
     return complex(harmonics[1], harmonics[2])
+
+
+def distortion(harmonics: Floats) -> tuple[float | None, ...]:
+    """Return the amplitudes of the harmonics 2 … 10 relative to the fundamental.
+
+    Args:
+        harmonics: laid out as in `Period`; orders that it does not hold are None, and so are all
+            where there is no fundamental.
+    """
+    amplitudes = np.hypot(harmonics[1::2], harmonics[2::2]).tolist()
+    rest: list[float | None] = [a / amplitudes[0] for a in amplitudes[1:ORDERS]] if amplitudes[0] > 0.0 else []
+    return (*rest, *[None] * (ORDERS - 1 - len(rest)))
 
 
 def measure_period(
@@ -90,9 +110,9 @@ def _trapezoid_weights(time: Floats) -> Floats:
 def _coefficients(y: Floats, angle: Floats, weights: Floats, orders: int) -> Floats:
     mean = float(weights @ y)
     swing = 2.0 * weights * (y - mean)
+    angles = np.outer(np.arange(1, orders + 1), angle)
     coefficients = np.empty(1 + 2 * orders)
     coefficients[0] = mean
-    for n in range(1, orders + 1):
-        coefficients[2 * n - 1] = swing @ np.sin(n * angle)
-        coefficients[2 * n] = swing @ np.cos(n * angle)
+    coefficients[1::2] = np.sin(angles) @ swing
+    coefficients[2::2] = np.cos(angles) @ swing
     return coefficients

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
 
-from workbench.analysis.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
-from workbench.analysis.nfr_result import NfrResult, assemble
-from workbench.analysis.nfr_step import at_step, refine
-from workbench.errors import InputError, suggest
-from workbench.model import Model, Variable
+from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr_sweep import NfrSweep
+from workbench.model import Model
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.workers import Workers
 
 __all__ = ["NfrSweep", "nfr"]
 
@@ -32,6 +31,13 @@ def nfr(
     max_periods: int = 20,
     carry: bool = False,
     step: float | None = None,
+    verify: bool = False,
+    drift_check: bool = True,
+    workers: Workers | None = None,
+    executor: Executor | None = None,
+    store: str | Path | None = None,
+    redo: Collection[str] = (),
+    previous: NfrResult | None = None,
     progress: Progress | None = None,
 ) -> NfrResult:
     """Measure the nonlinear frequency response of a model.
@@ -54,7 +60,8 @@ def nfr(
       - Co-simulation is repeated with smaller communication steps (see `workbench.analysis.nfr_step.refine`).
 
     Not for a model without a periodic response: an unstable one fails point by point, a limit
-    cycle of the model's own gives averaged points that mean little. The first harmonic alone is reported.
+    cycle of the model's own gives averaged points that mean little. Gain and phase are those of the first
+    harmonic; the others are in the certificates.
 
     Args:
         model: the model; its other inputs keep their start values.
@@ -71,6 +78,17 @@ def nfr(
             frequencies (a falling list, or a band from the top) are then measured in that order.
         step: communication step [s] to measure a co-simulation at, checked once with half of it; None:
             found by halving. Without effect for model exchange.
+        verify: model exchange: measure each point once more with a hundredth of the tolerance, for its
+            certificate; co-simulation is always checked, by half the step.
+        drift_check: watch the model with zero input first and warn where it moves by itself.
+        workers: where the FMU runs and under which limits; None: in one worker process per core, where a
+            crash costs one point. A model that is no file runs in this process.
+        executor: any `concurrent.futures.Executor` in place of worker processes; it stays open.
+        store: folder that keeps every finished point; the same call again goes on where it was ended.
+            A carried amplitude is kept as a whole: begun and not finished, it is measured again.
+        redo: of "settled", "averaged", "failed": points of the store (or of `previous`) that ended so are measured
+            again, with the present errcrit and max_periods; the others are kept as they are.
+        previous: an earlier result, in place of a store or besides.
         progress: called after each point with the point, the number done and the number in all.
 
     Returns:
@@ -94,161 +112,15 @@ def nfr(
         max_periods=max_periods,
         carry=carry,
         step=step,
+        verify=verify,
+        drift_check=drift_check,
+        workers=workers,
+        executor=executor,
+        store=store,
+        redo=redo,
+        previous=previous,
     )
     for point in sweep.run():
         if progress is not None:
             progress(point, sweep.done, sweep.total)
     return sweep.result()
-
-
-class NfrSweep:
-    """A nonlinear frequency response that can be stopped: what was measured until then is not lost.
-
-    ```python
-    sweep = NfrSweep(model, "u", "y", [1.0, 2.0], [1.0])
-    try:
-        for point in sweep.run():
-            ...
-    finally:
-        result = sweep.result()      # points not reached are failed with that reason
-    ```
-
-    Args:
-        model, input, output, frequencies, amplitudes, band, ratio, errcrit, max_periods, carry, step: see `nfr`.
-
-    Raises:
-        InputError: unknown variable, a value out of its range.
-    """
-
-    def __init__(
-        self,
-        model: Model,
-        input: str,
-        output: str,
-        frequencies: Sequence[float] | Floats | None = None,
-        amplitudes: Sequence[float] | Floats | float | None = None,
-        *,
-        band: tuple[float, float] | None = None,
-        ratio: float = 1.2,
-        errcrit: float = 0.1,
-        max_periods: int = 20,
-        carry: bool = False,
-        step: float | None = None,
-    ) -> None:
-        _check_name("input", input, model.inputs, model)
-        _check_name("output", output, (*model.outputs, *model.states), model)
-        positive_values("errcrit", (errcrit,), unit="rad")
-        if max_periods < 2:
-            raise InputError(f"max periods: {max_periods} cannot show whether a response repeats; take at least 2")
-        if step is not None:
-            positive_values("step", (step,), unit="s")
-        self._model, self._input, self._output = model, input, output
-        self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
-        self._amplitudes = _amplitudes(amplitudes)
-        self._errcrit, self._max_periods = errcrit, max_periods
-        self._carry, self._step = carry, step
-        self._points: list[NfrPoint] = []
-        self._warnings: list[str] = []
-        self._stopped = False
-
-    @property
-    def total(self) -> int:
-        """Number of points."""
-        return len(self._frequencies) * len(self._amplitudes)
-
-    @property
-    def done(self) -> int:
-        """Number of points measured."""
-        return len(self._points)
-
-    def run(self) -> Iterator[NfrPoint]:
-        """Measure point by point; may be run once.
-
-        Raises:
-            FmuError, SimulationError: the FMU cannot be started.
-            KeyboardInterrupt: after `stop`.
-        """
-        for amplitude in self._amplitudes:
-            tasks = [self._task(f, amplitude) for f in self._frequencies]
-            groups = [tasks] if self._carry else [[t] for t in tasks]
-            for group in groups:
-                for point in self._measure(group):
-                    self._points.append(point)
-                    yield point
-
-    def stop(self) -> None:
-        """Let `run` end with KeyboardInterrupt after the period it is in; may be called by a signal handler."""
-        self._stopped = True
-
-    def result(self) -> NfrResult:
-        """Return what was measured so far."""
-        return assemble(
-            self._model,
-            input=self._input,
-            output=self._output,
-            frequencies=self._frequencies,
-            amplitudes=self._amplitudes,
-            points=self._points,
-            warnings=self._warnings,
-        )
-
-    def _task(self, frequency: float, amplitude: float) -> PointTask:
-        return PointTask(
-            input=self._input,
-            output=self._output,
-            frequency=frequency,
-            amplitude=amplitude,
-            errcrit=self._errcrit,
-            max_periods=self._max_periods,
-            stopped=lambda: self._stopped,
-        )
-
-    def _measure(self, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        if self._model.interface != "cs":
-            yield from self._pass(tasks)
-        elif self._step is None:
-            yield from refine(tasks, lambda t: list(self._pass(t)))
-        else:
-            points, warnings = at_step(tasks, self._step, lambda t: list(self._pass(t)))
-            self._warnings += warnings
-            yield from points
-
-    def _pass(self, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        """Measure `tasks` once: each afresh, or all in one session."""
-        if self._carry:
-            return _carried(self._model, tasks)
-        return (run_fresh(self._model, t) for t in tasks)
-
-
-def _carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-    """Measure in one session; after a failed point the next one begins in a new session."""
-    rest = list(tasks)
-    while rest:
-        first = Sine(amplitude=rest[0].amplitude, frequency=rest[0].frequency)
-        # One session serves all frequencies; the rows of each divide its period and bound the step.
-        steps = [t.step for t in rest if t.step is not None]
-        with model.open_session(signals={rest[0].input: first}, step=max(steps, default=None)) as session:
-            while rest:
-                task = rest.pop(0)
-                point = run_point(session, task)
-                yield point if model.interface == "cs" else replace(point, step=None)
-                if point.reason is not None:
-                    break
-
-
-def _check_name(what: str, name: str, variables: Sequence[Variable], model: Model) -> None:
-    if any(v.name == name for v in variables):
-        return
-    others = {v.name: kind for kind in ("inputs", "outputs", "states", "parameters") for v in getattr(model, kind)}
-    if name in others:
-        article = {"inputs": "an input", "outputs": "an output", "states": "a state", "parameters": "a parameter"}
-        names = ", ".join(v.name for v in variables[:8]) or "none"
-        raise InputError(f"{what}: '{name}' of {model.name} is {article[others[name]]}; its {what}s are: {names}")
-    raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, [v.name for v in variables])}")
-
-
-def _amplitudes(amplitudes: Sequence[float] | Floats | float | None) -> tuple[float, ...]:
-    if amplitudes is None:
-        raise InputError("amplitude: none given; a nonlinear model's response depends on it")
-    values = [amplitudes] if isinstance(amplitudes, int | float) else amplitudes
-    return tuple(sorted(positive_values("amplitude", values, unit="unit of the input")))

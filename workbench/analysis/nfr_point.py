@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.analysis.certificate import Certificate, certify
 from workbench.analysis.harmonics import ORDERS, Period, measure_period
 from workbench.analysis.settling import Outcome, Response, Settling
 from workbench.errors import SimulationError
@@ -78,6 +79,8 @@ class NfrPoint:
         resolved: whether the transient was identified and removed (see `Settling`).
         step: longest communication step of co-simulation [s]; None for model exchange, or where nothing ran.
         reason: why the point failed; None where it did not.
+        certificate: what the point can be trusted for; None where nothing is known, as after a crash.
+        warning: a remark on the point; None where there is none.
     """
 
     frequency: float
@@ -89,6 +92,13 @@ class NfrPoint:
     resolved: bool = False
     step: float | None = None
     reason: str | None = None
+    certificate: Certificate | None = None
+    warning: str | None = None
+
+    @property
+    def status(self) -> str:
+        """How it ended: "settled", "averaged" or "failed"."""
+        return "failed" if self.reason is not None else "averaged" if self.averaged else "settled"
 
 
 def run_fresh(model: Model, task: PointTask) -> NfrPoint:
@@ -124,8 +134,10 @@ def run_point(session: Session, task: PointTask) -> NfrPoint:
                 longest = float(np.max(np.diff(record.time)))
                 response = settling.add(_measured(record, task, sine))
     except SimulationError as error:
-        return replace(_failed(task, len(settling.periods), str(error)), step=longest)
-    return replace(_point(task, response, len(settling.periods)), step=longest)
+        point, response = _failed(task, len(settling.periods), str(error)), None
+    else:
+        point = _point(task, response, len(settling.periods))
+    return replace(point, step=longest, certificate=certify(settling, response))
 
 
 def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> Record:

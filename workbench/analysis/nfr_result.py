@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.certificate import Certificate
 from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.zero_input import ZeroInput
 from workbench.errors import InputError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats
@@ -20,10 +23,18 @@ if TYPE_CHECKING:
     from control import FrequencyResponseData
     from matplotlib.figure import Figure
 
-__all__ = ["FailedPoint", "NfrResult", "assemble"]
+__all__ = ["MISSING", "FailedPoint", "NfrResult", "assemble"]
+
+MISSING = "not measured: the sweep was interrupted"
 
 # A jump of the phase by more than this upwards is a turn of −360° (1.74533 rad in the source report).
 _JUMP_DEG = 100.0
+
+# Fields of the certificate that are columns of the CSV; the harmonics follow.
+_CSV_FIELDS = (
+    "thd", "delta_phase_deg", "delta_gain", "defect", "drift", "check", "check_gain", "check_phase_deg"
+)  # fmt: skip
+_NOTHING_KNOWN = Certificate(errcrit=math.nan, max_periods=0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +75,10 @@ class NfrResult:
         periods: int, periods run.
         step: communication step of the run that is reported [s]; NaN for model exchange.
         failed: the points without a value, each with its reason.
-        warnings: remarks on single points, one line each.
+        warnings: remarks on single points and on the model, one line each.
+        certificates: [amplitude][frequency]: what each point can be trusted for; None where
+            nothing is known, as after a crash.
+        zero_input: how the output moves while the input is zero; None where that was not watched.
     """
 
     model: str
@@ -84,6 +98,22 @@ class NfrResult:
     step: Floats
     failed: tuple[FailedPoint, ...]
     warnings: tuple[str, ...]
+    certificates: tuple[tuple[Certificate | None, ...], ...]
+    zero_input: ZeroInput | None = None
+
+    @property
+    def status(self) -> tuple[tuple[str, ...], ...]:
+        """How each point ended, [amplitude][frequency]: "settled", "averaged" or "failed"."""
+        failed = np.isnan(self.response)
+        return tuple(
+            tuple("failed" if f else "averaged" if a else "settled" for f, a in zip(*row, strict=True))
+            for row in zip(failed.tolist(), self.averaged.tolist(), strict=True)
+        )
+
+    @property
+    def thd(self) -> Floats:
+        """Total harmonic distortion of the output, shape (n_a, n_f), relative to its fundamental; NaN where unknown."""
+        return np.array([[_number(None if c is None else c.thd) for c in row] for row in self.certificates])
 
     @property
     def gain(self) -> Floats:
@@ -115,10 +145,18 @@ class NfrResult:
             "step": _nullable(self.step),
             "failed": [vars(f) for f in self.failed],
             "warnings": list(self.warnings),
+            "certificate": self._certificate_arrays(),
+            "zero_input": None if self.zero_input is None else vars(self.zero_input),
         }
 
+    def _certificate_arrays(self) -> dict[str, Any]:
+        """One [amplitude][frequency] array for each field of the certificates."""
+        names = [f.name for f in fields(Certificate)]
+        arrays = {n: [[getattr(c, n, None) for c in row] for row in self.certificates] for n in names}
+        return {"status": [list(row) for row in self.status], **arrays}
+
     def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line per point: amplitude, frequency, gain, dB, deg, offset, averaged, periods, reason.
+        """Write one line per point: what the table shows, the reason of a failure, and the certificate.
 
         Args:
             path: file to write, or an open text stream.
@@ -137,14 +175,15 @@ class NfrResult:
 
     def _csv_rows(self) -> list[list[Any]]:
         reasons = {(f.amplitude, f.frequency_hz): f.reason for f in self.failed}
-        rows: list[list[Any]] = [
-            ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "averaged", "periods", "failed"]
-        ]
+        names = ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "averaged", "periods", "failed"]
+        rows: list[list[Any]] = [[*names, "status", *_CSV_FIELDS, *(f"h{n}" for n in range(2, 11))]]
+        status = self.status
         numbers = [_nullable(x) for x in (self.gain, self.gain_db, self.phase_deg, self.offset)]
         for i, a in enumerate(self.amplitude.tolist()):
             for j, f in enumerate(self.frequency_hz.tolist()):
                 values = [x[i][j] for x in numbers]
-                rows.append([a, f, *values, int(self.averaged[i, j]), int(self.periods[i, j]), reasons.get((a, f), "")])
+                values += [int(self.averaged[i, j]), int(self.periods[i, j]), reasons.get((a, f), "")]
+                rows.append([a, f, *values, status[i][j], *_csv_certificate(self.certificates[i][j])])
         return rows
 
     def to_frd(self, amplitude: float | None = None) -> FrequencyResponseData:
@@ -207,7 +246,8 @@ def assemble(
     amplitudes: Sequence[float],
     points: Sequence[NfrPoint],
     warnings: Sequence[str] = (),
-    missing: str = "not measured: the sweep was interrupted",
+    zero_input: ZeroInput | None = None,
+    missing: str = MISSING,
 ) -> NfrResult:
     """Make a result of measured points; what is missing fails with the reason `missing`.
 
@@ -218,7 +258,8 @@ def assemble(
         frequencies: [Hz], any order.
         amplitudes: [unit of the input], any order.
         points: in any order.
-        warnings: passed on.
+        warnings: passed on, after those of the points.
+        zero_input: passed on.
         missing: reason for points that are not among `points`.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
@@ -242,7 +283,9 @@ def assemble(
         periods=np.array([[p.periods for p in row] for row in grid]),
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
         failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
-        warnings=tuple(warnings),
+        warnings=(*(p.warning for row in grid for p in row if p.warning), *warnings),
+        certificates=tuple(tuple(p.certificate for p in row) for row in grid),
+        zero_input=zero_input,
     )
 
 
@@ -267,6 +310,15 @@ def follow_phase(response: NDArray[np.complex128]) -> Floats:
 
 def _unit(variables: Sequence[Variable], name: str) -> str | None:
     return next((v.unit for v in variables if v.name == name), None)
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _csv_certificate(certificate: Certificate | None) -> list[Any]:
+    known = certificate or _NOTHING_KNOWN
+    return [*(getattr(known, name) for name in _CSV_FIELDS), *known.harmonics]
 
 
 def _nullable(values: Floats) -> list[Any]:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from workbench.analysis.certificate import finite
 from workbench.analysis.nfr_point import NfrPoint, PointTask, change
 from workbench.errors import InputError
 
-__all__ = ["at_step", "refine"]
+__all__ = ["at_step", "checked", "refine"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -48,10 +49,13 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
         budget -= _cost(tasks, new)
         agreed = [_agree(o, n, t.errcrit) for o, n, t in zip(old, new, tasks, strict=True)]
         if all(agreed) or budget < 2 * _cost(tasks, new):
-            return [n if good else _unconverged(o, n) for o, n, good in zip(old, new, agreed, strict=True)]
+            ends = zip(
+                old, (_certified(n, o, n, by="step") for o, n in zip(old, new, strict=True)), agreed, strict=True
+            )
+            return [n if good else _unconverged(o, n) for o, n, good in ends]
 
 
-def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> tuple[list[NfrPoint], list[str]]:
+def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]:
     """Measure points at a given communication step; warn where half of it gives another answer.
 
     The step is shortened so that a whole number of steps makes a period.
@@ -62,8 +66,8 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> tuple[list[Nfr
         run: measures them in the order given.
 
     Returns:
-        The points, and a warning for each of which gain or phase changes by more than 1 %
-        (0.01 rad) when the step is halved.
+        The points, with a warning where gain or phase changes by more than 1 % (0.01 rad) when the
+        step is halved.
 
     Raises:
         InputError: fewer than four steps make a period.
@@ -72,7 +76,39 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> tuple[list[Nfr
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)
-    return points, [_warning(p, h) for p, h in pairs if p.reason is None and max(_error(p, h)) > _TELL]
+    return [checked(p, h, by="step", words="half the communication step") for p, h in pairs]
+
+
+def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str) -> NfrPoint:
+    """Return `point` with the outcome of a second measurement in its certificate, and a warning if they differ.
+
+    Args:
+        point: what is reported.
+        other: the second measurement.
+        by: what was changed for it, for the certificate.
+        words: the same for people.
+    """
+    if point.reason is not None:
+        return point
+    point = _certified(point, point, other, by=by)
+    gain, phase_deg = change(point, other)
+    where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
+    if other.reason is not None:
+        return replace(point, warning=f"{where}: {words} fails: {other.reason}")
+    if max(gain, math.radians(phase_deg)) <= _TELL:
+        return point
+    warning = (
+        f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "
+        f"the answer depends on --{by}"
+    )
+    return replace(point, warning=warning)
+
+
+def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str) -> NfrPoint:
+    if point.certificate is None:
+        return point
+    gain, phase_deg = map(finite, change(old, new))
+    return replace(point, certificate=replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg))
 
 
 def _rows(task: PointTask, step: float) -> int:
@@ -89,11 +125,6 @@ def _rows(task: PointTask, step: float) -> int:
 
 def _cost(tasks: Sequence[PointTask], points: Sequence[NfrPoint]) -> int:
     return sum(max(1, p.periods) * t.rows for p, t in zip(points, tasks, strict=True))
-
-
-def _error(old: NfrPoint, new: NfrPoint) -> tuple[float, float]:
-    gain, phase_deg = change(old, new)
-    return gain, math.radians(phase_deg)
 
 
 def _agree(old: NfrPoint, new: NfrPoint, errcrit: float) -> bool:
@@ -116,14 +147,3 @@ def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:
             f"{100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; take --interface me or a smaller --step"
         )
     return replace(new, response=None, offset=None, averaged=False, resolved=False, reason=why)
-
-
-def _warning(point: NfrPoint, halved: NfrPoint) -> str:
-    where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
-    if halved.reason is not None:
-        return f"{where}: half the communication step fails: {halved.reason}"
-    gain, phase_deg = change(point, halved)
-    return (
-        f"{where}: half the communication step changes the gain by {100.0 * gain:.2g} % and the phase by "
-        f"{phase_deg:.2g} deg; the answer depends on --step"
-    )

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.analysis.harmonics import Period, fundamental
+from workbench.analysis.harmonics import COMPARED, Period, fundamental
 from workbench.analysis.transient import Limit, remove_transient
 from workbench.session.base import Floats
 
@@ -41,11 +41,16 @@ class Response:
         value: output over input, complex, [unit of output / unit of input].
         offset: mean of the output [unit of output].
         outcome: how it was obtained.
+        harmonics: Fourier coefficients of the output, laid out as in `Period`, [unit of output].
+        defect: by how much the response fails to repeat itself, relative to its fundamental: `transient.Limit`'s
+            where one was believed, the scatter of the periods where they were averaged, else inf.
     """
 
     value: complex
     offset: float
     outcome: Outcome
+    harmonics: Floats
+    defect: float
 
 
 @dataclass
@@ -97,33 +102,47 @@ class Settling:
         self.periods.append(period)
         count = len(self.periods)
         if self._runs_away():
-            return self._response(period.harmonics, Outcome.DIVERGED)
+            return self._response(period.harmonics, Outcome.DIVERGED, math.inf)
         if count >= 2 and period.responds:
             limit = self._limit()
             if limit.defect <= max(self.errcrit / 100.0, _NOISE):
-                return self._response(limit.harmonics, Outcome.RESOLVED)
+                return self._response(limit.harmonics, Outcome.RESOLVED, limit.defect)
             if 2 * count > self.most and self._repeats() and not self._grows():
-                return self._response(limit.harmonics, Outcome.SETTLED)
+                return self._response(limit.harmonics, Outcome.SETTLED, limit.defect)
         return self._last_resort() if count >= self.most else None
 
     def _limit(self) -> Limit:
-        return remove_transient(np.array([p.harmonics for p in self.periods]))
+        return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
 
     def _last_resort(self) -> Response:
         last = self.periods[-1].harmonics
         if self._grows():
-            return self._response(last, Outcome.DIVERGED)
+            return self._response(last, Outcome.DIVERGED, math.inf)
         half = np.array([p.harmonics for p in self.periods[len(self.periods) // 2 :]])
         mean = np.mean(half, axis=0)
         if not any(p.responds for p in self.periods):
-            return Response(0j, float(mean[0]), Outcome.AVERAGED)
+            return self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
         scattered = scatter > abs(fundamental(mean))
-        return self._response(mean, Outcome.SCATTERED if scattered else Outcome.AVERAGED)
+        spread = scatter / abs(fundamental(mean)) if scatter > 0.0 else 0.0
+        return self._response(mean, Outcome.SCATTERED if scattered else Outcome.AVERAGED, spread)
 
-    def _response(self, harmonics: Floats, outcome: Outcome) -> Response:
+    def _response(self, harmonics: Floats, outcome: Outcome, defect: float) -> Response:
         value = fundamental(harmonics) / self.periods[-1].drive
-        return Response(value, float(harmonics[0]), outcome)
+        return Response(value, float(harmonics[0]), outcome, harmonics, defect)
+
+    def residual(self) -> tuple[float, float, float] | None:
+        """Return what still changed from the last period but one to the last.
+
+        Phase [deg], gain (relative), mean of the output relative to its fundamental; all magnitudes.
+        None before the second period and where one of the two has no fundamental.
+        """
+        if len(self.periods) < 2 or not all(p.responds for p in self.periods[-2:]):
+            return None
+        before, last = self.periods[-2:]
+        quotient = _value(last) / _value(before)
+        drift = abs(float(last.harmonics[0] - before.harmonics[0])) / abs(fundamental(last.harmonics))
+        return abs(math.degrees(cmath.phase(quotient))), abs(abs(quotient) - 1.0), drift
 
     def _repeats(self) -> bool:
         """Whether the last two periods pass the published test, and their other harmonics with them."""
@@ -134,7 +153,7 @@ class Settling:
         # The angle of the quotient is the difference modulo 2π, with no jump at ±180°.
         turned = abs(cmath.phase(new / old))
         grown = abs(abs(new) - abs(old))
-        change = float(np.linalg.norm((last.harmonics - before.harmonics)[1:]))
+        change = float(np.linalg.norm((last.compared - before.compared)[1:]))
         alike = change <= self.errcrit * abs(fundamental(last.harmonics))
         return turned <= self.errcrit and grown <= self.errcrit / 10.0 and alike
 
@@ -144,7 +163,7 @@ class Settling:
 
     def _grows(self) -> bool:
         """Whether the changes between periods grow exponentially over the second half."""
-        changes = np.linalg.norm(np.diff([p.harmonics for p in self.periods], axis=0), axis=1)
+        changes = np.linalg.norm(np.diff([p.compared for p in self.periods], axis=0), axis=1)
         window = changes[-max(3, len(changes) // 2) :]
         if len(window) < 3 or np.any(np.diff(window) <= 0.0) or window[0] == 0.0:
             return False

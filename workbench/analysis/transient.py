@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,14 +33,16 @@ class Limit:
         defect: how far this response is from repeating itself, relative to its fundamental:
             root of the sum of squares over the harmonics' changes in one period.
         modes: number of decaying modes that were removed.
+        weights: by which the last periods, newest first, were weighed.
     """
 
     harmonics: Floats
     defect: float
     modes: int
+    weights: Floats
 
 
-def remove_transient(periods: Floats) -> Limit:
+def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     """Return the periodic response that successive periods tend to.
 
     Around a stable periodic response the periods obey h(k) = h∞ + Σ v(i)·μ(i)^k, with one
@@ -58,8 +60,8 @@ def remove_transient(periods: Floats) -> Limit:
     still change in one period. m = 0 is the last period itself. All m that the
     periods allow are tried; the smallest defect wins.
 
-    A multiplier on or outside the unit circle is no transient, and one that is not clearly inside is not taken for one: a
-    sampled model whose rate is nearly commensurate with the forcing alternates from period to period
+    A multiplier on or outside the unit circle is no transient, and one that is not clearly inside is not
+    taken for one: a sampled model whose rate is nearly commensurate with the forcing alternates from period to period
     (near −1, or a complex pair near the circle) and never settles. Clearly means by three times the
     part ρ of the newest difference that the prediction leaves unexplained, since the multipliers
     are known about as well as that; and by 1e-4 at least.
@@ -75,11 +77,13 @@ def remove_transient(periods: Floats) -> Limit:
 
     Args:
         periods: shape (K, 1 + 2·orders), K ≥ 2, the harmonics of successive periods.
+        compared: only so many columns, from the left, decide about weights and defect; None: all.
 
     Source: A. Sidi, Vector Extrapolation Methods with Applications, SIAM 2017, chapter 2
     (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
     """
-    return min(_candidates(periods), key=lambda limit: limit.defect)
+    limit = min(_candidates(periods[:, :compared]), key=lambda limit: limit.defect)
+    return replace(limit, harmonics=_weigh(periods, limit.weights))
 
 
 def _decays(polynomial: Floats, unexplained: float) -> bool:
@@ -116,10 +120,19 @@ def _limit(periods: Floats, differences: Floats, weights: Floats, *, checks: int
     """Weigh the last periods, newest first, and see how well the same weights cancel the last `checks` changes."""
     n = weights.size
     changes = [weights @ differences[::-1][i : i + n] for i in range(checks)]
-    harmonics = weights @ periods[::-1][:n]
-    orders = np.arange(1, (harmonics.size - 1) // 2 + 1)
-    harmonics[1::2] += changes[0][0] / (math.pi * orders)
+    harmonics = _weigh(periods, weights)
     scale = abs(fundamental(harmonics))
     rest = max(float(np.linalg.norm(change[1:])) for change in changes)
     defect = rest / scale if scale > 0.0 else math.inf
-    return Limit(harmonics, defect, n - 1)
+    return Limit(harmonics, defect, n - 1, weights)
+
+
+def _weigh(periods: Floats, weights: Floats) -> Floats:
+    """Weigh the last periods, newest first, and take out what a ramp leaves in the in-phase parts."""
+    newest_first = periods[::-1]
+    n = weights.size
+    harmonics: Floats = weights @ newest_first[:n]
+    ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
+    orders = np.arange(1, (harmonics.size - 1) // 2 + 1)
+    harmonics[1::2] += ramp / (math.pi * orders)
+    return harmonics

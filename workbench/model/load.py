@@ -15,13 +15,12 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.kernel.library import why_kernel_missing
 from workbench.model.fmu_model import DRIVERS, FmuModel
-from workbench.model.recipe import FmuRecipe
+from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe
 from workbench.session.fmu import Setup
 from workbench.session.solvers import SOLVERS, choose_solver
 
 __all__ = ["load", "open_unpacked"]
 
-DEFAULT_TOLERANCE = 1e-6
 _SETTABLE = ("parameter", "input", "local", "output")
 
 

@@ -20,7 +20,13 @@ from workbench.fmi.variable import Value
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["FmuRecipe", "Recipe", "content_hash"]
+__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "Recipe", "content_hash"]
+
+
+DEFAULT_TOLERANCE = 1e-6
+
+# Below this relative tolerance rounding takes over.
+_TIGHTEST = 1e-12
 
 
 class Recipe(ABC):
@@ -45,8 +51,8 @@ class Recipe(ABC):
         """Return what tells this model from others, ready for JSON."""
 
     @abstractmethod
-    def with_tolerance(self, tolerance: float) -> Recipe:
-        """Return the recipe of the same model at another relative tolerance of the integration."""
+    def tighter(self, factor: float) -> Recipe:
+        """Return the recipe of the same model with `factor` times its relative tolerance of the integration."""
 
     def packed(self) -> Recipe:
         """Return a recipe that needs no file of this machine."""
@@ -112,8 +118,8 @@ class FmuRecipe(Recipe):
             "bias": dict(self.bias),
         }
 
-    def with_tolerance(self, tolerance: float) -> FmuRecipe:
-        return replace(self, tolerance=tolerance)
+    def tighter(self, factor: float) -> FmuRecipe:
+        return replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
 
     def packed(self) -> FmuRecipe:
         buffer = io.BytesIO()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
 from workbench.model.recipe import Recipe
-from workbench.workers.limits import Limits, memory_limit_works
+from workbench.workers.limits import DEFAULT_TIMEOUT, Limits, memory_limit_works
 from workbench.workers.pool import Pool
 from workbench.workers.runner import InProcess, Runner
 
@@ -27,7 +27,8 @@ class Workers:
     Attributes:
         jobs: most worker processes at a time; None: as many as cores.
         in_process: run in this process, one after the other: for debugging, and for FMUs that are trusted.
-        limits: of each result; for worker processes only.
+        timeout: longest time for one result [s]; None: any. For worker processes only.
+        memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
         executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
         scheduler: address of a Dask scheduler, in place of worker processes.
 
@@ -37,9 +38,15 @@ class Workers:
 
     jobs: int | None = None
     in_process: bool = False
-    limits: Limits = field(default_factory=Limits)
+    timeout: float | None = DEFAULT_TIMEOUT
+    memory_limit: float | None = None
     executor: Executor | None = None
     scheduler: str | None = None
+
+    @property
+    def limits(self) -> Limits:
+        """Time and memory limit together."""
+        return Limits(timeout=self.timeout, memory=self.memory_limit)
 
     def __post_init__(self) -> None:
         if self.jobs is not None and self.jobs < 1:

@@ -22,7 +22,7 @@ class Limits:
     """What one result may cost.
 
     Attributes:
-        timeout: longest time without a result [s]; None: any.
+        timeout: longest time without a result [s]; None or inf: any.
         memory: how much the FMU may allocate, on top of the worker's own [MB]; None: any.
 
     Raises:
@@ -34,7 +34,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name, value, unit in (("timeout", self.timeout, "s"), ("memory limit", self.memory, "MB")):
-            if value is not None and not (math.isfinite(value) and value > 0.0):
+            if value is not None and not value > 0.0:
                 raise InputError(f"{name}: {value:g} {unit} is not a positive number")
 
 
@@ -45,7 +45,7 @@ def memory_limit_works() -> bool:
 
 def restrict_memory(limit: float | None) -> None:
     """Let this process allocate at most `limit` [MB] more than it has now; nothing where that is impossible."""
-    if limit is None or not memory_limit_works():
+    if limit is None or math.isinf(limit) or not memory_limit_works():
         return
     import resource  # noqa: PLC0415 - not on every platform
 

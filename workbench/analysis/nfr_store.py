@@ -1,0 +1,174 @@
+"""Points of a nonlinear frequency response on disk, and what of an earlier run is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from workbench import __version__
+from workbench.analysis.certificate import from_dict
+from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr_result import MISSING, NfrResult
+from workbench.analysis.zero_input import ZeroInput
+from workbench.errors import InputError, suggest
+from workbench.model import Model
+from workbench.store import Store
+from workbench.workers import Limits
+
+__all__ = ["STATUSES", "NfrStore", "check_redo", "from_result"]
+
+STATUSES = ("settled", "averaged", "failed")
+
+# To be raised whenever a change of the code changes a measured number: results of both are not mixed.
+_ALGORITHM = 1
+
+_ZERO_INPUT = "zero input"
+
+Key = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class NfrStore:
+    """The store of one sweep.
+
+    Attributes:
+        store: where the points are.
+        limits: of the present run: a point lost under other limits is measured again.
+    """
+
+    store: Store
+    limits: Limits
+
+    @classmethod
+    def open(
+        cls,
+        folder: str | Path,
+        model: Model,
+        *,
+        settings: Mapping[str, Any],
+        effort: Mapping[str, Any],
+        limits: Limits,
+    ) -> Self:
+        """Open the store in `folder`.
+
+        Args:
+            folder: made if it is not there.
+            model: what is measured; its FMU's hash and settings become part of the key.
+            settings: what else influences a point, ready for JSON.
+            effort: likewise, but what a redo may change.
+            limits: of the present run.
+
+        Raises:
+            InputError: the model is no file, the folder cannot be used, its file is no store.
+        """
+        if model.recipe is None:
+            raise InputError(f"store: {model.name} is no file; its results cannot be told from another model's")
+        subject = {
+            "analysis": "nfr",
+            "algorithm": _ALGORITHM,
+            "workbench": __version__,
+            "model": model.recipe.identity(),
+            "runs": [model.interface, model.solver],
+            **settings,
+        }
+        return cls(Store(folder, subject=subject, effort=effort), limits)
+
+    def finished(self, redo: Collection[str]) -> dict[Key, NfrPoint]:
+        """Return the points that need not be measured, by amplitude and frequency.
+
+        Args:
+            redo: statuses that are measured again. With one, the newest measurement of each point
+                counts, whatever its effort was; without, only those made with the present effort.
+        """
+        found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
+        values = [v for k, v in found.items() if k != _ZERO_INPUT and self._counts(v)]
+        points = [_point(v["point"]) for v in values]
+        return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
+
+    def _counts(self, value: Mapping[str, Any]) -> bool:
+        return value["lost_under"] is None or value["lost_under"] == asdict(self.limits)
+
+    def zero_input(self) -> ZeroInput | None:
+        """Return how the model moves by itself, if that was watched already."""
+        found = self.store.load().get(_ZERO_INPUT)
+        return None if found is None else ZeroInput(**found)
+
+    def save(self, point: NfrPoint, *, lost: bool = False) -> None:
+        """Keep a point; it is on disk when this returns.
+
+        Args:
+            point: what was measured.
+            lost: whether it failed by a crash or limit of its process, not by what it computed.
+        """
+        value = {"point": _plain(point), "lost_under": asdict(self.limits) if lost else None}
+        self.store.save(repr((point.amplitude, point.frequency)), value)
+
+    def save_zero_input(self, found: ZeroInput) -> None:
+        """Keep how the model moves by itself."""
+        self.store.save(_ZERO_INPUT, asdict(found))
+
+    def close(self) -> None:
+        """Close the file."""
+        self.store.close()
+
+
+def check_redo(redo: Collection[str]) -> frozenset[str]:
+    """Return the statuses to measure again.
+
+    Raises:
+        InputError: one of them is unknown.
+    """
+    for status in redo:
+        if status not in STATUSES:
+            raise InputError(f"redo: '{status}' is no status of a point; {suggest(status, STATUSES)}")
+    return frozenset(redo)
+
+
+def from_result(previous: NfrResult, redo: Collection[str]) -> dict[Key, NfrPoint]:
+    """Return the points of an earlier result that need not be measured, by amplitude and frequency.
+
+    Args:
+        previous: the earlier result.
+        redo: statuses that are measured again; what was not measured then is measured anyway.
+    """
+    reasons = {(f.amplitude, f.frequency_hz): f.reason for f in previous.failed}
+    points = [
+        _of_result(previous, i, j, reasons.get((a, f)))
+        for i, a in enumerate(previous.amplitude.tolist())
+        for j, f in enumerate(previous.frequency_hz.tolist())
+        if reasons.get((a, f)) != MISSING
+    ]
+    return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
+
+
+def _of_result(previous: NfrResult, i: int, j: int, reason: str | None) -> NfrPoint:
+    step = float(previous.step[i, j])
+    return NfrPoint(
+        frequency=float(previous.frequency_hz[j]),
+        amplitude=float(previous.amplitude[i]),
+        response=complex(previous.response[i, j]) if reason is None else None,
+        offset=float(previous.offset[i, j]) if reason is None else None,
+        periods=int(previous.periods[i, j]),
+        averaged=bool(previous.averaged[i, j]),
+        step=step if step > 0.0 else None,
+        reason=reason,
+        certificate=previous.certificates[i][j],
+    )
+
+
+def _plain(point: NfrPoint) -> dict[str, Any]:
+    values = asdict(point)
+    if point.response is not None:
+        values["response"] = [point.response.real, point.response.imag]
+    return values
+
+
+def _point(values: dict[str, Any]) -> NfrPoint:
+    response, certificate = values["response"], values["certificate"]
+    decoded = {
+        "response": None if response is None else complex(*response),
+        "certificate": None if certificate is None else from_dict(certificate),
+    }
+    return NfrPoint(**{**values, **decoded})

@@ -1,0 +1,279 @@
+"""A nonlinear frequency response as a sweep of jobs: what is to be measured, where, and what is known already."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from workbench.analysis.frequency_grid import frequency_grid, positive_values
+from workbench.analysis.nfr_job import PointsJob, ZeroInputJob
+from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
+from workbench.analysis.nfr_result import NfrResult, assemble
+from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
+from workbench.analysis.zero_input import ZeroInput, doubt
+from workbench.errors import InputError, suggest
+from workbench.model import Model, Variable
+from workbench.session.base import Floats
+from workbench.workers import InProcess, Job, Lost, Reply, Runner, Workers, choose, perform
+
+__all__ = ["NfrSweep"]
+
+
+class NfrSweep:
+    """A nonlinear frequency response that can be stopped: what was measured until then is not lost.
+
+    ```python
+    sweep = NfrSweep(model, "u", "y", [1.0, 2.0], [1.0])
+    try:
+        for point in sweep.run():
+            ...
+    finally:
+        result = sweep.result()      # points not reached are failed with that reason
+    ```
+
+    Args:
+        model, input, output, frequencies, amplitudes, band, ratio, errcrit, max_periods, carry, step: see `nfr`.
+        verify, drift_check, workers, executor, store, redo, previous: see `nfr`.
+
+    Raises:
+        InputError: unknown variable, a value out of its range, a store that cannot be used.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        input: str,
+        output: str,
+        frequencies: Sequence[float] | Floats | None = None,
+        amplitudes: Sequence[float] | Floats | float | None = None,
+        *,
+        band: tuple[float, float] | None = None,
+        ratio: float = 1.2,
+        errcrit: float = 0.1,
+        max_periods: int = 20,
+        carry: bool = False,
+        step: float | None = None,
+        verify: bool = False,
+        drift_check: bool = True,
+        workers: Workers | None = None,
+        executor: Executor | None = None,
+        store: str | Path | None = None,
+        redo: Collection[str] = (),
+        previous: NfrResult | None = None,
+    ) -> None:
+        _check_name("input", input, model.inputs, model)
+        _check_name("output", output, (*model.outputs, *model.states), model)
+        positive_values("errcrit", (errcrit,), unit="rad")
+        if max_periods < 2:
+            raise InputError(f"max periods: {max_periods} cannot show whether a response repeats; take at least 2")
+        if step is not None:
+            positive_values("step", (step,), unit="s")
+        if verify and model.recipe is None:
+            raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
+        self._model, self._input, self._output = model, input, output
+        self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
+        self._amplitudes = _amplitudes(amplitudes)
+        self._errcrit, self._max_periods = errcrit, max_periods
+        self._carry, self._step, self._verify = carry, step, verify
+        self._workers = _with_executor(workers or Workers(), executor)
+        self._redo = check_redo(redo)
+        self._notes: list[str] = []
+        self._points: dict[Key, NfrPoint] = {}
+        self._zero_input: ZeroInput | None = None
+        self._watch = drift_check
+        self._runner: Runner | None = None
+        self._stopped = False
+        self._store = None if store is None else self._open_store(store)
+        self._recall(previous)
+
+    # -- what is known already -------------------------------------------------------------
+
+    def _open_store(self, folder: str | Path) -> NfrStore:
+        settings = {
+            "input": self._input,
+            "output": self._output,
+            "rows": ROWS,
+            "step": self._step,
+            "verify": self._verify,
+            # A carried point depends on those before it.
+            "carry": list(self._frequencies) if self._carry else None,
+        }
+        effort = {"errcrit": self._errcrit, "max_periods": self._max_periods}
+        limits = self._workers.limits
+        return NfrStore.open(folder, self._model, settings=settings, effort=effort, limits=limits)
+
+    def _recall(self, previous: NfrResult | None) -> None:
+        """Take over what an earlier run measured, as far as it is asked for and need not be done again."""
+        if self._redo and previous is None and self._store is None:
+            raise InputError("redo: which points? Give the store (or the result) of the earlier run")
+        known: dict[Key, NfrPoint] = {}
+        if previous is not None:
+            self._check_previous(previous)
+            known |= from_result(previous, self._redo)
+        if self._store is not None:
+            known |= self._store.finished(self._redo)
+            self._zero_input = self._store.zero_input()
+        for a in self._amplitudes:
+            keys = [(a, f) for f in self._frequencies]
+            if not self._carry or all(k in known for k in keys):
+                self._points |= {k: known[k] for k in keys if k in known}
+        if self._points:
+            self._notes.append(f"{len(self._points)} of {self.total} points were measured before and are kept")
+
+    def _check_previous(self, previous: NfrResult) -> None:
+        names = ("model", "interface", "solver", "input", "output")
+        here = (self._model.name, self._model.interface, self._model.solver, self._input, self._output)
+        for name, mine in zip(names, here, strict=True):
+            if getattr(previous, name) != mine:
+                raise InputError(f"previous: its {name} is {getattr(previous, name)}, not {mine}")
+
+    # -- the sweep -------------------------------------------------------------------------
+
+    @property
+    def total(self) -> int:
+        """Number of points."""
+        return len(self._frequencies) * len(self._amplitudes)
+
+    @property
+    def done(self) -> int:
+        """Number of points that have a result, those kept from an earlier run included."""
+        return len(self._points)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on how the sweep runs; complete after `run` has begun."""
+        return tuple(self._notes)
+
+    def run(self) -> Iterator[NfrPoint]:
+        """Measure point by point, in the order in which they are finished; may be run once.
+
+        Raises:
+            FmuError, SimulationError: the FMU cannot be started.
+            KeyboardInterrupt: after `stop`.
+        """
+        with ExitStack() as stack:
+            if self._store is not None:
+                stack.callback(self._store.close)
+            jobs: deque[Job] = deque(self._jobs())
+            if not any(isinstance(job, PointsJob) for job in jobs):
+                return
+            runner, notes = choose(self._model, self._workers)
+            self._runner = stack.enter_context(runner)
+            self._notes += notes
+            if isinstance(runner, InProcess):
+                jobs = deque(self._stoppable(job) for job in jobs)
+            if self._stopped:
+                runner.stop()
+            for event in runner.run(perform, jobs):
+                yield from self._take(event, jobs)
+
+    def stop(self) -> None:
+        """Let `run` end with KeyboardInterrupt soon; may be called by a signal handler."""
+        self._stopped = True
+        if self._runner is not None:
+            self._runner.stop()
+
+    def _jobs(self) -> Iterator[Job]:
+        if self._watch and self._zero_input is None:
+            yield ZeroInputJob(task=self._task(min(self._frequencies), 0.0))
+        for amplitude in self._amplitudes:
+            tasks = [self._task(f, amplitude) for f in self._frequencies if (amplitude, f) not in self._points]
+            if self._carry and tasks:
+                yield self._points_job(tasks)
+            elif tasks:
+                yield from (self._points_job([t]) for t in tasks)
+
+    def _points_job(self, tasks: Sequence[PointTask]) -> PointsJob:
+        return PointsJob(tasks=tuple(tasks), carry=self._carry, step=self._step, verify=self._verify)
+
+    def _task(self, frequency: float, amplitude: float) -> PointTask:
+        return PointTask(
+            input=self._input,
+            output=self._output,
+            frequency=frequency,
+            amplitude=amplitude,
+            errcrit=self._errcrit,
+            max_periods=self._max_periods,
+        )
+
+    def _stoppable(self, job: Job) -> Job:
+        """Let a job that runs in this process ask between periods whether to stop."""
+        if isinstance(job, PointsJob):
+            return replace(job, tasks=tuple(replace(t, stopped=lambda: self._stopped) for t in job.tasks))
+        return job
+
+    def _take(self, event: Reply | Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
+        if isinstance(event, Lost):
+            yield from self._lost(event, jobs)
+        elif isinstance(event.value, ZeroInput):
+            self._keep_zero_input(event.value)
+        elif isinstance(event.value, NfrPoint):
+            yield self._keep(event.value)
+
+    def _keep(self, point: NfrPoint, *, lost: bool = False) -> NfrPoint:
+        if self._store is not None:
+            self._store.save(point, lost=lost)
+        self._points[point.amplitude, point.frequency] = point
+        return point
+
+    def _keep_zero_input(self, found: ZeroInput) -> None:
+        self._zero_input = found
+        if self._store is not None and found.reason is None:
+            self._store.save_zero_input(found)
+
+    def _lost(self, event: Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
+        """The point at work fails; those after it go on in another process."""
+        if not isinstance(event.job, PointsJob):
+            self._keep_zero_input(ZeroInput(reason=event.reason))
+            return
+        missing = [t for t in event.job.tasks if (t.amplitude, t.frequency) not in self._points]
+        if event.job.streams(self._model.interface):
+            missing, rest = missing[:1], missing[1:]
+            if rest:
+                jobs.appendleft(replace(event.job, tasks=tuple(rest)))
+        for t in missing:
+            failed = NfrPoint(frequency=t.frequency, amplitude=t.amplitude, reason=event.reason)
+            yield self._keep(failed, lost=True)
+
+    # -- the result ------------------------------------------------------------------------
+
+    def result(self) -> NfrResult:
+        """Return what was measured so far."""
+        points = list(self._points.values())
+        warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._output)
+        return assemble(
+            self._model,
+            input=self._input,
+            output=self._output,
+            frequencies=self._frequencies,
+            amplitudes=self._amplitudes,
+            points=points,
+            warnings=() if warning is None else (warning,),
+            zero_input=self._zero_input,
+        )
+
+
+def _with_executor(workers: Workers, executor: Executor | None) -> Workers:
+    return workers if executor is None else replace(workers, executor=executor)
+
+
+def _check_name(what: str, name: str, variables: Sequence[Variable], model: Model) -> None:
+    if any(v.name == name for v in variables):
+        return
+    others = {v.name: kind for kind in ("inputs", "outputs", "states", "parameters") for v in getattr(model, kind)}
+    if name in others:
+        article = {"inputs": "an input", "outputs": "an output", "states": "a state", "parameters": "a parameter"}
+        names = ", ".join(v.name for v in variables[:8]) or "none"
+        raise InputError(f"{what}: '{name}' of {model.name} is {article[others[name]]}; its {what}s are: {names}")
+    raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, [v.name for v in variables])}")
+
+
+def _amplitudes(amplitudes: Sequence[float] | Floats | float | None) -> tuple[float, ...]:
+    if amplitudes is None:
+        raise InputError("amplitude: none given; a nonlinear model's response depends on it")
+    values = [amplitudes] if isinstance(amplitudes, int | float) else amplitudes
+    return tuple(sorted(positive_values("amplitude", values, unit="unit of the input")))

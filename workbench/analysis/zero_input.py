@@ -1,0 +1,116 @@
+"""What a model does by itself while its input is zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.analysis.nfr_point import NfrPoint, PointTask
+from workbench.errors import SimulationError
+from workbench.model import Model
+from workbench.session import Record
+from workbench.signals import Sine
+
+__all__ = ["ZeroInput", "doubt", "watch"]
+
+# Own movement beyond this part of a measured amplitude is told, unless it is dying away: by so much at least
+# while it is watched.
+_TELL, _DECAY = 0.05, 0.7
+
+_PERIODS = 8
+
+# A movement below this part of the output's size is none.
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class ZeroInput:
+    """How an output moves under zero input (and bias), in the last of eight periods of the lowest frequency.
+
+    Attributes:
+        seconds: length of that period [s].
+        drift: slope of the straight line through it [unit of the output per s].
+        swing: half the peak-to-peak value of what deviates from that line [unit of the output].
+        decays: whether the movement is at most 0.7 times what it was in the first period: a transient, which
+            the measurement removes.
+        reason: why it could not be watched to the end; None where it could.
+    """
+
+    seconds: float = 0.0
+    drift: float = 0.0
+    swing: float = 0.0
+    decays: bool = False
+    reason: str | None = None
+
+    @property
+    def movement(self) -> float:
+        """Drift over the period, or swing, whichever is larger [unit of the output]."""
+        return max(abs(self.drift) * self.seconds, self.swing)
+
+
+def watch(model: Model, task: PointTask) -> ZeroInput:
+    """Run with zero input; stop early where nothing moves.
+
+    Args:
+        model: what is measured.
+        task: names, rows per period and the lowest frequency.
+
+    Raises:
+        FmuError, SimulationError: the session cannot be opened.
+    """
+    zero = Sine(amplitude=0.0, frequency=task.frequency)
+    seen: list[ZeroInput] = []
+    with model.open_session(signals={task.input: zero}, step=task.step) as session:
+        try:
+            for k in range(_PERIODS):
+                points = (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
+                end = float(points[-1])
+                record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
+                seen.append(_movement(record, task.output))
+                if not seen[-1].movement:
+                    break
+        except SimulationError as error:
+            return ZeroInput(reason=str(error))
+    return replace(seen[-1], decays=seen[-1].movement <= _DECAY * seen[0].movement)
+
+
+def _movement(record: Record, output: str) -> ZeroInput:
+    time, y = record.time - record.time[0], record.values[output]
+    if not np.all(np.isfinite(y)):
+        raise SimulationError(f"{output} is not finite", time=float(record.time[-1]))
+    if float(np.ptp(y)) <= _NOTHING * float(np.max(np.abs(y))):
+        return ZeroInput(seconds=float(time[-1]))
+    level, slope = np.polynomial.polynomial.polyfit(time, y, 1)
+    rest = y - level - slope * time
+    return ZeroInput(seconds=float(time[-1]), drift=float(slope), swing=0.5 * float(np.ptp(rest)))
+
+
+def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str) -> str | None:
+    """Return a warning where the model's own movement is more than 5 % of what was measured.
+
+    Args:
+        found: the movement.
+        points: the measured points; the one that suffers most is named.
+        output: name of the output.
+    """
+    if found.reason is not None:
+        return f"with zero input the run fails: {found.reason}"
+    measured = [p for p in points if p.response]
+    if not measured or found.decays:
+        return None
+    worst = max(measured, key=lambda p: _share(found, p))
+    if _share(found, worst) <= _TELL:
+        return None
+    return (
+        f"with zero input {output} moves by itself (drifts by {found.drift:.3g} per s, swings by ±{found.swing:.3g}), "
+        f"{100.0 * _share(found, worst):.2g} % of the amplitude at {worst.frequency:.6g} Hz, amplitude "
+        f"{worst.amplitude:g}; start at rest (--set, --bias) or measure with a larger amplitude"
+    )
+
+
+def _share(found: ZeroInput, point: NfrPoint) -> float:
+    """The model's own movement in a period of the point, relative to the output's amplitude there."""
+    amplitude = abs(point.response or 0.0) * point.amplitude
+    return max(abs(found.drift) / point.frequency, found.swing) / amplitude
