@@ -18,7 +18,6 @@ from packaging.tags import platform_tags
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from workbench.errors import BuildError
 from workbench.toolchain import PLATFORMS, compile_kernel, host_only
 
 if TYPE_CHECKING:
@@ -40,11 +39,7 @@ class KernelHook(_Hook):
             self.app.display_warning("no compiled inner loop for this platform; the Python driver will run the FMUs")
             return
         root = Path(self.root)
-        try:
-            libraries = compile_kernel(root / "workbench" / "kernel", platforms)
-        except BuildError as error:  # until the kernel is whole
-            self.app.display_warning(str(error))
-            return
+        libraries = compile_kernel(root / "workbench" / "kernel", platforms)
         if version != "editable":
             build_data["force_include"].update({str(p): p.relative_to(root).as_posix() for p in libraries.values()})
         if not everywhere:

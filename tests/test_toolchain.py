@@ -1,0 +1,52 @@
+"""Compiling the kernel: once for each change of its sources, whole or not at all, in the bare standard library."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import BuildError
+from workbench.toolchain import compile_kernel, host_only
+
+ROOT = Path(__file__).parent.parent
+ANSWER = '__attribute__((visibility("default"))) int answer(void);\nint answer(void)\n{\n    return %d;\n}\n'
+BARE = """
+import sys
+sys.path.insert(0, {root!r})
+import workbench.toolchain
+print(sorted(m for m in ("numpy", "fmpy", "workbench.kernel", "rich") if m in sys.modules))
+"""
+
+
+def write(folder: Path, text: str) -> None:
+    # A library for Windows must export something declared so; the test needs one platform only.
+    (folder / "answer.c").write_text(
+        text.replace('visibility("default")', "dllexport") if sys.platform == "win32" else text
+    )
+
+
+def test_a_change_of_the_sources_and_nothing_else_compiles_anew(tmp_path: Path) -> None:
+    write(tmp_path, ANSWER % 1)
+    (library,) = compile_kernel(tmp_path, host_only()).values()
+    first = library.stat().st_mtime_ns
+    assert compile_kernel(tmp_path, host_only()) == {host_only()[0].name: library}
+    assert library.stat().st_mtime_ns == first
+    write(tmp_path, ANSWER % 2)
+    compile_kernel(tmp_path, host_only())
+    assert ctypes.CDLL(str(library)).answer() == 2
+    write(tmp_path, "no C at all\n")
+    with pytest.raises(BuildError, match=r"the C compiler failed for .*error"):
+        compile_kernel(tmp_path, host_only())
+    assert ctypes.CDLL(str(library)).answer() == 2  # the old one stands
+    assert [p.name for p in (tmp_path / "lib").iterdir()] == [host_only()[0].name]
+
+
+def test_it_needs_nothing_but_the_standard_library() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BARE.format(root=str(ROOT))], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
