@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,16 +10,22 @@ import typer
 from workbench.cli.options import (
     Bias,
     Csv,
+    InProcess,
     Interface,
+    Jobs,
     Json,
+    MemoryLimit,
     ModelName,
     Plot,
+    Scheduler,
     Set,
     Solver,
     Step,
+    Timeout,
     Tolerance,
     numbers,
     open_model,
+    workers,
 )
 from workbench.errors import InputError, WorkbenchError
 
@@ -60,6 +67,25 @@ def nfr(
     tolerance: Tolerance = None,
     set_: Set = None,
     bias: Bias = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Measure model exchange once more with a hundredth of the tolerance.")
+    ] = False,
+    drift_check: Annotated[
+        bool, typer.Option("--drift-check/--no-drift-check", help="Watch the model with zero input first.")
+    ] = True,
+    store: Annotated[
+        Path | None,
+        typer.Option("--store", metavar="DIR", help="Keep finished points there; the same command goes on."),
+    ] = None,
+    redo: Annotated[
+        str | None,
+        typer.Option("--redo", metavar="STATUS,..", help="Measure such points of the store again: averaged, failed."),
+    ] = None,
+    jobs: Jobs = None,
+    in_process: InProcess = False,
+    timeout: Timeout = None,
+    memory_limit: MemoryLimit = None,
+    scheduler: Scheduler = None,
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
@@ -75,6 +101,7 @@ def nfr(
     frequencies = numbers("--freq", freq) if freq is not None else None
     amplitudes = numbers("--amplitude", amplitude)
     limits = _band(band) if band is not None else None
+    where = workers(jobs=jobs, in_process=in_process, timeout=timeout, memory_limit=memory_limit, scheduler=scheduler)
     loaded = open_model(
         model,
         interface=interface,
@@ -97,6 +124,11 @@ def nfr(
             max_periods=max_periods,
             carry=carry,
             step=step,
+            verify=verify,
+            drift_check=drift_check,
+            workers=where,
+            store=store,
+            redo=[] if redo is None else [status.strip() for status in redo.split(",")],
         )
         return _run(sweep, out, offset=offset)
 
@@ -116,7 +148,7 @@ def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
             stopped = error
     if sweep.done or stopped is None:
         result = sweep.result()
-        for text in result.warnings:
+        for text in (*sweep.notes, *result.warnings):
             note(text)
         _show(result, out)
         out.write(result.to_dict(), csv=result.to_csv, plot=lambda path: result.plot(path, offset=offset))
@@ -160,6 +192,8 @@ def _table(result: NfrResult, i: int) -> Table:
     from rich import box
     from rich.table import Table
 
+    from workbench.analysis.nfr_result import MISSING
+
     table = Table(
         title=f"amplitude {result.amplitude[i]:g}{_blank(result.input_unit)}",
         title_justify="left",
@@ -167,14 +201,17 @@ def _table(result: NfrResult, i: int) -> Table:
     )
     ratio = _ratio(result.output_unit, result.input_unit)
     offset = f"offset{_brackets(result.output_unit)}"
-    for heading in ("Hz", f"gain{ratio}", "dB", "deg", offset, "periods"):
+    for heading in ("Hz", f"gain{ratio}", "dB", "deg", offset, "THD %", "periods"):
         table.add_column(heading, justify="right")
     table.add_column("")
-    failed = {f.frequency_hz for f in result.failed if f.amplitude == result.amplitude[i]}
+    reasons = {f.frequency_hz: f.reason for f in result.failed if f.amplitude == result.amplitude[i]}
+    columns = (result.gain, result.gain_db, result.phase_deg, result.offset, 100.0 * result.thd)
     for j, frequency in enumerate(result.frequency_hz):
-        mark = "averaged" if result.averaged[i, j] else "failed" if frequency in failed else ""
-        numbers = (result.gain[i, j], result.gain_db[i, j], result.phase_deg[i, j], result.offset[i, j])
-        texts = [_text(x, form) for x, form in zip(numbers, (".5g", ".3f", ".2f", ".4g"), strict=True)]
+        if reasons.get(frequency) == MISSING:
+            continue  # said once below the table
+        mark = "averaged" if result.averaged[i, j] else "failed" if frequency in reasons else ""
+        numbers = [float(column[i, j]) for column in columns]
+        texts = [_text(x, form) for x, form in zip(numbers, (".5g", ".3f", ".2f", ".4g", ".3g"), strict=True)]
         table.add_row(f"{frequency:.5g}", *texts, str(result.periods[i, j]), mark)
     return table
 

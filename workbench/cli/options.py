@@ -12,21 +12,28 @@ from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.model import FmuModel
+    from workbench.workers import Workers
 
 __all__ = [
     "Bias",
     "Csv",
+    "InProcess",
     "Interface",
+    "Jobs",
     "Json",
+    "MemoryLimit",
     "ModelName",
     "Plot",
+    "Scheduler",
     "Set",
     "Solver",
     "Step",
+    "Timeout",
     "Tolerance",
     "numbers",
     "open_model",
     "pairs",
+    "workers",
 ]
 
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="FMU file, unpacked FMU folder, or fmu:NAME[@3].")]
@@ -54,6 +61,47 @@ Json = Annotated[
 ]
 Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="PATH", help="Write the picture: .png, .svg or .pdf.")]
+
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", help="Worker processes at a time; by default one per core.")
+]
+InProcess = Annotated[
+    bool, typer.Option("--in-process", help="Run the FMU in this process: for debugging; a crash ends everything.")
+]
+Timeout = Annotated[
+    float | None,
+    typer.Option("--timeout", metavar="S", help="Longest time for one result [s]; 3600 unless set, inf for none."),
+]
+MemoryLimit = Annotated[
+    float | None, typer.Option("--memory-limit", metavar="MB", help="How much an FMU may allocate (Linux).")
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="tcp://..", help="Run on an existing Dask cluster.")
+]
+
+
+def workers(
+    *,
+    jobs: int | None = None,
+    in_process: bool = False,
+    timeout: float | None = None,
+    memory_limit: float | None = None,
+    scheduler: str | None = None,
+) -> Workers:
+    """Return where and under which limits an FMU runs.
+
+    Raises:
+        InputError: a value out of range, options that contradict each other.
+    """
+    from workbench.workers import DEFAULT_TIMEOUT, Workers
+
+    return Workers(
+        jobs=jobs,
+        in_process=in_process,
+        timeout=DEFAULT_TIMEOUT if timeout is None else timeout,
+        memory_limit=memory_limit,
+        scheduler=scheduler,
+    )
 
 
 def open_model(

@@ -57,7 +57,8 @@ class Workers:
         asked = [name for name, wanted in places.items() if wanted]
         if len(asked) > 1:
             raise InputError(f"{' and '.join(asked)}: only one place can run the points")
-        if asked and self.limits != Limits():
+        limits = self.limits
+        if asked and limits != Limits():
             raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
 
 
