@@ -103,6 +103,7 @@ class Instance(ABC):
             self.component = self._instantiate(logging=True)
         if not self.component:
             self._closed = True
+            library.close()
             raise FmuError(f"{source}: the FMU refuses to be instantiated{self.log.tail()}")
         if not self._log_trouble():
             # Files name categories that the binary refuses, some going to an error state for it.
@@ -191,6 +192,7 @@ class Instance(ABC):
         if self._running and self._worst < ERROR:
             self.library[self.CALLS["terminate"]](self.component)
         self.library[self.CALLS["free"]](self.component)
+        self.library.close()
 
     # -- model exchange -------------------------------------------------------------------
 

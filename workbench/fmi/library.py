@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import _ctypes
 import ctypes
 import inspect
+import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -54,10 +56,29 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
 
 
 class Library:
-    """C functions by their FMI name (`fmi2DoStep`); FMI 1.0 names carry the prefix `fmi1`."""
+    """C functions by their FMI name (`fmi2DoStep`); FMI 1.0 names carry the prefix `fmi1`.
 
-    def __init__(self, functions: Mapping[str, Function]) -> None:
+    The system counts who loaded a binary, and unloads it when the last one has closed it.
+
+    Args:
+        functions: by name.
+        dll: the binary; None: there is none behind the functions.
+    """
+
+    def __init__(self, functions: Mapping[str, Function], dll: ctypes.CDLL | None = None) -> None:
         self._functions = functions
+        self._dll = dll
+
+    def held(self) -> Library:
+        """Return a second hold on the binary, so that it stays loaded when this one is closed."""
+        name = getattr(self._dll, "_name", None)
+        return Library({}, None if name is None else ctypes.CDLL(name))
+
+    def close(self) -> None:
+        """Let go of the binary; none of its functions may be called any more. Any number of times."""
+        dll, self._dll = self._dll, None
+        if dll is not None:
+            _unload(dll._handle)  # noqa: SLF001  ctypes has no public name for it
 
     def __getitem__(self, name: str) -> Function:
         return self._functions[name]
@@ -91,7 +112,14 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
     for name, (result, arguments) in _signatures(version, interface).items():
         symbol = f"{identifier}_fmi{name[4:]}" if version == 1 else name
         functions[name] = _bind(dll, symbol, result, arguments)
-    return Library(functions)
+    return Library(functions, dll)
+
+
+def _unload(handle: int) -> None:
+    if sys.platform == "win32":
+        _ctypes.FreeLibrary(handle)
+    else:
+        _ctypes.dlclose(handle)
 
 
 def _bind(dll: ctypes.CDLL, symbol: str, result: Any, arguments: list[Any]) -> Function:

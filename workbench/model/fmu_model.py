@@ -11,6 +11,7 @@ from workbench.fmi.archive import Unpacked
 from workbench.fmi.binding import instantiate
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
+from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.recipe import FmuRecipe
@@ -79,6 +80,7 @@ class FmuModel(Model):
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe = recipe
         self._trusted: bool | None = None
+        self._binary: Library | None = None
         self._closed = False
 
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
@@ -151,7 +153,11 @@ class FmuModel(Model):
         return any(s.instance.healthy for s in self._sessions)
 
     def _open_instance(self) -> Instance:
-        return instantiate(self.description, self._unpacked.folder, interface=self.interface, source=self.source)
+        folder, source = self._unpacked.folder, self.source
+        instance = instantiate(self.description, folder, interface=self.interface, source=source)
+        if self._binary is None:  # stays loaded between sessions
+            self._binary = instance.library.held()
+        return instance
 
     def _state_works(self) -> bool:
         if self._trusted is None:
@@ -168,4 +174,6 @@ class FmuModel(Model):
         self._closed = True
         for session in list(self._sessions):
             session.close()
+        if self._binary is not None:
+            self._binary.close()
         self._unpacked.close()
