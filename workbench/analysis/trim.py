@@ -1,0 +1,306 @@
+"""Trim: find an operating point at which a model is in equilibrium."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+
+from workbench.analysis.basic_period import listen
+from workbench.analysis.trim_balance import Balance
+from workbench.analysis.trim_continuous import ContinuousBalance
+from workbench.analysis.trim_map import MapBalance
+from workbench.analysis.trim_problem import Problem, TrimSets, pose
+from workbench.analysis.trim_report import directions, in_words, residual_table
+from workbench.analysis.trim_result import TrimResult
+from workbench.analysis.trim_run import RunBalance
+from workbench.analysis.trim_search import exact_agrees, search
+from workbench.analysis.trim_solve import Solution
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.model import FmuModel, Model, Variable
+from workbench.session.time_events import next_time_event, to_next_event
+
+__all__ = ["trim"]
+
+FAMILIES = ("slowest", "nearest")
+DEFAULT_STEP = 1e-3  # [s], of co-simulation where nothing says how long a step should be
+FINER = (1.0, 0.125, 0.125**2)  # parts of it that are tried
+WATCH_PERIODS = 20
+STAYS = 1e-5  # nominal values that a variable may move in so many periods
+"""Limits of the running and watching that make sure of a point."""
+
+
+def trim(
+    model: Model,
+    *,
+    free: Sequence[str] = (),
+    fix: Mapping[str, float] | None = None,
+    bound: Mapping[str, tuple[float, float]] | None = None,
+    floating: Sequence[str] = (),
+    x0: Mapping[str, float] | None = None,
+    u0: Mapping[str, float] | None = None,
+    time: float = 0.0,
+    family: str = "slowest",
+    period: float | None = None,
+    step: float | None = None,
+    longest: float | None = None,
+    tolerance: float = 1e-8,
+) -> TrimResult:
+    """Find states, inputs and outputs at which a model is in equilibrium.
+
+    Unless told otherwise every state is unknown, every derivative must vanish, every input is held at its start value
+    and outputs are what they are. Then unknowns and equations are counted, and what is missing is said by name.
+
+    How it is done depends on the model, and `method` of the result says it:
+      - "equations", continuous model exchange: dx/dt = 0 by bounded least squares, with the FMU's
+        directional derivatives where it has them and a probe confirms them, else by differences. Relations
+        are evaluated anew at every point; discrete states keep their values.
+      - "period map", sampled and hybrid model exchange: the continuous and discrete states are those that return
+        after the basic time period. Discrete states must have start values, the only way to set them in FMI.
+      - "step map", co-simulation whose states have start values: those that return after a communication step.
+      - "running", other co-simulation: run until nothing moves; free inputs are adjusted from run to run.
+
+    Where the equations leave directions open, there is a family of equilibria: the directions are reported, and the
+    member that is chosen has the least floating derivatives and is nearest to the start values; with family "nearest"
+    the latter alone. Both are measured in nominal values.
+
+    Not for periodic motion (a limit cycle has no point at rest). One equilibrium is found where there are several
+    apart from each other; `x0` and `bound` lead to others. An equilibrium need not be stable, except by "running".
+
+    Args:
+        model: the model; it stays open.
+        free: inputs to find.
+        fix: state, input or output → the value it must have.
+        bound: state, input or output → (lowest, highest) value; a bound input is free.
+        floating: states whose derivative need not vanish.
+        x0: state → where the search begins.
+        u0: input → the value it is held at, or where the search begins if it is free or bound.
+        time: session time of the point [s].
+        family: "slowest" or "nearest", see above.
+        period: basic time period [s] of a sampled model; None: found from its time events.
+        step: communication step [s]; None: the model's, else 1 ms, and finer where that does not do.
+        longest: longest run [s] of the method "running"; None: 200 000 steps.
+        tolerance: of residuals over the change that one nominal value of each unknown makes in them.
+
+    Returns:
+        The point, or where the search ended: `converged` tells which.
+
+    Raises:
+        InputError: an unknown name, a value out of its range, sets that exclude each other.
+        FmuError, SimulationError: the model cannot be started.
+
+    Source: the source report, chapter 3.4 (its command lets derivatives float); residual table, counting and null
+    directions are the workbench's own.
+    """
+    _check_positive(period=period, step=step, longest=longest, tolerance=tolerance)
+    if family not in FAMILIES:
+        raise InputError(f"family '{family}' is unknown; {suggest(family, FAMILIES)}")
+    sets = TrimSets(
+        free=tuple(free),
+        fix=dict(fix or {}),
+        bound=dict(bound or {}),
+        floating=tuple(floating),
+        guess={**(x0 or {}), **(u0 or {})},
+    )
+    trimming = _Trim(model, sets, float(time), family == "slowest", period, step, longest, tolerance)
+    return trimming.run()
+
+
+@dataclass
+class _Trim:
+    """One trim under way."""
+
+    model: Model
+    sets: TrimSets
+    time: float
+    slowest: bool
+    period: float | None
+    step: float | None
+    longest: float | None
+    tolerance: float
+    notes: list[str] = field(default_factory=list)
+
+    def run(self) -> TrimResult:
+        if self.model.interface == "cs":
+            return self._co_simulation()
+        period = self._basic_period() if self.period is None else self.period
+        return self._equations() if period is None else self._period_map(period)
+
+    # -- what is there --------------------------------------------------------------------
+
+    def _values(self, states: Sequence[Variable] = ()) -> dict[str, float]:
+        """Return states and inputs as the user wants them, else as the model starts."""
+        names = [v.name for v in (*states, *self.model.inputs) if v.is_number]
+        with self.model.open_session(start_time=self.time) as session:
+            starts = session.values(names)
+        told = {**self.sets.guess, **self.sets.fix}
+        return {name: told.get(name, start) for name, start in starts.items()}
+
+    def _basic_period(self) -> float | None:
+        """Return the period of the model's time events; None: it has none."""
+        with self.model.open_session(start_time=self.time) as session:
+            if not math.isfinite(next_time_event(session)):
+                return None
+            try:
+                found = listen(lambda: to_next_event(session))
+            except SimulationError:
+                found = None
+        if found is None:
+            self.notes.append(
+                "the time events have no common period; discrete states are held (give a period if there is one)"
+            )
+        return found
+
+    # -- methods --------------------------------------------------------------------------
+
+    def _equations(self) -> TrimResult:
+        with ExitStack() as stack:
+            point = stack.enter_context(self.model.open_point(time=self.time, values=self._values()))
+            balance = ContinuousBalance(point)
+            problem = pose(balance, self.sets)
+            exact = not balance.why_not_exact and self._probe(problem)
+            solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
+            return self._result("equations", problem, solution, [note])
+
+    def _probe(self, problem: Problem) -> bool:
+        if not problem.unknowns or exact_agrees(problem):
+            return True
+        self.notes.append(
+            "the FMU's directional derivatives disagree with differences at the start; differences are used"
+        )
+        return False
+
+    def _period_map(self, period: float) -> TrimResult:
+        discrete, others = self._discrete()
+        states = [*self.model.states, *discrete]
+        balance = MapBalance(
+            self.model,
+            states,
+            period=period,
+            time=self.time,
+            values=self._values(states),
+            discrete=[v.name for v in discrete],
+            tolerance=1e-10,
+        )
+        return self._fixed_point("period map", balance, others)
+
+    def _fixed_point(self, method: str, balance: MapBalance, others: Sequence[Variable]) -> TrimResult:
+        problem = pose(balance, self.sets)
+        loosest = max(self.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
+        solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
+        restless = self._restless(balance, problem, solution, others) if solution.converged else ""
+        if restless:
+            solution = replace(solution, converged=False)
+        return self._result(method, problem, solution, [note, restless])
+
+    def _restless(self, balance: MapBalance, problem: Problem, solution: Solution, others: Sequence[Variable]) -> str:
+        """Return what moves in the periods after the first although the states came back; "": nothing does."""
+        floating = set(self.sets.floating)
+        nominal = {s.name: s.nominal for s in (*balance.states, *balance.outputs)}
+        try:
+            moved = balance.drift(*problem.at(solution.values), others, periods=WATCH_PERIODS)
+        except SimulationError as error:
+            return f"the model fails when it runs on from there: {error}"
+        if floating:
+            return ""
+        bad = [n for n, d in moved.items() if d > STAYS * nominal.get(n, 1.0)]
+        return (
+            f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had come back" if bad else ""
+        )
+
+    def _discrete(self) -> tuple[list[Variable], list[Variable]]:
+        """Return the discrete states that can be set, and the other discrete variables."""
+        every = self.model.description.variables if isinstance(self.model, FmuModel) else ()
+        found = [v for v in every if v.variability == "discrete" and v.causality in ("local", "output") and v.is_number]
+        settable = [v for v in found if v.start is not None and v.type in ("Real", "Float64", "Float32")]
+        return settable, [v for v in found if v not in settable]
+
+    # -- co-simulation --------------------------------------------------------------------
+
+    def _co_simulation(self) -> TrimResult:
+        states = list(self.model.states)
+        values = self._values(states)
+        steps = [(self.period or self.step or _own_step(self.model)) * part for part in FINER]
+        if states and self._settable(states, values):
+            balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
+            return self._fixed_point("step map", balance, ())
+        self.notes.append("the states cannot be set; the model is run until nothing moves")
+        return self._running(states, values, steps if self.step is None else steps[:1])
+
+    def _settable(self, states: Sequence[Variable], values: Mapping[str, float]) -> bool:
+        """Whether states take the start values that they are given."""
+        wanted = {v.name: values[v.name] + 0.125 * (v.nominal or abs(values[v.name]) or 1.0) for v in states}
+        try:
+            with self.model.open_at(time=self.time, values={**values, **wanted}) as session:
+                found = session.values(list(wanted))
+        except (InputError, SimulationError):
+            return False
+        return all(math.isclose(found[n], w, rel_tol=1e-9) for n, w in wanted.items())
+
+    def _running(self, states: Sequence[Variable], values: Mapping[str, float], steps: Sequence[float]) -> TrimResult:
+        result: TrimResult | None = None
+        for step in steps:
+            balance = RunBalance(
+                self.model,
+                states,
+                time=self.time,
+                values=values,
+                step=step,
+                longest=self.longest,
+                tolerance=max(self.tolerance, 1e-12),
+            )
+            problem = pose(balance, self.sets)
+            solution, _ = search(
+                self.model, problem, tolerance=max(self.tolerance, 1e-6), slowest=self.slowest, exact=False
+            )
+            end = balance.end(problem.at(solution.values)[1])
+            why = f"step {step:g} s: {end}" if isinstance(end, str) else ""
+            result = self._result("running", problem, solution, [why or f"communication step {step:g} s"])
+            if solution.converged or (not why and getattr(end, "settled", False)):
+                return result
+        if result is None:
+            raise InputError("no communication step to run with")
+        return result
+
+    # -- end ------------------------------------------------------------------------------
+
+    def _result(self, method: str, problem: Problem, solution: Solution, notes: Sequence[str]) -> TrimResult:
+        residuals, nulls = residual_table(problem, solution), directions(problem, solution)
+        chosen = self._chosen(problem, solution)
+        message = in_words(residuals, nulls, converged=solution.converged, chosen=chosen, tolerance=self.tolerance)
+        balance: Balance = problem.balance
+        return TrimResult(
+            model=self.model.name,
+            interface=self.model.interface,
+            solver=self.model.solver,
+            method=method,
+            point=balance.point(*problem.at(solution.values)),
+            residuals=residuals,
+            null_directions=nulls,
+            converged=solution.converged,
+            message=message,
+            unknowns=tuple(k.slot.name for k in problem.unknowns),
+            iterations=solution.iterations,
+            evaluations=balance.evaluations,
+            notes=tuple(n for n in (*self.notes, problem.degrees(), *notes) if n),
+        )
+
+    def _chosen(self, problem: Problem, solution: Solution) -> str:
+        if not solution.chosen:
+            return "is the one that the search came to"
+        slow = self.slowest and problem.floating
+        return "has the least floating derivatives, then is nearest to the start" if slow else "is nearest to the start"
+
+
+def _own_step(model: Model) -> float:
+    """Return the communication step that a model brings [s]."""
+    if isinstance(model, FmuModel):
+        return model.recipe.step or model.description.experiment.step or DEFAULT_STEP
+    return DEFAULT_STEP
+
+
+def _check_positive(*, tolerance: float, period: float | None, step: float | None, longest: float | None) -> None:
+    for name, value in (("tolerance", tolerance), ("period", period), ("step", step), ("longest", longest)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} must be positive, not {value:g}")

@@ -1,0 +1,105 @@
+"""What a trim balances: the rates of change of states at given states and inputs, of whatever kind of model."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.session.base import Floats
+
+__all__ = ["Balance", "Slot", "by_name", "numeric", "slot_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slot:
+    """One number that a balance takes or gives.
+
+    Attributes:
+        name: of the variable.
+        unit: its unit, None where the model names none.
+        start: where a search begins, and what an input is held at.
+        nominal: magnitude that counts as a change of it, above 0.
+        settable: whether it can be given a value.
+        whole: whether it takes whole numbers only (Integer, Boolean), and so cannot be searched for.
+    """
+
+    name: str
+    unit: str | None = None
+    start: float = 0.0
+    nominal: float = 1.0
+    settable: bool = True
+    whole: bool = False
+
+
+class Balance(ABC):
+    """A model seen as rates r(s, u) and outputs y(s, u); an equilibrium has r = 0.
+
+    Obligations of a subclass:
+      1. `evaluate` depends on its arguments only, not on what was evaluated before.
+      2. It returns NaN where the model cannot be evaluated, and raises only if it cannot go on.
+      3. The attributes are fixed after construction, except `evaluations`.
+
+    Attributes:
+        states: what is balanced, continuous states first.
+        inputs: every input that stands for a number.
+        outputs: likewise.
+        derivative: how the rate of a state is written, "der({})" or "change of {}".
+        per: what the unit of a rate ends with, " / s" or "" (per period).
+        precision: relative error of `evaluate`; differences are taken over widths that suit it.
+        evaluations: how often the model was evaluated.
+    """
+
+    states: tuple[Slot, ...]
+    inputs: tuple[Slot, ...]
+    outputs: tuple[Slot, ...]
+    derivative: str = "der({})"
+    per: str = " / s"
+    precision: float = 1e-15
+    evaluations: int = 0
+
+    @abstractmethod
+    def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
+        """Return rates, shape (n,), and outputs, shape (p,), at states (n,) and inputs (m,)."""
+
+    def jacobian(self, states: Floats, inputs: Floats) -> Floats | None:
+        """Return ∂(rates, outputs)/∂(states, inputs), shape (n + p, n + m), where it is known exactly; else None."""
+        return None
+
+    @abstractmethod
+    def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
+        """Return the operating point there."""
+
+    def units(self) -> dict[str, str | None]:
+        """Return the unit of every state, input and output."""
+        return {s.name: s.unit for s in (*self.states, *self.inputs, *self.outputs)}
+
+    def rate_unit(self, state: Slot) -> str | None:
+        """Return the unit of a state's rate."""
+        return f"{state.unit or '1'}{self.per}" if self.per else state.unit
+
+
+def slot_of(variable: Variable, start: float, *, nominal: float = 0.0) -> Slot:
+    """Return the slot of a variable; `nominal`: what the model said at run time, 0 or 1 if nothing."""
+    known = variable.nominal or (nominal if nominal != 1.0 else 0.0)
+    return Slot(
+        name=variable.name,
+        unit=variable.unit,
+        start=start,
+        nominal=abs(known or start) or 1.0,
+        whole=variable.type not in FLOAT_TYPES,
+    )
+
+
+def numeric(model_variables: Iterable[Variable]) -> list[Variable]:
+    """Return the variables that stand for a number."""
+    return [v for v in model_variables if v.is_number]
+
+
+def by_name(slots: Sequence[Slot], values: Floats) -> dict[str, float]:
+    """Return values, shape (len(slots),), under their names."""
+    return dict(zip((s.name for s in slots), np.asarray(values, dtype=float).tolist(), strict=True))

@@ -1,0 +1,135 @@
+"""Trim as a fixed point: the states after a period, less the states before it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.analysis.trim_balance import Balance, by_name, slot_of
+from workbench.errors import SimulationError
+from workbench.model import Model, Variable
+from workbench.session.base import Floats, Session
+
+__all__ = ["MapBalance"]
+
+MODELS_OWN_ERROR = 1e-9  # relative, of a period that something integrates
+
+
+class MapBalance(Balance):
+    """r = Φ(s, u) − s, where Φ starts the model at s and lets one period pass with the inputs held.
+
+    s holds continuous and discrete states as they are just before the first instant of the period; the model's own
+    initialisation then handles what is due at that instant. FMI lets discrete states be given before
+    initialisation alone, hence a new session for every evaluation.
+
+    Not for states that cannot be given a start value: see `RunBalance`.
+
+    Args:
+        model: the model.
+        states: continuous states, then discrete ones; each has a start value.
+        period: [s], a multiple of every sample period; for co-simulation that has none, a communication step.
+        time: start of the period [s].
+        values: state or input → where the search begins.
+        discrete: names of those states that are discrete.
+        tolerance: relative tolerance of the integration.
+    """
+
+    derivative = "change of {}"
+    per = ""
+
+    def __init__(
+        self,
+        model: Model,
+        states: Sequence[Variable],
+        *,
+        period: float,
+        time: float,
+        values: Mapping[str, float],
+        discrete: Sequence[str] = (),
+        tolerance: float | None = None,
+    ) -> None:
+        self._model, self.period, self.time = model, period, time
+        self._discrete = frozenset(discrete)
+        self._tolerance = tolerance
+        self.precision = 1e-15 if len(discrete) == len(states) else MODELS_OWN_ERROR
+        self.states = tuple(slot_of(v, values[v.name]) for v in states)
+        self.inputs = tuple(slot_of(v, values[v.name]) for v in model.inputs if v.is_number)
+        self.outputs = tuple(slot_of(v, 0.0) for v in model.outputs if v.is_number)
+
+    def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
+        try:
+            after, y = self.run(states, inputs, periods=1)[-1]
+        except SimulationError:
+            return np.full(len(self.states), np.nan), np.full(len(self.outputs), np.nan)
+        return after - states, y
+
+    def run(self, states: Floats, inputs: Floats, *, periods: int) -> list[tuple[Floats, Floats]]:
+        """Return states and outputs after each of so many periods.
+
+        Raises:
+            SimulationError: the model fails on the way.
+        """
+        self.evaluations += periods
+        with self._open(states, inputs) as session:
+            return [self._period(session, i) for i in range(1, periods + 1)]
+
+    def _open(self, states: Floats, inputs: Floats) -> Session:
+        values = {**by_name(self.states, states), **by_name(self.inputs, inputs)}
+        return self._model.open_at(time=self.time, values=values, step=self._step(), tolerance=self._tolerance)
+
+    def _step(self) -> float | None:
+        return self.period if self._model.interface == "cs" and not self._discrete else None
+
+    def _period(self, session: Session, number: int) -> tuple[Floats, Floats]:
+        session.advance(self.time + number * self.period, signals={})
+        names = [s.name for s in (*self.states, *self.outputs)]
+        values = session.values(list(dict.fromkeys(names)))
+        found = np.array([values[n] for n in names])
+        return found[: len(self.states)], found[len(self.states) :]
+
+    def drift(self, states: Floats, inputs: Floats, watch: Sequence[Variable], *, periods: int) -> dict[str, float]:
+        """Return by how much `watch`, states and outputs move from the end of the first period to those of later ones.
+
+        The states may all come back after one period while something that they do not show has moved on.
+
+        Raises:
+            SimulationError: the model fails on the way.
+        """
+        names = list(dict.fromkeys([*(s.name for s in (*self.states, *self.outputs)), *(v.name for v in watch)]))
+        rows = []
+        self.evaluations += periods
+        with self._open(states, inputs) as session:
+            for number in range(1, periods + 1):
+                session.advance(self.time + number * self.period, signals={})
+                rows.append(list(session.values(names).values()))
+        moved = np.abs(np.array(rows) - rows[0]).max(axis=0)
+        return dict(zip(names, moved.tolist(), strict=True))
+
+    def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
+        _, y = self.evaluate(states, inputs)
+        every = by_name(self.states, states)
+        x = {n: v for n, v in every.items() if n not in self._discrete}
+        return OperatingPoint(
+            x=x,
+            u=by_name(self.inputs, inputs),
+            y=by_name(self.outputs, y),
+            dx=self._slopes(x, states, inputs),
+            discrete={n: v for n, v in every.items() if n in self._discrete},
+            units=self.units(),
+            time=self.time,
+            period=self.period if self._discrete else None,
+        )
+
+    def _slopes(self, x: Mapping[str, float], states: Floats, inputs: Floats) -> dict[str, float]:
+        """Return the derivatives at the start of the period; where the model shows none, the mean ones."""
+        if self._model.interface != "me":
+            rates = by_name(self.states, self.evaluate(states, inputs)[0] / self.period)
+            return {n: rates[n] for n in x}
+        if not x:
+            return {}
+        values = {**by_name(self.states, states), **by_name(self.inputs, inputs)}
+        with self._model.open_point(time=self.time, values=values) as point:
+            found = point.at(np.array(list(x.values())), inputs)
+        return dict(zip(x, found.dx.tolist(), strict=True))

@@ -1,0 +1,82 @@
+"""A trim without units: unknowns in nominal values, each equation over the change that these make in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.analysis.trim_problem import Problem
+from workbench.session.base import Floats
+
+__all__ = ["Scaled"]
+
+
+class Scaled:
+    """Residuals and Jacobian by w = unknowns / nominal values; required equations come first.
+
+    Args:
+        problem: what to scale.
+        exact: whether the balance's own Jacobian is used where it has one, else central differences.
+
+    Attributes:
+        low, high: shape (k,), bounds of w.
+        hard: number of required equations.
+    """
+
+    def __init__(self, problem: Problem, *, exact: bool) -> None:
+        self.problem = problem
+        self.nominal = np.array([k.slot.nominal for k in problem.unknowns], dtype=np.float64)
+        self.low = np.array([k.low for k in problem.unknowns]) / self.nominal
+        self.high = np.array([k.high for k in problem.unknowns]) / self.nominal
+        self.hard = len(problem.equations)
+        self._equations = (*problem.equations, *problem.floating)
+        self._rows = [e.row for e in self._equations]
+        self._exact = exact
+
+    def residuals(self, w: Floats) -> Floats:
+        """Return all residuals in their units, shape (e,); NaN where the model cannot be evaluated."""
+        values = self.problem.evaluate(w * self.nominal)
+        return np.array([e.residual(values[e.row]) for e in self._equations])
+
+    def jacobian(self, w: Floats) -> Floats:
+        """Return ∂residuals/∂w, shape (e, k); zero for an interval that is kept."""
+        full = self._given(w) if self._exact else None
+        jacobian = (self._differences(w) if full is None else full)[self._rows]
+        jacobian[~np.isfinite(jacobian)] = 0.0
+        if any(e.low < e.high for e in self._equations):
+            inside = self.residuals(w) == 0.0
+            jacobian[[i and e.low < e.high for i, e in zip(inside, self._equations, strict=True)]] = 0.0
+        return jacobian
+
+    def scales(self, jacobian: Floats) -> Floats:
+        """Return what each residual is measured by: its change for one nominal value of each unknown.
+
+        Where nothing changes it, its nominal value: per second for a derivative.
+        """
+        nominal = np.array([e.nominal for e in self._equations])
+        change = np.abs(jacobian).sum(axis=1)
+        return np.where(change > 1e-12 * nominal, change, nominal)
+
+    def _given(self, w: Floats) -> Floats | None:
+        full = self.problem.balance.jacobian(*self.problem.at(w * self.nominal))
+        return None if full is None else full[:, [k.column for k in self.problem.unknowns]] * self.nominal
+
+    def _differences(self, w: Floats) -> Floats:
+        """Return differences of all rates and outputs, central; one-sided at a bound or where the model fails."""
+        balance = self.problem.balance
+        height = len(balance.states) + len(balance.outputs)
+        columns = [self._column(w, i, balance.precision ** (1.0 / 3.0)) for i in range(len(w))]
+        return np.column_stack(columns) if columns else np.zeros((height, 0))
+
+    def _column(self, w: Floats, i: int, width: float) -> Floats:
+        h = width * max(1.0, abs(w[i]))
+        (above, upper), (below, lower) = (self._beside(w, i, step) for step in (h, -h))
+        return (upper - lower) / (above - below) if above != below else np.zeros_like(upper)
+
+    def _beside(self, w: Floats, i: int, step: float) -> tuple[float, Floats]:
+        """Return where unknown `i` could be moved to, and the rates and outputs there."""
+        moved = w.copy()
+        moved[i] = min(max(w[i] + step, self.low[i]), self.high[i])
+        values = self.problem.evaluate(moved * self.nominal)
+        if np.isfinite(values).all():
+            return float(moved[i]), values
+        return float(w[i]), self.problem.evaluate(w * self.nominal)

@@ -1,0 +1,193 @@
+"""Solve the equations of a trim: bounded least squares, then the member of a family that was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from workbench.analysis.trim_family import null_space, staged_step
+from workbench.analysis.trim_problem import Problem
+from workbench.analysis.trim_scaled import Scaled
+from workbench.session.base import Floats
+
+__all__ = ["Solution", "solve"]
+
+MAX_DESCENT = 200  # evaluations of the least squares, Jacobians not counted
+MAX_STEPS = 40  # within a family
+SMALLEST_PART = 1.0 / 1024.0
+STILL = 1e-10  # a step that ends the refinement, in nominal values
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution:
+    """Where the search ended.
+
+    Attributes:
+        values: shape (k,), the unknowns.
+        residuals: shape (e,), required equations first, then floating derivatives [their units].
+        scales: shape (e,), what each is measured by, see `Scaled.scales`.
+        jacobian: shape (e, k), of residuals over scales by the unknowns in nominal values.
+        converged: whether every required residual over its scale is within the tolerance.
+        iterations: Jacobians.
+        chosen: whether the wanted member of a family was found; True where there is no family.
+    """
+
+    values: Floats
+    residuals: Floats
+    scales: Floats
+    jacobian: Floats
+    converged: bool
+    iterations: int
+    chosen: bool
+
+
+def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
+    """Return the solution of F(z) = 0 that belongs to `start`.
+
+    Phase one minimises ‖F‖² within the bounds (trust region reflective), unknowns scaled by their
+    nominal values, equations by the change that one nominal value of each unknown makes.
+    Phase two, where that was successful, takes Gauss-Newton steps to full precision and, in a family of
+    solutions, moves along it: to the least floating derivatives (`slowest`), then to the
+    solution nearest to `start`, in nominal values.
+
+    It follows slopes: it finds one solution of several, and none where a minimum of ‖F‖² that is none lies in
+    the way. The caller must look at `converged`.
+
+    Args:
+        problem: what to solve.
+        start: shape (k,), where the search begins.
+        tolerance: of every residual over its scale.
+        slowest: whether floating derivatives are made small.
+        exact: whether the balance's own Jacobian is used where it has one.
+
+    Source: Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999) 1-23 for phase one.
+    """
+    search = _Search(Scaled(problem, exact=exact), tolerance, start)
+    return search.run(slowest=slowest)
+
+
+class _Search:
+    def __init__(self, scaled: Scaled, tolerance: float, start: Floats) -> None:
+        self.scaled, self.tolerance = scaled, tolerance
+        self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
+        self.hard = scaled.hard
+        self.iterations = 0
+
+    def run(self, *, slowest: bool) -> Solution:
+        if not self.home.size:
+            return self._solution(self.home, chosen=True)
+        w = self._descend()
+        if not self._converged(w):
+            return self._solution(w, chosen=False)
+        w, _ = self._walk(w, slowest=False, home=False)
+        chosen, w = self._choose(w, slowest=slowest)
+        return self._solution(w, chosen=chosen)
+
+    # -- phase one ------------------------------------------------------------------------
+
+    def _descend(self) -> Floats:
+        """Return the end of the least squares; the start where nothing can be evaluated there."""
+        begin = self._inside(self.home)
+        weights = self.scaled.scales(self._jacobian(begin))[: self.hard]
+        if not self.hard or not np.isfinite(self.scaled.residuals(begin)).all():
+            return self.home
+        found = least_squares(
+            lambda w: self.scaled.residuals(w)[: self.hard] / weights,
+            begin,
+            jac=lambda w: self._jacobian(w)[: self.hard] / weights[:, None],
+            bounds=(self.scaled.low, self.scaled.high),
+            method="trf",
+            ftol=1e-15,
+            xtol=1e-15,
+            gtol=1e-15,
+            max_nfev=MAX_DESCENT,
+        )
+        return np.asarray(found.x, dtype=np.float64)
+
+    def _inside(self, w: Floats) -> Floats:
+        """Return a point strictly within the bounds."""
+        low, high = self.scaled.low, self.scaled.high
+        gap = np.minimum(1e-9 * np.maximum(1.0, np.abs(w)), 1e-3 * (high - low))
+        return np.clip(w, low + gap, high - gap)
+
+    def _jacobian(self, w: Floats) -> Floats:
+        self.iterations += 1
+        return self.scaled.jacobian(w)
+
+    # -- phase two ------------------------------------------------------------------------
+
+    def _choose(self, w: Floats, *, slowest: bool) -> tuple[bool, Floats]:
+        """Return whether the wanted member was found, and it, or else the solution at hand."""
+        jacobian = self._jacobian(w)
+        hard = (jacobian / self.scaled.scales(jacobian)[:, None])[: self.hard]
+        if not null_space(hard).shape[1]:
+            return True, w
+        for soft in (True, False) if slowest and len(jacobian) > self.hard else (False,):
+            moved, ended = self._walk(w, slowest=soft, home=True)
+            if ended and self._converged(moved):
+                return soft == slowest or len(jacobian) == self.hard, moved
+        return False, w
+
+    def _walk(self, w: Floats, *, slowest: bool, home: bool) -> tuple[Floats, bool]:
+        """Take steps until they vanish; return the end and whether they did."""
+        for _ in range(MAX_STEPS):
+            step = self._step(w, slowest=slowest, home=home)
+            moved = self._along(w, step)
+            if moved is None:
+                return w, False
+            still = float(np.abs(moved - w).max()) <= STILL * max(1.0, float(np.abs(w).max()))
+            w = moved
+            if still:
+                return w, True
+        return w, False
+
+    def _step(self, w: Floats, *, slowest: bool, home: bool) -> Floats:
+        """Return the step to F = 0, and within what that leaves open to the least G, then home, within the bounds."""
+        jacobian = self._jacobian(w)
+        scales = self.scaled.scales(jacobian)
+        residuals, jacobian = self.scaled.residuals(w) / scales, jacobian / scales[:, None]
+        cut = [slice(0, self.hard), slice(self.hard, None)] if slowest else [slice(0, self.hard)]
+        movable = np.ones(len(w))
+        while movable.any():
+            wishes = [(residuals[c], jacobian[c] * movable) for c in cut]
+            step = staged_step(wishes, (self.home - w) * movable if home else None) * movable
+            out = ((w >= self.scaled.high) & (step > 0.0)) | ((w <= self.scaled.low) & (step < 0.0))
+            if not out.any():
+                return step
+            movable[out] = 0.0
+        return np.zeros_like(w)
+
+    def _along(self, w: Floats, step: Floats) -> Floats | None:
+        """Return the end of the longest part of a step that keeps the equations nearly satisfied."""
+        scales = self.scaled.scales(self.scaled.jacobian(w))[: self.hard]
+        before = np.abs(self.scaled.residuals(w)[: self.hard] / scales).max(initial=0.0)
+        part = 1.0
+        while part >= SMALLEST_PART:
+            moved = np.clip(w + part * step, self.scaled.low, self.scaled.high)
+            after = np.abs(self.scaled.residuals(moved)[: self.hard] / scales).max(initial=0.0)
+            if after <= max(before, 1e-3):  # what a curved family leaves over, the next steps take away
+                return moved
+            part *= 0.5
+        return None
+
+    # -- end ------------------------------------------------------------------------------
+
+    def _converged(self, w: Floats) -> bool:
+        residuals = self.scaled.residuals(w)[: self.hard]
+        scales = self.scaled.scales(self.scaled.jacobian(w))[: self.hard]
+        return bool((np.abs(residuals) <= self.tolerance * scales).all())  # False for NaN
+
+    def _solution(self, w: Floats, *, chosen: bool) -> Solution:
+        jacobian = self.scaled.jacobian(w)
+        scales = self.scaled.scales(jacobian)
+        return Solution(
+            values=w * self.scaled.nominal,
+            residuals=self.scaled.residuals(w),
+            scales=scales,
+            jacobian=jacobian / scales[:, None],
+            converged=self._converged(w),
+            iterations=self.iterations,
+            chosen=chosen,
+        )
