@@ -47,7 +47,9 @@ HOSTILE = {
     "chatter": Hostile("writes to standard output", needs_worker=True),
     "nan-output": Hostile("the output is not a number", r"y is nan, not a finite number \(at t = 0\.5"),
     # A solver first tries shorter and shorter steps towards such a wall.
-    "nan-state": Hostile("the derivative is not a number", r"not a finite number|more than \d+ steps needed"),
+    "nan-state": Hostile(
+        "the derivative is not a number", r"not a finite number|step became too small|more than \d+ steps needed"
+    ),
     "error": Hostile("returns error and says why", r"returned error.*the pump ran dry.*\(at t = 0\.5"),
     "fatal": Hostile("returns fatal and says why", r"returned fatal error.*the pump ran dry.*\(at t = 0\.5"),
     "lazy-restore": Hostile("claims to restore its state and does nothing"),

@@ -12,6 +12,7 @@ import pytest
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
 from workbench.analysis.simulate import simulate
 from workbench.errors import FmuError, SimulationError
+from workbench.model.fmu_model import DRIVERS
 from workbench.model.load import load
 from workbench.signals import Constant
 
@@ -20,8 +21,8 @@ INTERFACES = ["me", "cs"]
 GRID = np.linspace(0.01, 1.0, 100)
 
 
-def run(file: Path, interface: str) -> float:
-    with load(file, interface) as model:
+def run(file: Path, interface: str, driver: str = "auto") -> float:
+    with load(file, interface, driver=driver) as model:
         return float(simulate(model, stop=1.0, points=GRID, verify_step=False).signals["y"][-1])
 
 
@@ -30,12 +31,15 @@ def test_the_tame_one_runs(tmp_path: Path, interface: str) -> None:
     assert run(build_hostile(tmp_path, "nothing"), interface) == pytest.approx(1.0 - np.exp(-1.0), rel=5e-3)
 
 
+@pytest.mark.parametrize("driver", DRIVERS)
 @pytest.mark.parametrize("interface", INTERFACES)
 @pytest.mark.parametrize("name", [n for n, h in HOSTILE.items() if h.message])
-def test_failures_while_running_are_one_line_with_the_time(tmp_path: Path, name: str, interface: str) -> None:
+def test_failures_while_running_are_one_line_with_the_time(
+    tmp_path: Path, name: str, interface: str, driver: str
+) -> None:
     file = build_hostile(tmp_path, name)
     with pytest.raises(SimulationError, match=HOSTILE[name].message) as caught:
-        run(file, interface)
+        run(file, interface, driver)
     assert caught.value.time == pytest.approx(0.5, abs=0.05)
     assert "\n" not in str(caught.value)
 
@@ -50,10 +54,12 @@ def test_broken_files_are_refused_in_one_line(tmp_path: Path, name: str) -> None
     assert not list(tmp_path.parent.rglob("escaped.txt"))
 
 
+@pytest.mark.parametrize("driver", DRIVERS)
 @pytest.mark.parametrize("interface", INTERFACES)
 @pytest.mark.parametrize("name", ["lazy-restore", "wrong-restore", "random"])
-def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str, interface: str) -> None:
-    with load(build_hostile(tmp_path, name), interface) as model, model.open_session() as session:
+def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str, interface: str, driver: str) -> None:
+    file = build_hostile(tmp_path, name)
+    with load(file, interface, driver=driver) as model, model.open_session() as session:
         assert model.snapshot_method() == "replay"
         session.advance(0.3, signals={"u": Constant(2.0)})
         before = session.values(["x"])["x"]
