@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests import hybrid_fmus
+from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import FakeC, Hybrid, describe
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.fmi1 import Instance1
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.session.cs import CsSession
+from workbench.model.fmu_model import DRIVERS
 from workbench.session.fmu import FmuSession, Setup
-from workbench.session.me import MeSession
 from workbench.signals import Constant, Sine, Step
 
 
@@ -119,7 +120,10 @@ class FakeInstance1(Instance1):
         description = dataclasses.replace(describe(Relay()), fmi_version="1.0", major=1)
         names = [v.name for v in description.variables]
         self.c = FakeOne(Relay(), names)
-        self._setup(description, Library(self.c.functions()), interface=interface)
+        functions = self.c.functions()
+        if hybrid_fmus.driver == "compiled":
+            functions = hybrid_fmus.as_c(functions, version=1, interface=interface)
+        self._setup(description, Library(functions), interface=interface)
         self.source, self.folder, self.component = "one", Path(), 1
         self._name_ends()
 
@@ -130,7 +134,7 @@ def open_one(interface: str, solver: str, step: float | None = None) -> FmuSessi
     def instance() -> Instance:
         return FakeInstance1(interface)
 
-    kind: type[FmuSession] = MeSession if interface == "me" else CsSession
+    kind = DRIVERS[hybrid_fmus.driver][interface]
     return kind(Setup(instance, by_name, solver=solver, rtol=1e-9, step=step))
 
 
