@@ -26,7 +26,7 @@ class Certificate:
         drift: change of the output's mean from the last period but one to the last, relative to the
             amplitude of its fundamental.
         harmonics: amplitudes of the harmonics 2 … 10 of the output, relative to the fundamental; of the
-            reported response, its transient removed.
+            reported response, its transient removed, and known about as well as `defect` says.
         thd: total harmonic distortion, root of the sum of their squares.
         check: what was changed to verify the point: "step" (co-simulation: half the communication
             step), "tolerance" (model exchange: a hundredth of it).

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import WorkbenchError
-from workbench.workers.limits import Limits, restrict_memory
+from workbench.workers.limits import Limits, MemoryWatch
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
@@ -51,18 +51,20 @@ def _serve(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
     except WorkbenchError as error:
         pipe.send((ERROR, error))
         return
-    restrict_memory(limits.memory)
+    memory = MemoryWatch(limits.memory)
     with model:
         pipe.send((READY, None))
         while True:
             task, argument = pipe.recv()
-            pipe.send(_do(task, model, argument, pipe))
+            pipe.send(_do(task(model, argument), pipe, memory))
 
 
-def _do(task: Task, model: Model, argument: Any, pipe: Connection) -> tuple[str, Any]:  # noqa: ANN401 - any task's
+def _do(items: Iterator[Any], pipe: Connection, memory: MemoryWatch) -> tuple[str, Any]:
     """Do one task, sending its items; return the last message."""
     try:
-        for item in task(model, argument):
+        for item in items:
+            if memory.exceeded():
+                return MEMORY, None
             pipe.send((ITEM, item))
     except WorkbenchError as error:
         return ERROR, error

@@ -9,12 +9,15 @@ from pathlib import Path
 
 from workbench.errors import InputError
 
-__all__ = ["DEFAULT_TIMEOUT", "Limits", "memory_limit_works", "restrict_memory"]
+__all__ = ["DEFAULT_TIMEOUT", "Limits", "MemoryWatch", "memory_limit_works"]
 
 # Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
 DEFAULT_TIMEOUT = 3600.0
 
 _MB = 1_000_000
+
+# Allocations are refused beyond this multiple of the memory limit.
+_REFUSED = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,13 +46,34 @@ def memory_limit_works() -> bool:
     return find_spec("resource") is not None and Path("/proc/self/statm").exists()
 
 
-def restrict_memory(limit: float | None) -> None:
-    """Let this process allocate at most `limit` [MB] more than it has now; nothing where that is impossible."""
-    if limit is None or math.isinf(limit) or not memory_limit_works():
-        return
-    import resource  # noqa: PLC0415 - not on every platform
+class MemoryWatch:
+    """The memory limit of this process, counted from what it has when this is made.
 
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    most = pages * resource.getpagesize() + int(limit * _MB)
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    The system refuses allocations beyond one and a half times the limit; many FMUs do not notice, and
+    a refused allocation cannot be seen from outside. What went beyond the limit itself can, in
+    the peak of the address space, also after the memory was freed.
+
+    Args:
+        limit: [MB]; None or inf: none, and none either where the platform does not enforce any.
+    """
+
+    def __init__(self, limit: float | None) -> None:
+        self._most: float | None = None
+        if limit is None or math.isinf(limit) or not memory_limit_works():
+            return
+        import resource  # noqa: PLC0415 - not on every platform
+
+        now = _address_space("VmSize")
+        self._most = max(now + limit * _MB, _address_space("VmPeak"))
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (int(now + _REFUSED * limit * _MB), hard))
+
+    def exceeded(self) -> bool:
+        """Whether the process ever had more than the limit allows."""
+        return self._most is not None and _address_space("VmPeak") > self._most
+
+
+def _address_space(which: str) -> int:
+    """Size of this process's address space, now ("VmSize") or at most so far ("VmPeak") [bytes]; Linux."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{which}:"))

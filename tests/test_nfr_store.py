@@ -1,0 +1,189 @@
+"""Sweeps that go on where they were ended, also by `kill -9`, and points that are measured again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.fakes import FakeModel, SampledSession, lag
+from tests.hostile_fmus import build_hostile
+from workbench.analysis.nfr import NfrSweep, nfr
+from workbench.analysis.nfr_result import NfrResult
+from workbench.cli.app import run
+from workbench.store import FILE_NAME
+from workbench.workers import Workers
+
+ROOT = Path(__file__).resolve().parent.parent
+RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "0.5:20"]
+
+
+def points_in(folder: Path) -> int:
+    path = folder / FILE_NAME
+    if not path.exists():
+        return 0
+    database = sqlite3.connect(path, timeout=30.0)
+    try:
+        return int(database.execute("SELECT count(*) FROM measurements WHERE point <> 'zero input'").fetchone()[0])
+    except sqlite3.OperationalError:  # not made yet
+        return 0
+    finally:
+        database.close()
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "workbench", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def kill_after(count: int, folder: Path, *arguments: str) -> int:
+    """Run the command line with a store, kill it once `count` points are there; return how many there are then."""
+    process = start(*arguments, "--store", str(folder))
+    deadline = time.monotonic() + 30.0
+    while points_in(folder) < count and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    return points_in(folder)
+
+
+def numbers(result: dict[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in result.items() if k not in {"seconds", "store"}}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+@pytest.mark.parametrize("carry", [[], ["--carry"]])
+def test_a_killed_sweep_goes_on_and_equals_an_uninterrupted_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], carry: list[str]
+) -> None:
+    left = kill_after(5, tmp_path / "store", *RUDDER, *carry, "--jobs", "1", "--tolerance", "1e-10")
+    total = 2 * 22
+    assert 5 <= left < total
+    assert run([*RUDDER, *carry, "--tolerance", "1e-10", "--store", str(tmp_path / "store"), "--json", "-"]) == 0
+    captured = capsys.readouterr()
+    if not carry:
+        assert f"{left} of {total} points were measured before and are kept" in captured.err
+    assert run([*RUDDER, *carry, "--tolerance", "1e-10", "--json", "-"]) == 0
+    assert numbers(json.loads(captured.out)) == numbers(json.loads(capsys.readouterr().out))
+    assert points_in(tmp_path / "store") == total
+
+
+def test_finished_points_are_not_measured_again(tmp_path: Path) -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        seen: list[float] = []
+        first = nfr(model, "u", "y", [1.0, 2.0], 1.0, store=tmp_path)
+        second = nfr(
+            model, "u", "y", [1.0, 2.0, 3.0], 1.0, store=tmp_path, progress=lambda p, *_: seen.append(p.frequency)
+        )
+        assert seen == [3.0]
+        np.testing.assert_array_equal(first.response[0], second.response[0, :2])
+        assert first.certificates[0] == second.certificates[0][:2]
+
+
+def test_a_changed_setting_never_mixes_results(tmp_path: Path) -> None:
+    def measured(fmu: str = "fmu:FirstOrderLag", *, tau: float = 1.0, errcrit: float = 0.1, carry: bool = False) -> int:
+        seen: list[float] = []
+        with wb.load(fmu, start_values={"tau": tau}) as model:
+            nfr(
+                model, "u", "y", [1.0, 2.0], 1.0, errcrit=errcrit, carry=carry, store=tmp_path, drift_check=False,
+                workers=Workers(in_process=True), progress=lambda p, *_: seen.append(p.frequency),
+            )  # fmt: skip
+        return len(seen)
+
+    assert [measured(), measured()] == [2, 0]
+    assert [measured(tau=2.0), measured(tau=2.0)] == [2, 0]
+    assert [measured("fmu:FirstOrderLag@3"), measured(errcrit=0.05), measured(carry=True)] == [2, 2, 2]
+    assert measured() == 0
+
+
+def beating() -> FakeModel:
+    return FakeModel(lambda: SampledSession([(1 / 208, 0.05), (1 / 131, 0.01)]))
+
+
+def test_averaged_points_of_an_earlier_result_are_measured_again_with_more_periods() -> None:
+    frequencies = [15.39, 15.407, 15.42]
+    first = nfr(beating(), "u", "y", frequencies, 1.0, errcrit=0.08)
+    assert first.status == (("settled", "averaged", "settled"),)
+    seen: list[float] = []
+    second = nfr(
+        beating(), "u", "y", frequencies, 1.0, errcrit=0.08, max_periods=60, previous=first, redo=["averaged"],
+        progress=lambda p, *_: seen.append(p.frequency),
+    )  # fmt: skip
+    assert seen == [15.407]
+    assert [c.max_periods for c in second.certificates[0] if c] == [20, 60, 20]
+    np.testing.assert_array_equal(first.response[0, [0, 2]], second.response[0, [0, 2]])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+def test_failed_points_of_a_store_are_measured_again(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    fmu = str(build_hostile(tmp_path, "hang"))
+    command = ["nfr", fmu, "--input", "u", "--output", "y", "--amplitude", "1", "--freq", "1,25", "--no-drift-check"]
+    command += ["--store", str(tmp_path / "store"), "--max-periods", "4", "--json", "-"]
+
+    def again(*options: str) -> str:
+        assert run([*command, *options]) == 1
+        captured = capfd.readouterr()
+        return f"{json.loads(captured.out)['failed'][0]['reason']}; {captured.err}"
+
+    assert "not finished after 1 s" in again("--timeout", "1")
+    begin = time.monotonic()
+    assert "2 of 2 points were measured before" in again("--timeout", "1")
+    assert time.monotonic() - begin < 1.0
+    assert "1 of 2 points were measured before" in again("--timeout", "1.1")  # another limit: it may finish now
+    assert "1 of 2 points were measured before" in again("--timeout", "1.1", "--redo", "failed")
+
+
+def test_two_sweeps_share_a_store(tmp_path: Path) -> None:
+    arguments = [*RUDDER, "--store", str(tmp_path), "--jobs", "1", "--json"]
+    both = [start(*arguments, str(tmp_path / f"{k}.json")) for k in range(2)]
+    for process in both:
+        _, err = process.communicate(timeout=60.0)
+        assert process.returncode == 0, err
+    first, second = (numbers(json.loads((tmp_path / f"{k}.json").read_text())) for k in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--redo", "averaged"], "redo: which points?"),
+        (["--redo", "avg", "--store", "{}"], "known: averaged, failed, settled"),
+        (["--store", "{}/file"], "cannot be made"),
+        (["--store", "{}/bad"], "damaged or no store"),
+        (["--jobs", "0"], "jobs: 0 is too few"),
+        (["--jobs", "2", "--in-process"], "it cannot have 2 jobs"),
+        (["--timeout", "0"], "timeout: 0 s is not a positive number"),
+        (["--memory-limit", "-5"], "memory limit: -5 MB is not a positive number"),
+        (["--timeout", "1", "--in-process"], "in process: time and memory limits need"),
+        (["--in-process", "--scheduler", "tcp://x:1"], "only one place can run the points"),
+    ],
+)
+def test_bad_options_are_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / FILE_NAME).write_text("no database, but long enough to be looked into " * 30)
+    assert run([*RUDDER, *(o.format(tmp_path) for o in options)]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+
+
+def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(wb.InputError, match="is no file"):
+        NfrSweep(lag(1.0), "u", "y", [1.0], 1.0, store=tmp_path)
+    other: NfrResult = nfr(lag(1.0), "u", "x", [1.0], 1.0)
+    with pytest.raises(wb.InputError, match="previous: its output is x, not y"):
+        NfrSweep(lag(1.0), "u", "y", [1.0], 1.0, previous=other)
