@@ -1,0 +1,354 @@
+/* kernel_driver.c: the compiled inner loop on an FMU made of C functions, under sanitizers.
+ *
+ * The FMU: dx/dt = u + k, x falls to 0 where it reaches 1, a time event every 0.25 s; y = x. Runs model exchange
+ * (FMI 2.0) and co-simulation (FMI 3.0 with early returns and event mode), a pair connected by a link, failing
+ * functions, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
+ */
+#include "kernel.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define CHECK(condition) check((condition), #condition, __LINE__)
+
+enum { X, U, K, N_REFERENCES };
+
+static int failures;
+static long allowed = -1; /* allocations left before one fails, -1: all succeed */
+
+static void check(bool condition, const char *text, int line) {
+    if (!condition) {
+        fprintf(stderr, "line %d: %s\n", line, text);
+        failures++;
+    }
+}
+
+static bool granted(void) {
+    if (allowed == 0) {
+        return false;
+    }
+    allowed -= allowed > 0;
+    return true;
+}
+
+void *__real_calloc(size_t count, size_t size);
+void *__real_malloc(size_t size);
+void *__real_realloc(void *memory, size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_realloc(void *memory, size_t size);
+
+void *__wrap_calloc(size_t count, size_t size) {
+    return granted() ? __real_calloc(count, size) : NULL;
+}
+
+void *__wrap_malloc(size_t size) {
+    return granted() ? __real_malloc(size) : NULL;
+}
+
+void *__wrap_realloc(void *memory, size_t size) {
+    return granted() ? __real_realloc(memory, size) : NULL;
+}
+
+/* ---- the FMU ---- */
+
+typedef struct {
+    double t, x, u, next, bad_time; /* derivatives and steps fail with `bad_status` from bad_time on */
+    int k, bad_status, falls;
+} Fake;
+
+static int bad(const Fake *f) {
+    return f->t >= f->bad_time ? f->bad_status : 0;
+}
+
+static int set_time(Fake *f, double t) {
+    f->t = t;
+    return 0;
+}
+
+static int set_states(Fake *f, const double *x, size_t n) {
+    f->x = n ? x[0] : 0.0;
+    return 0;
+}
+
+static int get_states(Fake *f, double *x, size_t n) {
+    x[n - 1] = f->x;
+    return 0;
+}
+
+static int get_derivatives(Fake *f, double *dx, size_t n) {
+    dx[n - 1] = f->u + f->k;
+    return bad(f);
+}
+
+static int get_indicators(Fake *f, double *z, size_t n) {
+    z[n - 1] = 1.0 - f->x;
+    return 0;
+}
+
+static int enter(Fake *f) {
+    (void)f;
+    return 0;
+}
+
+static bool event(Fake *f) {
+    const bool fall = f->x >= 1.0;
+    f->x = fall ? 0.0 : f->x;
+    f->falls += fall;
+    f->next = f->t >= f->next - 1e-12 ? f->next + 0.25 : f->next;
+    return fall;
+}
+
+typedef struct {
+    int again, terminate, nominals, states, timed;
+    double time;
+} Info2;
+
+static int new_discrete_states(Fake *f, Info2 *info) {
+    *info = (Info2){.states = event(f), .timed = 1};
+    info->time = f->next;
+    return 0;
+}
+
+static int completed_step(Fake *f, int no_set, int *enter_event, int *terminate) {
+    *enter_event = *terminate = 0;
+    return f && no_set == 1 ? 0 : 3;
+}
+
+static int get_real(Fake *f, const uint32_t *references, size_t n, double *values) {
+    for (size_t i = 0; i < n; i++) {
+        values[i] = references[i] == X ? f->x : f->u;
+    }
+    return 0;
+}
+
+static int set_real(Fake *f, const uint32_t *references, size_t n, const double *values) {
+    for (size_t i = 0; i < n; i++) {
+        f->u = references[i] == U ? values[i] : f->u;
+    }
+    return 0;
+}
+
+static int set_integer(Fake *f, const uint32_t *references, size_t n, const int32_t *values) {
+    f->k = references[n - 1] == K ? values[n - 1] : f->k;
+    return 0;
+}
+
+static int get_real3(Fake *f, const uint32_t *references, size_t n, double *values, size_t m) {
+    return m == n ? get_real(f, references, n, values) : 3;
+}
+
+static int set_real3(Fake *f, const uint32_t *references, size_t n, const double *values, size_t m) {
+    return m == n ? set_real(f, references, n, values) : 3;
+}
+
+static int set_integer3(Fake *f, const uint32_t *references, size_t n, const int32_t *values, size_t m) {
+    return m == n ? set_integer(f, references, n, values) : 3;
+}
+
+static int update_discrete_states(Fake *f, bool *again, bool *terminate, bool *nominals, bool *states, bool *timed,
+                                  double *time) {
+    *again = *terminate = *nominals = false;
+    *states = event(f);
+    *timed = true;
+    *time = f->next;
+    return 0;
+}
+
+/* Returns early where x reaches 1 or a time event is due. */
+static int do_step(Fake *f, double t, double h, bool no_set, bool *wants_event, bool *terminate, bool *early,
+                   double *reached) {
+    const double rate = f->u + f->k;
+    double way = rate > 0.0 ? fmin(h, (1.0 - f->x) / rate) : h;
+    way = f->next > t ? fmin(way, f->next - t) : way;
+    f->t = *reached = t + way;
+    f->x += rate * way;
+    f->x = way < h && f->next > f->t ? 1.0 : f->x;
+    *wants_event = *early = way < h;
+    *terminate = false;
+    return no_set ? bad(f) : 3;
+}
+
+/* ---- a system of such FMUs ---- */
+
+typedef struct {
+    Fake fakes[2];
+    Component components[2];
+    Function functions[N_FUNCTIONS];
+    const char *names[N_FUNCTIONS];
+    uint32_t references[N_REFERENCES];
+    size_t zero, one;
+    double reals[4];
+    int32_t integers[1];
+    Block blocks[6];
+    Signal signals[2];
+    double bias[2], written[2], wanted[2], seen[2], slopes[2], gain, linked, fresh;
+    int32_t types[2], owners[2], discrete[2], orders[2];
+    Forcing forcing;
+    Link link;
+    System system;
+    Record record;
+} Bench;
+
+static void fill_functions(Bench *b, int version) {
+    Function *f = b->functions;
+    for (size_t i = 0; i < N_FUNCTIONS; i++) {
+        b->names[i] = function_name(i);
+    }
+    f[SET_TIME] = (Function)set_time;
+    f[SET_STATES] = (Function)set_states;
+    f[GET_STATES] = (Function)get_states;
+    f[GET_DERIVATIVES] = (Function)get_derivatives;
+    f[GET_INDICATORS] = (Function)get_indicators;
+    f[COMPLETED_STEP] = (Function)completed_step;
+    f[ENTER_EVENT_MODE] = f[ENTER_CONTINUOUS_MODE] = f[ENTER_STEP_MODE] = (Function)enter;
+    f[UPDATE_DISCRETE_STATES] = version == 3 ? (Function)update_discrete_states : (Function)new_discrete_states;
+    f[DO_STEP] = (Function)do_step;
+}
+
+static Block block(Bench *b, int version, uint32_t reference, size_t *column, void *buffer, int32_t component) {
+    const bool whole = reference == K;
+    Block made = {
+        .get = version == 3 ? (Function)get_real3 : (Function)get_real,
+        .get_name = "get", .set_name = "set",
+        .references = &b->references[reference], .n_references = 1, .buffer = buffer, .n_values = 1,
+        .slots = &b->zero, .columns = column, .n = 1,
+        .type = whole ? INT32 : FLOAT64, .component = component, .plain = !whole,
+    };
+    if (whole) {
+        made.set = version == 3 ? (Function)set_integer3 : (Function)set_integer;
+    } else {
+        made.set = version == 3 ? (Function)set_real3 : (Function)set_real;
+    }
+    return made;
+}
+
+static void setup(Bench *b, int version, size_t n) {
+    *b = (Bench){.references = {X, U, K}, .one = 1, .gain = 0.5, .linked = NAN, .orders = {1, 1}};
+    fill_functions(b, version);
+    for (int32_t i = 0; i < 2; i++) {
+        b->fakes[i] = (Fake){.next = 0.25, .bad_time = 1e9, .bad_status = 3};
+        b->components[i] = (Component){
+            .handle = &b->fakes[i], .functions = b->functions, .names = b->names, .nx = 1, .nz = 1,
+            .version = version, .event_mode = 1, .completed_step = version == 2, .slopes_work = 1,
+        };
+    }
+    b->blocks[0] = block(b, version, U, &b->zero, &b->reals[0], 0);
+    b->blocks[1] = block(b, version, K, &b->one, &b->integers[0], 0);
+    b->blocks[2] = block(b, version, X, &b->zero, &b->reals[1], 0);
+    b->blocks[3] = block(b, version, X, &b->one, &b->reals[2], 1);
+    b->blocks[4] = block(b, version, X, &b->zero, &b->reals[1], 0);
+    b->blocks[5] = block(b, version, U, &b->zero, &b->reals[3], 1);
+    b->signals[0] = (Signal){.kind = SIGNAL_SINE, .p = {0.5, 6.283185307179586, 0.0, 1.0, 0.0}};
+    b->signals[1] = (Signal){.kind = SIGNAL_STEP, .p = {0.6, 2.0, 0.0}};
+    b->types[1] = INT32;
+    b->discrete[1] = 1;
+    b->forcing = (Forcing){
+        .signals = b->signals, .bias = b->bias, .types = b->types, .owners = b->owners, .discrete = b->discrete,
+        .written = b->written, .wanted = b->wanted, .seen = b->seen, .slopes = b->slopes, .orders = b->orders,
+        .n = 2, .n_discrete = 1, .fast = {&b->blocks[0], 1}, .slow = {&b->blocks[1], 1}, .longest_step = 0.125,
+    };
+    b->link = (Link){.source = {&b->blocks[4], 1}, .destination = {&b->blocks[5], 1}, .gains = &b->gain,
+                     .values = &b->linked, .fresh = &b->fresh, .n = 1};
+    b->system = (System){.components = b->components, .n_components = n, .links = &b->link, .n_links = n - 1,
+                         .forcing = &b->forcing};
+    b->record = (Record){.access = {&b->blocks[2], n}, .n_values = n, .bound = INFINITY, .keep = 1, .every = 1};
+    CHECK(kernel_system_open(&b->system) == 1);
+}
+
+static int32_t run_me(Bench *b, double until) {
+    double scale[2] = {1e-3, 1e-3};
+    const double most[2] = {1.0, 1.0};
+    double targets[50];
+    for (int i = 0; i < 50; i++) {
+        targets[i] = until * (i + 1) / 50;
+    }
+    Me me = {.system = &b->system, .solver_name = "vkm", .rtol = 1e-8, .scale = scale, .most = most};
+    int32_t done = kernel_me_open(&me) && kernel_me_run(&me, until, targets, 50, &b->record, 1);
+    while (!done && b->system.failure.code == PAUSED) {
+        done = kernel_me_go_on(&me);
+    }
+    kernel_me_close(&me);
+    kernel_me_close(&me);
+    return done;
+}
+
+static int32_t run_cs(Bench *b, double until) {
+    Cs cs = {.system = &b->system, .fixed = NAN, .longest = 1e-3, .variable_step = 1};
+    int32_t done = kernel_cs_run(&cs, until, &until, 1, &b->record, 1);
+    while (!done && b->system.failure.code == PAUSED) {
+        done = kernel_cs_go_on(&cs);
+    }
+    return done;
+}
+
+typedef int32_t (*Run)(Bench *, double);
+
+static void test_run(Run run, int version, size_t n) {
+    Bench b;
+    setup(&b, version, n);
+    CHECK(run(&b, 3.0));
+    CHECK(b.system.failure.code == NO_FAILURE);
+    CHECK(b.fakes[0].falls >= 6);
+    CHECK(b.record.rows > 50);
+    CHECK(b.record.width == 1 + 2 + n);
+    double *columns = malloc(b.record.rows * b.record.width * sizeof(double));
+    kernel_record_columns(&b.record, columns);
+    for (size_t i = 1; i < b.record.rows; i++) {
+        CHECK(columns[i] >= columns[i - 1]);
+    }
+    free(columns);
+    kernel_record_free(&b.record);
+    kernel_record_free(&b.record);
+}
+
+static void test_failures(Run run, int version) {
+    for (int status = 2; status <= 4; status++) {
+        Bench b;
+        setup(&b, version, 1);
+        b.fakes[0].bad_time = 0.7;
+        b.fakes[0].bad_status = status;
+        CHECK(!run(&b, 3.0));
+        CHECK(b.system.failure.code == FAILED_STATUS || b.system.failure.code == FAILED_SOLVER);
+        kernel_record_free(&b.record);
+    }
+    for (size_t i = 0; i < N_FUNCTIONS; i++) {
+        Bench b;
+        setup(&b, version, 1);
+        b.functions[i] = NULL;
+        if (!run(&b, 1.0)) {
+            CHECK(b.system.failure.code == FAILED_MISSING);
+            CHECK(b.system.failure.function == (int32_t)i);
+        }
+        kernel_record_free(&b.record);
+    }
+}
+
+static void test_short_of_memory(Run run, int version) {
+    for (long k = 0;; k++) {
+        Bench b;
+        setup(&b, version, 1);
+        allowed = k;
+        const int32_t done = run(&b, 3.0);
+        allowed = -1;
+        CHECK(done || b.system.failure.code == FAILED_MEMORY);
+        kernel_record_free(&b.record);
+        if (done) {
+            CHECK(k > 0);
+            return;
+        }
+    }
+}
+
+int main(void) {
+    for (size_t n = 1; n <= 2; n++) {
+        test_run(run_me, 2, n);
+        test_run(run_cs, 3, n);
+    }
+    test_failures(run_me, 2);
+    test_failures(run_cs, 3);
+    test_short_of_memory(run_me, 2);
+    test_short_of_memory(run_cs, 3);
+    return failures != 0;
+}
