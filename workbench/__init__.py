@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
+    from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.simulate import SimulationResult, simulate
+    from workbench.analysis.trim import trim
+    from workbench.analysis.trim_result import TrimResult
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable, load
     from workbench.session import Record, Session, Snapshot
@@ -39,6 +42,7 @@ __all__ = [
     "NfrPoint",
     "NfrResult",
     "NfrSweep",
+    "OperatingPoint",
     "Prbs",
     "Record",
     "Session",
@@ -49,12 +53,14 @@ __all__ = [
     "Snapshot",
     "Step",
     "Table",
+    "TrimResult",
     "Variable",
     "WorkbenchError",
     "load",
     "nfr",
     "parse_signal",
     "simulate",
+    "trim",
 ]
 
 _HOMES = {
@@ -62,6 +68,9 @@ _HOMES = {
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
     "workbench.analysis.simulate": ("SimulationResult", "simulate"),
+    "workbench.analysis.operating_point": ("OperatingPoint",),
+    "workbench.analysis.trim": ("trim",),
+    "workbench.analysis.trim_result": ("TrimResult",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable", "load"),
     "workbench.session": ("Record", "Session", "Snapshot"),

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 
-from workbench.analysis.basic_period import listen
 from workbench.analysis.trim_balance import Balance
 from workbench.analysis.trim_continuous import ContinuousBalance
 from workbench.analysis.trim_map import MapBalance
@@ -19,7 +17,7 @@ from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import FmuModel, Model, Variable
-from workbench.session.time_events import next_time_event, to_next_event
+from workbench.session.point import Point
 
 __all__ = ["trim"]
 
@@ -28,7 +26,9 @@ DEFAULT_STEP = 1e-3  # [s], of co-simulation where nothing says how long a step 
 FINER = (1.0, 0.125, 0.125**2)  # parts of it that are tried
 WATCH_PERIODS = 20
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
-"""Limits of the running and watching that make sure of a point."""
+MOST_EVENTS = 400  # listened to for the sample rates
+FOREVER = 1e300  # [s]
+BTPTOL = 1e-6  # relative tolerance of the common multiple of sample periods
 
 
 def trim(
@@ -122,46 +122,54 @@ class _Trim:
     notes: list[str] = field(default_factory=list)
 
     def run(self) -> TrimResult:
-        if self.model.interface == "cs":
-            return self._co_simulation()
-        period = self._basic_period() if self.period is None else self.period
-        return self._equations() if period is None else self._period_map(period)
+        return self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
 
-    # -- what is there --------------------------------------------------------------------
-
-    def _values(self, states: Sequence[Variable] = ()) -> dict[str, float]:
-        """Return states and inputs as the user wants them, else as the model starts."""
-        names = [v.name for v in (*states, *self.model.inputs) if v.is_number]
+    def _inputs(self) -> dict[str, float]:
+        """Return the inputs as the user wants them, else as the model starts, bias included."""
+        names = [v.name for v in self.model.inputs if v.is_number]
         with self.model.open_session(start_time=self.time) as session:
             starts = session.values(names)
-        told = {**self.sets.guess, **self.sets.fix}
-        return {name: told.get(name, start) for name, start in starts.items()}
+        return {name: self._told(name, start) for name, start in starts.items()}
 
-    def _basic_period(self) -> float | None:
+    def _told(self, name: str, start: float) -> float:
+        return self.sets.fix.get(name, self.sets.guess.get(name, start))
+
+    # -- model exchange -------------------------------------------------------------------
+
+    def _model_exchange(self) -> TrimResult:
+        inputs = self._inputs()
+        with self.model.open_point(time=self.time, values=inputs) as point:
+            period = self._basic_period(point) if self.period is None else self.period
+            if period is None:
+                return self._equations(point)
+            states, memory = point.states, point.memory
+            values = {v.name: self._told(v.name, x) for v, x in zip(states, point.x0.tolist(), strict=True)}
+        # Discrete states before the first instant, not after it.
+        values.update({v.name: self._told(v.name, _start_of(self.model, v)) for v in memory})
+        if all(v.start is not None for v in states):
+            return self._period_map(period, states, memory, {**values, **inputs})
+        self.notes.append("a state has no start value to change; the model is run until nothing moves")
+        return self._running(states, {**values, **inputs}, [period])
+
+    def _basic_period(self, point: Point) -> float | None:
         """Return the period of the model's time events; None: it has none."""
-        with self.model.open_session(start_time=self.time) as session:
-            if not math.isfinite(next_time_event(session)):
-                return None
-            try:
-                found = listen(lambda: to_next_event(session))
-            except SimulationError:
-                found = None
-        if found is None:
-            self.notes.append(
-                "the time events have no common period; discrete states are held (give a period if there is one)"
-            )
-        return found
+        from workbench.analysis.lin.rates import basic_period, sample_periods  # noqa: PLC0415 - for sampled models alone
 
-    # -- methods --------------------------------------------------------------------------
+        times = point.ticks(MOST_EVENTS, FOREVER)
+        if not len(times):
+            return None
+        try:
+            return basic_period(sample_periods(times), BTPTOL)
+        except InputError as error:
+            self.notes.append(f"discrete states are held: {error}")
+            return None
 
-    def _equations(self) -> TrimResult:
-        with ExitStack() as stack:
-            point = stack.enter_context(self.model.open_point(time=self.time, values=self._values()))
-            balance = ContinuousBalance(point)
-            problem = pose(balance, self.sets)
-            exact = not balance.why_not_exact and self._probe(problem)
-            solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
-            return self._result("equations", problem, solution, [note])
+    def _equations(self, point: Point) -> TrimResult:
+        balance = ContinuousBalance(point)
+        problem = pose(balance, self.sets)
+        exact = not balance.why_not_exact and self._probe(problem)
+        solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
+        return self._result("equations", problem, solution, [note])
 
     def _probe(self, problem: Problem) -> bool:
         if not problem.unknowns or exact_agrees(problem):
@@ -171,35 +179,35 @@ class _Trim:
         )
         return False
 
-    def _period_map(self, period: float) -> TrimResult:
-        discrete, others = self._discrete()
-        states = [*self.model.states, *discrete]
+    def _period_map(
+        self, period: float, states: Sequence[Variable], memory: Sequence[Variable], values: Mapping[str, float]
+    ) -> TrimResult:
         balance = MapBalance(
             self.model,
-            states,
+            [*states, *memory],
             period=period,
             time=self.time,
-            values=self._values(states),
-            discrete=[v.name for v in discrete],
+            values=values,
+            discrete=[v.name for v in memory],
             tolerance=1e-10,
         )
-        return self._fixed_point("period map", balance, others)
+        return self._fixed_point("period map", balance)
 
-    def _fixed_point(self, method: str, balance: MapBalance, others: Sequence[Variable]) -> TrimResult:
+    def _fixed_point(self, method: str, balance: MapBalance) -> TrimResult:
         problem = pose(balance, self.sets)
         loosest = max(self.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
         solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
-        restless = self._restless(balance, problem, solution, others) if solution.converged else ""
+        restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
             solution = replace(solution, converged=False)
         return self._result(method, problem, solution, [note, restless])
 
-    def _restless(self, balance: MapBalance, problem: Problem, solution: Solution, others: Sequence[Variable]) -> str:
+    def _restless(self, balance: MapBalance, problem: Problem, solution: Solution) -> str:
         """Return what moves in the periods after the first although the states came back; "": nothing does."""
         floating = set(self.sets.floating)
         nominal = {s.name: s.nominal for s in (*balance.states, *balance.outputs)}
         try:
-            moved = balance.drift(*problem.at(solution.values), others, periods=WATCH_PERIODS)
+            moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
         except SimulationError as error:
             return f"the model fails when it runs on from there: {error}"
         if floating:
@@ -209,24 +217,23 @@ class _Trim:
             f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had come back" if bad else ""
         )
 
-    def _discrete(self) -> tuple[list[Variable], list[Variable]]:
-        """Return the discrete states that can be set, and the other discrete variables."""
-        every = self.model.description.variables if isinstance(self.model, FmuModel) else ()
-        found = [v for v in every if v.variability == "discrete" and v.causality in ("local", "output") and v.is_number]
-        settable = [v for v in found if v.start is not None and v.type in ("Real", "Float64", "Float32")]
-        return settable, [v for v in found if v not in settable]
-
     # -- co-simulation --------------------------------------------------------------------
 
     def _co_simulation(self) -> TrimResult:
         states = list(self.model.states)
-        values = self._values(states)
+        values = {**self._starts(states), **self._inputs()}
         steps = [(self.period or self.step or _own_step(self.model)) * part for part in FINER]
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
-            return self._fixed_point("step map", balance, ())
-        self.notes.append("the states cannot be set; the model is run until nothing moves")
+            return self._fixed_point("step map", balance)
+        why = "the states cannot be set" if states else "the model shows no states"
+        self.notes.append(f"{why}; it is run until nothing moves")
         return self._running(states, values, steps if self.step is None else steps[:1])
+
+    def _starts(self, states: Sequence[Variable]) -> dict[str, float]:
+        with self.model.open_session(start_time=self.time) as session:
+            found = session.values([v.name for v in states])
+        return {name: self._told(name, start) for name, start in found.items()}
 
     def _settable(self, states: Sequence[Variable], values: Mapping[str, float]) -> bool:
         """Whether states take the start values that they are given."""
@@ -266,7 +273,8 @@ class _Trim:
     # -- end ------------------------------------------------------------------------------
 
     def _result(self, method: str, problem: Problem, solution: Solution, notes: Sequence[str]) -> TrimResult:
-        residuals, nulls = residual_table(problem, solution), directions(problem, solution)
+        residuals = residual_table(problem, solution)
+        nulls = directions(problem, solution) if solution.converged else ()
         chosen = self._chosen(problem, solution)
         message = in_words(residuals, nulls, converged=solution.converged, chosen=chosen, tolerance=self.tolerance)
         balance: Balance = problem.balance
@@ -298,6 +306,12 @@ def _own_step(model: Model) -> float:
     if isinstance(model, FmuModel):
         return model.recipe.step or model.description.experiment.step or DEFAULT_STEP
     return DEFAULT_STEP
+
+
+def _start_of(model: Model, variable: Variable) -> float:
+    """Return a discrete state's start value, the one that the user loaded the model with if there is one."""
+    given = model.recipe.start_values if isinstance(model, FmuModel) else {}
+    return float(given.get(variable.name, variable.start or 0.0))
 
 
 def _check_positive(*, tolerance: float, period: float | None, step: float | None, longest: float | None) -> None:

@@ -89,15 +89,15 @@ class MapBalance(Balance):
         found = np.array([values[n] for n in names])
         return found[: len(self.states)], found[len(self.states) :]
 
-    def drift(self, states: Floats, inputs: Floats, watch: Sequence[Variable], *, periods: int) -> dict[str, float]:
-        """Return by how much `watch`, states and outputs move from the end of the first period to those of later ones.
+    def drift(self, states: Floats, inputs: Floats, *, periods: int) -> dict[str, float]:
+        """Return by how much states and outputs move from the end of the first period to those of later ones.
 
         The states may all come back after one period while something that they do not show has moved on.
 
         Raises:
             SimulationError: the model fails on the way.
         """
-        names = list(dict.fromkeys([*(s.name for s in (*self.states, *self.outputs)), *(v.name for v in watch)]))
+        names = list(dict.fromkeys(s.name for s in (*self.states, *self.outputs)))
         rows = []
         self.evaluations += periods
         with self._open(states, inputs) as session:

@@ -125,7 +125,7 @@ class Problem:
 
     def _advice(self, spare: int) -> str:
         if spare > 0:
-            return f"under-determined by {spare}; fix {_more(spare)}, else the nearest of many solutions is taken"
+            return f"under-determined by {spare}; fix {_more(spare)}, else one of many solutions is taken"
         held = [
             s.name for s in self.balance.inputs if not s.whole and s.name not in {k.slot.name for k in self.unknowns}
         ]

@@ -13,6 +13,7 @@ from workbench.cli.build import build
 from workbench.cli.info import info
 from workbench.cli.nfr import nfr
 from workbench.cli.simulate import simulate
+from workbench.cli.trim import trim
 from workbench.errors import WorkbenchError, one_line
 
 __all__ = ["BAD_INPUT", "INTERRUPTED", "main"]
@@ -32,6 +33,7 @@ app = typer.Typer(
 app.command("info")(info)
 app.command("simulate")(simulate)
 app.command("nfr")(nfr)
+app.command("trim")(trim)
 app.command("build")(build)
 
 
