@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from workbench.errors import InputError, SimulationError
-from workbench.fmi.variable import Value, Variable
+from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 from workbench.session.forcing import convert
@@ -55,6 +55,7 @@ class Point(ABC):
         x0: states of the base point, shape (n,).
         u0: inputs of the base point, shape (m,).
         nominal: nominal values of the states, shape (n,).
+        memory: discrete real states that the model shows and lets one start elsewhere.
         calls: number of "derivatives" (each with the outputs) and "directional" evaluations so far.
     """
 
@@ -65,6 +66,7 @@ class Point(ABC):
     x0: Floats
     u0: Floats
     nominal: Floats
+    memory: tuple[Variable, ...]
     calls: Counter[str]
 
     @abstractmethod
@@ -77,6 +79,15 @@ class Point(ABC):
 
         Raises:
             SimulationError: the model cannot be evaluated there; other points may still be.
+        """
+
+    @abstractmethod
+    def ticks(self, most: int, until: float) -> Floats:
+        """Return the next times up to `until` [s] at which the model asks for an event, states held.
+
+        Args:
+            most: so many at most.
+            until: [s].
         """
 
     @abstractmethod
@@ -136,7 +147,7 @@ class FmuPoint(Point):
         self.calls = Counter()
         self._state: Any = None
         self._bind()
-        self._snapshot = session.snapshot() if self._has_relations else None
+        self._snapshot = session.snapshot()
         self.nominal = _usable(session.instance.get_nominals())
         self.x0, self.u0 = self._standing()
         self._remember()
@@ -149,6 +160,7 @@ class FmuPoint(Point):
         self.inputs = tuple(v for v in variables if v.causality == "input")
         self.outputs = tuple(v for v in variables if v.causality == "output")
         held = [v for v in variables if v.variability == "discrete" and v.causality in ("local", "output")]
+        self.memory = tuple(v for v in held if v.type in FLOAT_TYPES and v.start is not None)
         self._inputs, self._outputs, self._held = (instance.access(v) for v in (self.inputs, self.outputs, held))
         self._fast = [i for i, v in enumerate(self.inputs) if v.is_continuous_input]
         self._slow = [i for i, v in enumerate(self.inputs) if not v.is_continuous_input]
@@ -208,12 +220,12 @@ class FmuPoint(Point):
 
     def _again(self) -> None:
         """Take the session back to where it stood, and go to the base point once more."""
-        if self._snapshot is None:
-            raise SimulationError("the FMU failed at a perturbed point and cannot be taken back", time=self.time)
+        self._free()
         self.session.restore(self._snapshot)
-        self._state = None if not self.session.instance.healthy else self._state
         self._bind()
         self._settle(self.x0, self.u0)
+        if self._has_relations and self.session.setup.state_works():
+            self._state = self.session.instance.get_state()
 
     # -- evaluation -----------------------------------------------------------------------
 
@@ -276,8 +288,10 @@ class FmuPoint(Point):
     def _read(self) -> Evaluation:
         instance = self.session.instance
         self.calls["derivatives"] += 1
+        # Outputs first: OpenModelica's FMUs do not compute them anew once the derivatives are known.
+        y = _floats(self._outputs.read() if self.outputs else [])
         instance.get_derivatives()
-        dx, y = instance.dx.copy(), _floats(self._outputs.read() if self.outputs else [])
+        dx = instance.dx.copy()
         if not (np.isfinite(dx).all() and np.isfinite(y).all()):
             raise SimulationError(f"{self._not_finite(dx, y)} is not a finite number", time=self.time)
         return Evaluation(dx, y)
@@ -313,6 +327,21 @@ class FmuPoint(Point):
         named = (*description.derivatives, *description.states, *self.inputs, *self.outputs)
         arrays = [v.name for v in named if v.value_reference in description.shapes]
         return f"{arrays[0]} is an element of an array, which directional derivatives take as a whole" if arrays else ""
+
+    def ticks(self, most: int, until: float) -> Floats:
+        instance, found = self.session.instance, list[float]()
+        self._back()
+        self._away = self._lost = True
+        time = self.time
+        while len(found) < most:
+            instance.set_time(time)
+            instance.enter_event_mode()
+            time = instance.iterate_events().next_time
+            instance.enter_continuous_mode()
+            if not time <= until or (found and time <= found[-1]):
+                break
+            found.append(time)
+        return np.array(found)
 
     def discrete(self) -> dict[str, float]:
         return {v.name: float(x) for v, x in zip(self._held.variables, self._held0, strict=True)}

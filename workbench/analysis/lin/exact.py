@@ -1,0 +1,91 @@
+"""Linearise by the FMU's own directional derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.analysis.lin.assemble import continuous_result, operating_point
+from workbench.analysis.lin.difference import AGREE, ROUNDING, Columns
+from workbench.analysis.lin.explain import zeros_of
+from workbench.analysis.lin.result import Doubt, LinResult
+from workbench.analysis.lin.task import LinTask, columns_of, open_base
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["exact"]
+
+
+def exact(task: LinTask) -> LinResult:
+    """Linearise a model exchange FMU by directional derivatives.
+
+    One call per state and input. What the FMU says is not believed: all columns together are compared with a
+    central difference in random directions; where that disagrees, each entry is compared with its own
+    difference and reported with both values. Inputs that are no continuous reals have no exact
+    derivative; their columns are differences, and a note says so.
+
+    Not for: FMUs without directional derivatives; points on a kink or inside a quantiser, where the exact
+    derivative (0) describes nothing (such entries are marked locally flat); sampled models
+    (kalman-bertram).
+
+    Args:
+        task: the linearisation.
+
+    Raises:
+        InputError: the FMU offers no directional derivatives, or widths were given.
+        SimulationError: the model cannot be evaluated at the point.
+
+    Source: the source report, chapter 3.1.1; FMI 2.0.4, section 2.1.9.
+    """
+    if task.dx is not None or task.du is not None:
+        raise InputError("method exact: it takes no widths; leave dx and du out, or use method difference")
+    with open_base(task) as point:
+        why = point.why_not_exact()
+        if why:
+            raise InputError(f"method exact: {why}; use method difference")
+        n = len(point.states)
+        jacobian = point.jacobian()[:, [*range(n), *(n + i for i in columns_of(task, point))]]
+        columns = Columns(task, point)
+        notes = _fill(columns, jacobian)
+        doubts = [] if _probed(columns, jacobian) else _disagreements(columns, jacobian)
+        reach = columns.reach(jacobian)
+        result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
+        known = set(result.state_names) | set(result.output_names)
+        every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
+        return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
+
+
+def _fill(columns: Columns, jacobian: Floats) -> tuple[str, ...]:
+    """Put differences where there is no exact derivative."""
+    missing = np.flatnonzero(np.isnan(jacobian).any(axis=0)).tolist()
+    for j in missing:
+        jacobian[:, j] = columns.pair(j, columns.widths[j]).slope
+    names = ", ".join(columns.names[j] for j in missing)
+    return (f"{names}: no continuous real, so its column is a difference",) if missing else ()
+
+
+def _probed(columns: Columns, jacobian: Floats) -> bool:
+    """Whether differences in two random directions go as the matrix says."""
+    random = np.random.default_rng(2)
+    for _ in range(2):
+        shift = 0.5 * columns.widths * random.choice([-1.0, 1.0], len(columns.names))
+        above, below = columns.values(shift), columns.values(-shift)
+        scale = 2.0 * np.abs(jacobian) @ np.abs(shift)
+        noise = ROUNDING * (np.abs(above) + np.abs(below))
+        if (np.abs(above - below - 2.0 * jacobian @ shift) > AGREE * 1e-2 * scale + noise).any():
+            return False
+    return True
+
+
+def _disagreements(columns: Columns, jacobian: Floats) -> list[Doubt]:
+    """Compare every entry with its difference."""
+    found = []
+    other = columns.central(columns.widths)
+    noise = ROUNDING * np.abs(columns.values(np.zeros(len(columns.names))))[:, None] / columns.widths
+    apart = np.abs(other - jacobian) > AGREE * np.maximum(np.abs(other), np.abs(jacobian)) + 4.0 * noise
+    for i, j in np.argwhere(apart):
+        value, measured = float(jacobian[i, j]), float(other[i, j])
+        reason = f"the FMU's directional derivative is {value:.6g}, a difference gives {measured:.6g}"
+        found.append(Doubt(columns.rows[i], columns.names[j], value, measured, reason))
+    return found

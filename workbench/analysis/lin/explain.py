@@ -1,0 +1,98 @@
+"""Why rows and columns of a linear model are zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.lin.result import LinResult, Zero
+
+__all__ = ["Reach", "zeros_of"]
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Which entries are zero here but not when their variable moves as far as its own scale.
+
+    Attributes:
+        rows: names of the rows.
+        columns: names of the columns.
+        above, below: shape (rows, columns), for a rising and a falling variable.
+        looked: whether anybody moved them.
+    """
+
+    rows: Sequence[str]
+    columns: Sequence[str]
+    above: Flags
+    below: Flags
+    looked: bool = True
+
+    @classmethod
+    def none(cls, rows: Sequence[str], columns: Sequence[str], *, looked: bool = True) -> Reach:
+        """Return a table in which nothing moves."""
+        shape = (len(rows), len(columns))
+        return cls(rows, columns, np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool), looked)
+
+    def where(self, i: int, j: int) -> str:
+        """Return "rises", "falls" or both for an entry."""
+        return _direction(bool(self.above[i, j]), bool(self.below[i, j]))
+
+    def of(self, name: str, *, row: bool) -> tuple[bool, bool]:
+        """Return whether anything in a row or column moves above and below."""
+        names = self.rows if row else self.columns
+        indices = [i for i, n in enumerate(names) if n == name]
+        axis = 0 if row else 1
+        above, below = (np.take(t, indices, axis=axis).any() for t in (self.above, self.below))
+        return bool(above), bool(below)
+
+
+def zeros_of(result: LinResult, reach: Reach) -> tuple[Zero, ...]:
+    """Return every zero row and column of a linear model with its reason."""
+    through = np.vstack([result.B, result.D])
+    found = [
+        Zero("input", name, _reason(reach, name, row=False, none="nothing depends on it: not connected here"))
+        for name, column in zip(result.input_names, through.T, strict=True)
+        if not column.any()
+    ]
+    outer = np.hstack([result.C, result.D])
+    found += [
+        Zero("output", name, _reason(reach, name, row=True, none="no state or chosen input moves it: frozen"))
+        for name, row in zip(result.output_names, outer, strict=True)
+        if not row.any()
+    ]
+    inner = np.hstack([result.A, result.B])
+    what = "no state or chosen input moves its derivative: it drifts at a constant rate or is frozen"
+    found += [
+        Zero("rate", name, _reason(reach, name, row=True, none=what))
+        for name, row in zip(result.state_names, inner, strict=True)
+        if not row.any()
+    ]
+    columns = np.vstack([result.A, result.C])
+    found += [
+        Zero("state", name, _reason(reach, name, row=False, none="it influences nothing: unobservable"))
+        for name, column in zip(result.state_names, columns.T, strict=True)
+        if not column.any()
+    ]
+    return tuple(found)
+
+
+def _reason(reach: Reach, name: str, *, row: bool, none: str) -> str:
+    if not reach.looked:
+        return none
+    above, below = reach.of(name, row=row)
+    if above and below:
+        return "locally flat: a wider perturbation moves it (quantised, dead zone or hysteresis)"
+    if above or below:
+        side = _direction(above, below)
+        whose = "something" if row else "it"
+        return f"saturated or switched off: only what happens when {whose} {side} far enough moves it"
+    return none
+
+
+def _direction(above: bool, below: bool) -> str:  # noqa: FBT001
+    return "moves" if above and below else "rises" if above else "falls"

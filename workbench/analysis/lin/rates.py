@@ -1,0 +1,100 @@
+"""Sample rates out of event times, and the basic time period they have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["basic_period", "sample_periods"]
+
+_LARGEST_FACTOR = 10_000  # of a period in the basic period
+_AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
+
+
+def sample_periods(times: Floats) -> tuple[float, ...]:
+    """Take event times apart into periodic sequences and return their periods, rising.
+
+    The first event left over and the nearest later one that both belong to a sequence without gaps
+    begin a sequence; its events that no other sequence needs are taken out, and so on.
+
+    Args:
+        times: shape (n,) [s], rising, all events of a stretch of time.
+
+    Raises:
+        InputError: fewer than three events, or they follow no constant rates.
+    """
+    if len(times) < 3:
+        raise InputError("too few time events to find sample periods; give periods")
+    tolerance = _AGREE * float(np.diff(times).min())
+    left, found = times, list[float]()
+    while len(left):
+        period = _period(left, times, tolerance)
+        found.append(period)
+        grid = left[0] + period * np.arange(round((times[-1] - left[0]) / period) + 1)
+        left = np.array([t for t in left if np.abs(grid - t).min() > tolerance])
+    return tuple(sorted(found))
+
+
+def _period(left: Floats, times: Floats, tolerance: float) -> float:
+    """Return the period of the sequence that the first of `left` begins."""
+    for candidate in left[1:] if len(left) > 1 else ():
+        period = float(candidate - left[0])
+        count = math.floor((times[-1] - left[0] + tolerance) / period)
+        grid = left[0] + period * np.arange(count + 1)
+        if count >= 2 and all(np.abs(times - t).min() <= tolerance for t in grid):
+            return float(grid_fit(times, grid))
+    raise InputError("the time events follow no constant rates; give periods, or use method difference or response")
+
+
+def grid_fit(times: Floats, grid: Floats) -> float:
+    """Return the mean distance of the events nearest to a grid [s]."""
+    last = times[np.abs(times - grid[-1]).argmin()]
+    return float((last - grid[0]) / (len(grid) - 1))
+
+
+def basic_period(periods: Sequence[float], btptol: float) -> float:
+    """Return the least common multiple of sample periods [s].
+
+    The ratio of each period to the shortest is replaced by the simplest fraction within `btptol`, so that
+    all samples of one basic period fall together with a relative error of at most that.
+
+    Args:
+        periods: [s].
+        btptol: relative tolerance.
+
+    Raises:
+        InputError: a period or the tolerance is not positive, or there is no common multiple of reasonable size.
+
+    Source: the source report, chapter 3.1.3.
+    """
+    if not periods or not all(p > 0.0 and math.isfinite(p) for p in periods):
+        raise InputError("periods must be positive")
+    if not 0.0 < btptol < 1.0:
+        raise InputError(f"btptol must lie between 0 and 1, not at {btptol:g}")
+    shortest = min(periods)
+    ratios = [_simplest(p / shortest, btptol) for p in periods]
+    multiple = Fraction(1)
+    for ratio in ratios:
+        top = math.lcm(multiple.numerator * ratio.denominator, ratio.numerator * multiple.denominator)
+        multiple = Fraction(top, multiple.denominator * ratio.denominator)
+    if multiple > _LARGEST_FACTOR:
+        listed = ", ".join(f"{p:.6g}" for p in periods)
+        raise InputError(f"sample periods {listed} s have no common multiple within btptol {btptol:g}; enlarge it")
+    # The period fits best where most samples are: the mean over all of period · whole number of samples.
+    fits = [p * round(float(multiple) / float(r)) for p, r in zip(periods, ratios, strict=True)]
+    return float(np.mean(fits))
+
+
+def _simplest(ratio: float, tolerance: float) -> Fraction:
+    """Return the fraction with the smallest denominator within a relative tolerance."""
+    for denominator in range(1, _LARGEST_FACTOR):
+        candidate = Fraction(round(ratio * denominator), denominator)
+        if abs(float(candidate) - ratio) <= tolerance * ratio:
+            return candidate
+    raise InputError(f"the ratio {ratio:.9g} of two sample periods is no fraction; give periods")

@@ -1,0 +1,115 @@
+"""State-space models from Markov parameters, and from discrete to continuous time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from scipy.linalg import logm
+
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["Realisation", "hold_inverse", "realise"]
+
+LARGEST_BLOCK = 150  # rows and columns of blocks in the Hankel matrix
+LARGEST_ORDER = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """A discrete model that reproduces Markov parameters.
+
+    Attributes:
+        A: shape (n, n).
+        B: shape (n, m).
+        C: shape (q, n).
+        D: shape (q, m).
+        singular_values: of the Hankel matrix, falling.
+        error: largest difference to the Markov parameters, relative to the largest of the same output and input.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    singular_values: Floats
+    error: float
+
+
+def realise(markov: Floats, *, noise: float, order: int | None = None) -> Realisation:
+    """Return the model that reproduces Markov parameters: h(0) = D, h(k) = C A^(k−1) B.
+
+    Every output and input is scaled to its own largest parameter. The order is the number of singular values of the
+    Hankel matrix above what errors of size `noise` in its elements can make of zero.
+
+    Args:
+        markov: shape (k, q, m), k ≥ 4.
+        noise: error of the scaled parameters.
+        order: instead of the one chosen.
+
+    Raises:
+        InputError: an order that the parameters cannot carry.
+
+    Source: J.-N. Juang and R. S. Pappa, An eigensystem realization algorithm for modal parameter identification and
+    model reduction, J. Guidance 8 (1985); python-control's `eigensys_realization`.
+    """
+    k, q, m = markov.shape
+    outer = _sizes(markov, axis=(0, 2))
+    inner = _sizes(markov / outer[None, :, None], axis=(0, 1))
+    scaled = markov / outer[None, :, None] / inner[None, None, :]
+    size = min(LARGEST_BLOCK, (k - 1) // 2)
+    data = np.moveaxis(scaled[: 2 * size + 1], 0, -1)
+    if not scaled[1:].any():
+        return _static(markov)
+    _, values = control.eigensys_realization(data, 1, m=size, n=size)
+    values = np.asarray(values, dtype=np.float64)
+    floor = max(noise, 1e-14) * size * np.sqrt(q * m) * 2.0
+    chosen = int((values > floor).sum()) if order is None else order
+    most = min(LARGEST_ORDER, size * min(q, m), len(values))
+    if order is not None and not 0 < order <= most:
+        raise InputError(f"order must lie between 1 and {most} for {k} points, not at {order}")
+    chosen = min(chosen, most)
+    if chosen == 0:
+        return _static(markov)
+    system, _ = control.eigensys_realization(data, chosen, m=size, n=size)
+    found = [np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C)]
+    A, B, C = found
+    return Realisation(A, B, C, markov[0], values, _error(A, B, C, markov))
+
+
+def _sizes(values: Floats, axis: tuple[int, ...]) -> Floats:
+    largest = np.abs(values).max(axis=axis)
+    result: Floats = np.where(largest > 0.0, largest, 1.0)
+    return result
+
+
+def _static(markov: Floats) -> Realisation:
+    _, q, m = markov.shape
+    return Realisation(np.zeros((0, 0)), np.zeros((0, m)), np.zeros((q, 0)), markov[0], np.zeros(0), 0.0)
+
+
+def _error(A: Floats, B: Floats, C: Floats, markov: Floats) -> float:
+    state, worst = B, np.zeros(markov.shape[1:])
+    for real in markov[1:]:
+        worst = np.maximum(worst, np.abs(C @ state - real))
+        state = A @ state
+    return float((worst / _sizes(markov, axis=(0,))).max())
+
+
+def hold_inverse(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
+    """Return the continuous A and B whose zero-order hold over `dt` [s] gives the discrete ones.
+
+    Raises:
+        InputError: there is none that is real: a pole at 0 or on the negative real axis.
+    """
+    n, m = B.shape
+    block = np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])
+    poles = np.linalg.eigvals(A) if n else np.zeros(0)
+    alone = (np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 1e-12)
+    if alone.any():
+        pole = poles[alone][0].real
+        raise InputError(f"no continuous model has the discrete pole {pole:.6g}; take a shorter period or leave it discrete")
+    full = np.asarray(logm(block)).real / dt
+    return full[:n, :n], full[:n, n:]

@@ -1,0 +1,270 @@
+"""What a linearisation returns: a python-control StateSpace that knows how it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+__all__ = ["Doubt", "Intersample", "LinResult", "LinearModel", "Zero"]
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """An entry that should not be trusted blindly.
+
+    Attributes:
+        row: derivative or output, by its state's or its own name.
+        column: state or input.
+        value: what stands in the matrix.
+        other: what the check found; None where it found no number.
+        reason: in one line.
+    """
+
+    row: str
+    column: str
+    value: float
+    other: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Zero:
+    """A row or column that is zero, and why.
+
+    Attributes:
+        kind: "input", "output", "state" (its column) or "rate" (its row).
+        name: variable.
+        reason: in one line.
+    """
+
+    kind: str
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Intersample:
+    """Outputs within one period of a discrete model whose input is held.
+
+    Attributes:
+        tau: shape (k + 1,), times since the sample [s]; the last is the period.
+        C: shape (k, 2, q, n), output at the beginning (right limit) and end (left limit) of each interval.
+        D: shape (k, 2, q, m).
+        sampled: the input acts at sample instants only, so that a continuous input gives the same.
+    """
+
+    tau: Floats
+    C: Floats
+    D: Floats
+    sampled: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinResult:
+    """A linear model and how it was made.
+
+    Continuous (dt = 0): dx/dt = A x + B u, y = C x + D u. Discrete (dt > 0): x(k+1) = A x(k) + B u(k),
+    y(k) = C x(k) + D u(k), the input held from sample to sample. All are deviations from `point`.
+
+    Attributes:
+        model, interface: what was linearised.
+        method: name in `workbench.analysis.lin.methods.METHODS`.
+        why: why this method.
+        A: shape (n, n).
+        B: shape (n, m).
+        C: shape (q, n).
+        D: shape (q, m).
+        dt: 0 for a continuous model, else the period [s].
+        state_names, input_names, output_names: of rows and columns.
+        units: any of these names → unit, None where the model names none.
+        point: where the model was linearised.
+        zeros: rows and columns that are zero, each with its reason.
+        doubts: entries that are not certain, each with its reason.
+        notes: what else should be known, one line each.
+        calls: how often the model was evaluated, by kind.
+        intersample: outputs between the samples, where they are known.
+    """
+
+    model: str
+    interface: str
+    method: str
+    why: str
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    dt: float
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    units: Mapping[str, str | None]
+    point: OperatingPoint
+    zeros: tuple[Zero, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+    notes: tuple[str, ...] = ()
+    calls: Mapping[str, int] = field(default_factory=dict)
+    intersample: Intersample | None = None
+
+    @property
+    def poles(self) -> Complex:
+        """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
+        return np.linalg.eigvals(self.A).astype(np.complex128)
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """Return the frequency response, shape (k, q, m).
+
+        Args:
+            frequency_hz: shape (k,) [Hz].
+        """
+        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+        points = np.exp(s * self.dt) if self.dt > 0.0 else s
+        return np.array([self.C @ self._state(p) + self.D for p in points], dtype=np.complex128)
+
+    def _state(self, p: complex) -> Complex:
+        with np.errstate(all="ignore"):
+            try:
+                state: Complex = np.linalg.solve(p * np.eye(len(self.A)) - self.A, self.B).astype(np.complex128)
+            except np.linalg.LinAlgError:  # on a pole
+                return np.full(self.B.shape, np.nan, dtype=np.complex128)
+            return state
+
+    def fundamental(self, frequency_hz: Floats) -> Complex:
+        """Return what a frequency response measured with sines would show, shape (k, q, m).
+
+        For a continuous model this is `response`. For a discrete one the output between the samples is
+        taken into account, and that a continuous sine is not held where it acts between the samples.
+
+        Args:
+            frequency_hz: shape (k,) [Hz].
+        """
+        if self.dt == 0.0 or self.intersample is None:
+            return self.response(frequency_hz)
+        return np.array([self._fundamental(f) for f in np.asarray(frequency_hz)], dtype=np.complex128)
+
+    def _fundamental(self, frequency: float) -> Complex:
+        between, s = self.intersample, 2j * np.pi * frequency
+        if between is None:
+            return self.response(np.array([frequency]))[0]
+        state = self._state(np.exp(s * self.dt))
+        y = between.C @ state + between.D  # (k, 2, q, m)
+        first, last = _weights(between.tau, s)
+        total = np.einsum("k,kqm->qm", first, y[:, 0]) + np.einsum("k,kqm->qm", last, y[:, 1])
+        held = 1.0 if between.sampled else (1.0 - np.exp(-s * self.dt)) / (s * self.dt)
+        result: Complex = total / self.dt / held
+        return result
+
+    def to_state_space(self) -> control.StateSpace:
+        """Return the model for python-control, with names."""
+        return LinearModel(self)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: Bode and step response, one column per input.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.lin import plot_lin  # noqa: PLC0415  matplotlib is slow
+
+        return plot_lin(self, path)
+
+    def because(self, why: str) -> LinResult:
+        """Return the same result with the reason for its method."""
+        return replace(self, why=why)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "model": self.model,
+            "interface": self.interface,
+            "method": self.method,
+            "why": self.why,
+            **{name: np.asarray(getattr(self, name)).tolist() for name in "ABCD"},
+            "dt": self.dt,
+            **{n: list(getattr(self, n)) for n in ("state_names", "input_names", "output_names")},
+            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
+            "x0": dict(self.point.x),
+            "u0": dict(self.point.u),
+            "y0": dict(self.point.y),
+            "discrete0": dict(self.point.discrete),
+            "time": self.point.time,
+            "units": dict(self.units),
+            "zero_rows_and_columns": [vars(z) for z in self.zeros],
+            "doubtful": [vars(d) for d in self.doubts],
+            "notes": list(self.notes),
+            "calls": dict(self.calls),
+        }
+
+
+def _weights(tau: Floats, s: complex) -> tuple[Complex, Complex]:
+    """Return the weights of both ends of each interval in ∫ y e^(−sτ) dτ, y linear in between."""
+    h = np.diff(tau)
+    z = s * h
+    e0, e1 = np.exp(-s * tau[:-1]), np.exp(-s * tau[1:])
+    small = np.abs(z) < 1e-4
+    safe = np.where(small, 1.0, z)
+    last = np.where(small, e1 * h / 2.0, h * (e0 - e1 * (1.0 + safe)) / safe**2)
+    both = np.where(small, (e0 + e1) * h / 2.0, h * (e0 - e1) / safe)
+    return both - last, last
+
+
+def _undotted(names: tuple[str, ...]) -> list[str]:
+    """Return names that python-control takes, still different from each other."""
+    plain = [n.replace(".", "_") for n in names]
+    return plain if len(set(plain)) == len(plain) else [n.replace(".", "__") for n in names]
+
+
+class LinearModel(control.StateSpace):  # type: ignore[misc]  # python-control has no types
+    """A `control.StateSpace` with names that knows how it was made.
+
+    Whatever python-control does with a StateSpace it does with this one; what comes out of such an
+    operation (a series connection, a sampled model) is a plain StateSpace. python-control forbids dots in
+    names: "plant.tau" is "plant_tau" there; `result` has the names as they are.
+
+    Args:
+        result: the linearisation.
+
+    Attributes:
+        result: the linearisation with its point, method, doubts and notes.
+    """
+
+    def __init__(self, result: LinResult) -> None:
+        super().__init__(
+            result.A,
+            result.B,
+            result.C,
+            result.D,
+            result.dt,
+            states=_undotted(result.state_names),
+            inputs=_undotted(result.input_names),
+            outputs=_undotted(result.output_names),
+            name=result.model.replace(".", "_"),
+            remove_useless_states=False,
+        )
+        self.result = result
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: Bode and step response, one column per input.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        return self.result.plot(path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return self.result.to_dict()

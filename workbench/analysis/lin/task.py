@@ -1,0 +1,158 @@
+"""What is to be linearised, where, and how widely it is perturbed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError, suggest
+from workbench.fmi.variable import FLOAT_TYPES
+from workbench.model import Model, Variable
+from workbench.session.base import Floats
+from workbench.session.point import Point
+
+__all__ = ["LinTask", "Width", "columns_of", "open_base", "width_for"]
+
+Width = float | Mapping[str, float] | Sequence[float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinTask:
+    """One linearisation.
+
+    Attributes:
+        model: what to linearise.
+        inputs, outputs: names, in the order of the result.
+        values: states, discrete states and inputs → value, where they are not the model's own.
+        time: session time of the point [s].
+        dx, du: total widths of the perturbations: for all, by name, or in order; None: chosen.
+        periods: sample periods [s]; None: found.
+        btptol: relative tolerance in which sample periods have a common multiple.
+        period: over which `response` holds its input [s]; None: the communication step.
+        points: how many such periods it records.
+        order: of the model that `response` finds; None: chosen.
+        continuous: turn a discrete result into a continuous one.
+    """
+
+    model: Model
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    values: Mapping[str, float] = field(default_factory=dict)
+    time: float = 0.0
+    dx: Width = None
+    du: Width = None
+    periods: tuple[float, ...] | None = None
+    btptol: float = 1e-6
+    period: float | None = None
+    points: int = 400
+    order: int | None = None
+    continuous: bool = False
+
+    def with_values(self, values: Mapping[str, float]) -> LinTask:
+        """Return the same task with some values replaced."""
+        return replace(self, values={**self.values, **values})
+
+
+def make_task(
+    model: Model,
+    *,
+    at: OperatingPoint | None,
+    x0: Mapping[str, float] | None,
+    u0: Mapping[str, float] | None,
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+    time: float | None,
+    **options: Any,  # noqa: ANN401  the other fields of LinTask, for `lin` alone
+) -> LinTask:
+    """Return the task that the options of `lin` describe.
+
+    Raises:
+        InputError: unknown name.
+    """
+    where = at or OperatingPoint(x={}, u={})
+    states = {**where.x, **where.discrete, **(x0 or {})}
+    forced = {**where.u, **(u0 or {})}
+    known = [v.name for v in model.inputs]
+    check_names("u0", forced, known)
+    return LinTask(
+        model=model,
+        inputs=_chosen("inputs", inputs, model.inputs),
+        outputs=_chosen("outputs", outputs, model.outputs or model.states, (*model.outputs, *model.states)),
+        values={**states, **forced},
+        time=where.time if time is None else time,
+        **options,
+    )
+
+
+def _chosen(
+    what: str, wanted: Sequence[str] | None, usual: Iterable[Variable], allowed: Iterable[Variable] | None = None
+) -> tuple[str, ...]:
+    if wanted is None:
+        return tuple(v.name for v in usual if v.type in FLOAT_TYPES)
+    check_names(what, wanted, [v.name for v in (usual if allowed is None else allowed)])
+    return tuple(dict.fromkeys(wanted))
+
+
+def check_names(what: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse names that are not known.
+
+    Raises:
+        InputError: one is not.
+    """
+    listed = list(known)
+    for name in names:
+        if name not in listed:
+            raise InputError(f"{what}: the model has no '{name}' there; {suggest(name, listed)}")
+
+
+def open_base(task: LinTask) -> Point:
+    """Return the point of the task; states that the FMU does not let one start elsewhere are moved there.
+
+    Raises:
+        InputError: unknown state, or the model has no points.
+    """
+    point = task.model.open_point(time=task.time, values=task.values)
+    try:
+        known = [v.name for v in (*point.states, *point.inputs)] + list(point.discrete())
+        check_names("x0", task.values, known)
+        x = np.array([task.values.get(v.name, old) for v, old in zip(point.states, point.x0, strict=True)])
+        u = np.array([task.values.get(v.name, old) for v, old in zip(point.inputs, point.u0, strict=True)])
+        if not (np.array_equal(x, point.x0) and np.array_equal(u, point.u0)):
+            point.move(x, u)
+    except BaseException:
+        point.close()
+        raise
+    return point
+
+
+def columns_of(task: LinTask, point: Point) -> list[int]:
+    """Return where the task's inputs stand among the point's."""
+    names = [v.name for v in point.inputs]
+    return [names.index(n) for n in task.inputs]
+
+
+def width_for(widths: Width, names: Sequence[str], *, what: str) -> Floats:
+    """Return a total width for each name, NaN where one is to be chosen, shape (len(names),).
+
+    Raises:
+        InputError: unknown name, wrong number of widths, a width that is not positive.
+    """
+    if widths is None:
+        return np.full(len(names), np.nan)
+    if isinstance(widths, Mapping):
+        check_names(what, widths, names)
+        listed = [float(widths.get(n, np.nan)) for n in names]
+    elif isinstance(widths, int | float):
+        listed = [float(widths)] * len(names)
+    else:
+        listed = [float(w) for w in widths]
+        if len(listed) != len(names):
+            raise InputError(f"{what}: {len(listed)} widths for {len(names)} names: {', '.join(names[:8])}")
+    for name, width in zip(names, listed, strict=True):
+        if width <= 0.0 or np.isinf(width):
+            raise InputError(f"{what}: the width of {name} must be positive and finite, not {width:g}")
+    return np.array(listed)
