@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from workbench.cli.options import Json, ModelName
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from workbench.analysis.snapshots import Snapshots
+    from workbench.fmi.archive import Unpacked
     from workbench.fmi.description import Description
     from workbench.fmi.variable import Variable
 
 __all__ = ["info"]
 
 
-def info(model: ModelName, json_path: Json = None) -> None:
+def info(
+    model: ModelName,
+    probe: Annotated[
+        bool, typer.Option("--probe/--no-probe", help="Try in a worker process whether the FMU's saved state works.")
+    ] = True,
+    json_path: Json = None,
+) -> None:
     """Show what an FMU is and can do: interfaces, platforms, variables.
 
     Example: `workbench info fmu:Rudder`
@@ -30,13 +40,14 @@ def info(model: ModelName, json_path: Json = None) -> None:
     with unpack(path) as unpacked:
         description = read_description(unpacked.folder, source=str(path))
         runnable = [i for i, c in description.interfaces.items() if _runs(unpacked.folder, c.identifier)]
+        snapshots = _snapshots(unpacked, description, runnable) if probe and runnable else {}
     for text in description.notes:
         note(text)
-    out.console.print(_facts(description, runnable))
+    out.console.print(_facts(description, runnable, snapshots))
     for title, variables in _groups(description).items():
         if variables:
             out.console.print(_table(title, variables))
-    out.write(_to_dict(description, runnable))
+    out.write(_to_dict(description, runnable, snapshots))
 
 
 def _runs(folder: Any, identifier: str) -> bool:  # noqa: ANN401 - a path; typed where it is used
@@ -48,6 +59,21 @@ def _runs(folder: Any, identifier: str) -> bool:  # noqa: ANN401 - a path; typed
     except FmuError:
         return False
     return True
+
+
+def _snapshots(unpacked: Unpacked, description: Description, interfaces: list[str]) -> dict[str, Snapshots]:
+    """How snapshots are taken with each interface that runs here."""
+    from workbench.analysis.snapshots import probe_snapshots
+    from workbench.model.recipe import FmuRecipe
+
+    recipe = FmuRecipe(
+        source=str(unpacked.source),
+        folder=str(unpacked.folder),
+        owned=unpacked.owned,
+        interface=interfaces[0],
+        solver="auto",
+    )
+    return probe_snapshots(recipe, description.interfaces, interfaces)
 
 
 def _groups(description: Description) -> dict[str, tuple[Variable, ...]]:
@@ -62,7 +88,7 @@ def _groups(description: Description) -> dict[str, tuple[Variable, ...]]:
     }
 
 
-def _to_dict(description: Description, runnable: list[str]) -> dict[str, Any]:
+def _to_dict(description: Description, runnable: list[str], snapshots: dict[str, Snapshots]) -> dict[str, Any]:
     return {
         "model": description.model_name,
         "description": description.description,
@@ -72,7 +98,10 @@ def _to_dict(description: Description, runnable: list[str]) -> dict[str, Any]:
         "platforms": list(description.platforms),
         "runnable": bool(runnable),
         **{name: [_variable(v) for v in group] for name, group in _groups(description).items()},
-        "capabilities": {name: asdict(c) for name, c in description.interfaces.items()},
+        "capabilities": {
+            name: {**asdict(c), "snapshots": asdict(snapshots[name]) if name in snapshots else None}
+            for name, c in description.interfaces.items()
+        },
         "experiment": asdict(description.experiment),
         "notes": list(description.notes),
     }
@@ -88,7 +117,7 @@ def _variable(variable: Variable) -> dict[str, Any]:
     }
 
 
-def _facts(description: Description, runnable: list[str]) -> Table:
+def _facts(description: Description, runnable: list[str], snapshots: dict[str, Snapshots]) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
@@ -107,10 +136,15 @@ def _facts(description: Description, runnable: list[str]) -> Table:
             for key, text in abilities.items()
             if getattr(c, key)
         ),
+        "snapshots": "; ".join(f"{name}: {_how(s)}" for name, s in sorted(snapshots.items())),
     }.items():
         if value:
             table.add_row(name, escape(str(value)))
     return table
+
+
+def _how(snapshots: Snapshots) -> str:
+    return snapshots.method if not snapshots.why else f"{snapshots.method} ({snapshots.why})"
 
 
 def _table(title: str, variables: tuple[Variable, ...]) -> Table:

@@ -20,7 +20,7 @@ from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.me import MeSession
 from workbench.session.point import FmuPoint, starts_of
-from workbench.session.probe import state_can_be_trusted
+from workbench.session.probe import why_state_fails
 from workbench.signals import Signal
 
 __all__ = ["DRIVERS", "FmuModel"]
@@ -79,7 +79,7 @@ class FmuModel(Model):
         self._setup = dataclasses.replace(setup, open_instance=self._open_instance, state_works=self._state_works)
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe = recipe
-        self._trusted: bool | None = None
+        self._why_replay: str | None = None
         self._binary: Library | None = None
         self._closed = False
 
@@ -160,11 +160,19 @@ class FmuModel(Model):
         return instance
 
     def _state_works(self) -> bool:
-        if self._trusted is None:
+        return not self.why_replay()
+
+    def why_replay(self) -> str:
+        """Return why snapshots are taken by replay; empty where the FMU's own state is used. Probed once."""
+        if self._why_replay is None:
             claims = self.description.interfaces[self.interface]
-            may = claims.state and not (claims.once_per_process and self._live())
-            self._trusted = may and state_can_be_trusted(self._open, self._setup)
-        return self._trusted
+            if not claims.state:
+                self._why_replay = "the FMU does not claim to save its state"
+            elif claims.once_per_process and self._live():
+                self._why_replay = "the FMU allows one instance per process, so that nothing could be probed"
+            else:
+                self._why_replay = why_state_fails(self._open, self._setup)
+        return self._why_replay
 
     def snapshot_method(self) -> str:
         """Return how snapshots are taken: "state" (the FMU's, probed) or "replay"."""

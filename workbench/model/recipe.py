@@ -19,6 +19,7 @@ from workbench.fmi.variable import Value
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
+    from workbench.model.fmu_model import FmuModel
 
 __all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "Recipe", "content_hash"]
 
@@ -87,7 +88,7 @@ class FmuRecipe(Recipe):
     bias: Mapping[str, float] = field(default_factory=dict)
     archive: bytes | None = field(default=None, repr=False)
 
-    def open(self) -> Model:
+    def open(self) -> FmuModel:
         from workbench.model.load import open_unpacked  # noqa: PLC0415 - `load` makes recipes
 
         unpacked = self._unpacked()

@@ -12,13 +12,18 @@ from workbench.errors import WorkbenchError
 from workbench.session.fmu import FmuSession, Setup
 from workbench.signals import Constant, Signal
 
-__all__ = ["state_can_be_trusted"]
+__all__ = ["state_can_be_trusted", "why_state_fails"]
 
 RELATIVE = 1e-9
 
 
 def state_can_be_trusted(open_session: Callable[[Setup], FmuSession], setup: Setup) -> bool:
-    """Whether get, set and free of the FMU state really bring a session back.
+    """Whether get, set and free of the FMU state really bring a session back."""
+    return not why_state_fails(open_session, setup)
+
+
+def why_state_fails(open_session: Callable[[Setup], FmuSession], setup: Setup) -> str:
+    """Return why get, set and free of the FMU state do not bring a session back; empty if they do.
 
     A scratch session runs a little with disturbed inputs, twice from one saved state with another
     run between; all outputs, states and derivatives must agree.
@@ -26,12 +31,12 @@ def state_can_be_trusted(open_session: Callable[[Setup], FmuSession], setup: Set
     scratch = dataclasses.replace(setup, state_works=lambda: True)
     try:
         with open_session(scratch) as session:
-            return _comes_back(session)
-    except WorkbenchError:
-        return False
+            return _difference(session)
+    except WorkbenchError as error:
+        return f"it fails: {error}"
 
 
-def _comes_back(session: FmuSession) -> bool:
+def _difference(session: FmuSession) -> str:
     description = session.instance.description
     names = [v.name for v in description.variables if v.is_number and v.causality == "output"]
     known = session.setup.variables
@@ -46,7 +51,9 @@ def _comes_back(session: FmuSession) -> bool:
     session.restore(saved)
     back = _values(session, names)
     second = _run(session, names, span, 0.5)
-    return _alike(before, back) and _alike(first, second)
+    if not _alike(before, back):
+        return "the values after a restore are not those that were saved"
+    return "" if _alike(first, second) else "the same run after a restore gives other values"
 
 
 def _forced(session: FmuSession, shift: float) -> dict[str, Signal]:

@@ -1,0 +1,58 @@
+"""What `info` says about snapshots is found out, not believed, and survives what it finds."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from tests.hostile_fmus import build_hostile
+from workbench.cli.app import run
+
+
+def snapshots(fmu: str, capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, str]]:
+    assert run(["info", fmu, "--json", "-"]) == 0
+    capabilities = json.loads(capsys.readouterr().out)["capabilities"]
+    return {name: c["snapshots"] for name, c in capabilities.items()}
+
+
+def test_an_honest_fmu_is_believed_after_the_probe(capsys: pytest.CaptureFixture[str]) -> None:
+    assert snapshots("fmu:Rudder", capsys) == {name: {"method": "state", "why": ""} for name in ("me", "cs")}
+    assert run(["info", "fmu:Rudder"]) == 0
+    assert "cs: state; me: state" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("lazy-restore", "not those that were saved"),
+        ("wrong-restore", "not those that were saved"),
+        ("random", "other values"),
+    ],
+)
+def test_a_lie_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, why: str) -> None:
+    for found in snapshots(str(build_hostile(tmp_path, name)), capsys).values():
+        assert found["method"] == "replay"
+        assert why in found["why"] or "not those that were saved" in found["why"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+def test_a_crash_in_the_probe_harms_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for found in snapshots(str(build_hostile(tmp_path, "segfault-at-start")), capsys).values():
+        assert found == {
+            "method": "replay",
+            "why": "the probe failed: the FMU crashed: segmentation fault (SIGSEGV)",
+        }
+
+
+def test_without_a_probe_nothing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "fmu:Rudder", "--no-probe", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["capabilities"]["me"]["snapshots"] is None
+
+
+def test_the_model_says_why() -> None:
+    with wb.load("fmu:Rudder") as model:
+        assert (model.snapshot_method(), model.why_replay()) == ("state", "")
