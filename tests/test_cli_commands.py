@@ -23,7 +23,7 @@ def test_info_tells_all_in_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert promised <= set(found)
     assert found["interfaces"] == ["cs", "me"]
     assert found["runnable"] is True
-    assert [v["name"] for v in found["inputs"]][0] == "delC"
+    assert next(v["name"] for v in found["inputs"]) == "delC"
     assert found["inputs"][0]["unit"] == "deg"
     assert set(found["inputs"][0]) == {"name", "type", "unit", "start", "description"}
     assert len(found["states"]) == 8

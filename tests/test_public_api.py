@@ -12,7 +12,6 @@ import pytest
 
 import workbench as wb
 
-
 # Classes that the workbench alone makes: exceptions, and the model that `load` returns.
 MADE_ELSEWHERE = [
     wb.WorkbenchError, wb.InputError, wb.FmuError, wb.SimulationError, wb.BuildError, wb.FmuModel,
@@ -40,7 +39,7 @@ def test_is_documented(name: str, value: object) -> None:
 
 @pytest.mark.parametrize(("name", "value"), list(public_callables()))
 def test_every_parameter_is_documented_and_none_is_swallowed(name: str, value: object) -> None:
-    if not callable(value) or inspect.isabstract(value) or value in MADE_ELSEWHERE:
+    if not callable(value) or inspect.isabstract(value) or any(value is made for made in MADE_ELSEWHERE):
         return
     owner = getattr(wb, name.partition(".")[0])
     text = (inspect.getdoc(value) or "") + "\n" + (inspect.getdoc(owner) or "")
