@@ -80,3 +80,20 @@ def test_after_a_crash_a_carried_sweep_goes_on_behind_the_bad_point(tmp_path: Pa
         )
     assert {f.frequency_hz for f in result.failed} == {2.0}
     assert result.failed[0].reason == MESSAGES["segfault"]
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_simulate_tells_a_crash_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str) -> None:
+    limit = ["--timeout", "1.5"] if name == "hang" else []
+    assert run(["simulate", str(build_hostile(tmp_path, name)), "--stop", "1", *limit]) == 2
+    lines = [line for line in capfd.readouterr().err.splitlines() if not line.startswith("note: ")]
+    assert lines == [f"workbench: {MESSAGES[name]}"]
+
+
+def test_simulate_keeps_what_came_before_an_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert (
+        run(["simulate", str(build_hostile(tmp_path, "error")), "--stop", "1", "--interface", "cs", "--csv", "-"]) == 2
+    )
+    captured = capfd.readouterr()
+    assert "the pump ran dry" in captured.err
+    assert len(captured.out.splitlines()) > 100

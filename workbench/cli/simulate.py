@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -11,16 +12,20 @@ import typer
 from workbench.cli.options import (
     Bias,
     Csv,
+    InProcess,
     Interface,
     Json,
+    MemoryLimit,
     ModelName,
     Plot,
     Set,
     Solver,
     Step,
+    Timeout,
     Tolerance,
     open_model,
     pairs,
+    workers,
 )
 from workbench.errors import InputError, SimulationError
 
@@ -56,6 +61,9 @@ def simulate(
     tolerance: Tolerance = None,
     set_: Set = None,
     bias: Bias = None,
+    in_process: InProcess = False,
+    timeout: Timeout = None,
+    memory_limit: MemoryLimit = None,
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
@@ -64,23 +72,28 @@ def simulate(
 
     Example: `workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png`
     """
-    from workbench.analysis.simulate import simulate as run
+    from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
     from workbench.cli.output import Output
     from workbench.signals import parse_signal
 
     out = Output("simulate", json_path=json_path, csv_path=csv_path, plot=plot)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
+    where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
-    interval = step if loaded.interface == "me" else None
+    job = SimulateJob(
+        stop=stop,
+        inputs=inputs,
+        outputs=None if output is None else tuple(output),
+        interval=step if loaded.interface == "me" else None,
+    )
     with loaded:
         try:
-            result = run(loaded, stop=stop, inputs=inputs, outputs=output, interval=interval)
+            result = simulate_in_worker(loaded, job, workers=where)
         except SimulationError as error:
             if error.time is None or not error.time > 0.0:
                 raise
             # Nothing is lost: what came before the failure is run once more and written.
-            result = run(loaded, stop=error.time * _BEFORE, inputs=inputs, outputs=output, interval=interval)
-            _write(result, out)
+            _write(simulate_in_worker(loaded, replace(job, stop=error.time * _BEFORE), workers=where), out)
             raise
     _write(result, out)
     return 0
