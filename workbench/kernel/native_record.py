@@ -34,11 +34,16 @@ class NativeRecord:
         native, self._kept = join_access(parts)
         self.structure = Record(access=native, n_values=len(variables), bound=math.inf, keep=1, every=1)
         self.address = ctypes.addressof(self.structure)
+        self._declared = all(_no_feedthrough(system, variable, owner) for variable, owner in variables)
+
+    def trust_declaration(self) -> None:
+        """Let the kernel make use of what the file says about feed-through; it checks that in each run."""
+        self.structure.no_feedthrough = self._declared
 
     def columns(self) -> Floats:
         """Return the rows as shape (1 + inputs + variables, n): time, forced inputs, recorded values."""
         table: Floats = np.empty((self.structure.width, self.structure.rows))
-        self._library.kernel_record_columns(self.address, table.ctypes.data)
+        self._library.kernel_record_columns(self.address, table.__array_interface__["data"][0])
         return table
 
     def close(self) -> None:
@@ -47,6 +52,17 @@ class NativeRecord:
 
     def __del__(self) -> None:
         self.close()
+
+
+def _no_feedthrough(system: NativeSystem, variable: Variable, owner: int) -> bool:
+    """Whether the file says that an output follows its inputs by way of states only."""
+    instance = system.instances[owner]
+    if instance.event_mode or len(system.instances) > 1:
+        return False
+    if variable.causality != "output" or variable.dependencies is None:
+        return False
+    inputs = {v.name for v in instance.description.variables if v.causality == "input"}
+    return not inputs.intersection(variable.dependencies)
 
 
 class NativeFourier:

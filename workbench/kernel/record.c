@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FIRST_ROWS = 512 };
+enum { FIRST_ROWS = 512, ENOUGH_CHECKS = 16 };
 
 void record_begin(Record *record, const System *system) {
     const size_t width = 1 + system->forcing->n + record->n_values;
@@ -13,6 +13,7 @@ void record_begin(Record *record, const System *system) {
     record->width = width;
     record->rows = 0;
     record->skipped = 0;
+    record->checked = 0;
     if (record->fourier) {
         fourier_clear(record->fourier);
     }
@@ -52,22 +53,53 @@ static bool is_kept(Record *record, RowKind kind) {
     return !skip;
 }
 
+static bool read_values(Record *record, System *system, double time, double *values) {
+    return access_read(&record->access, system->components, values, &system->failure) &&
+           check_values(record, system, time, values);
+}
+
+/* Read the values just after inputs changed; `left` are those just before. */
+static bool read_second(Record *record, System *system, double time, double *values, const double *left) {
+    const size_t size = record->n_values * sizeof(double);
+    if (!record->no_feedthrough) {
+        return read_values(record, system, time, values);
+    }
+    if (record->checked < ENOUGH_CHECKS) {
+        double *fresh = values + record->width; /* in the row behind, which is free */
+        if (!read_values(record, system, time, fresh)) {
+            return false;
+        }
+        record->checked++;
+        record->no_feedthrough = memcmp(fresh, left, size) == 0;
+        left = fresh;
+    }
+    memmove(values, left, size);
+    return true;
+}
+
 bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind) {
-    if (record->rows >= record->capacity && !grow(record)) {
+    const bool kept = record->keep && is_kept(record, kind);
+    if (!kept && !record->fourier && !isfinite(record->bound)) {
+        return true;
+    }
+    if (record->rows + 1 >= record->capacity && !grow(record)) {
         return fail_at(&system->failure, FAILED_MEMORY, time);
     }
     const size_t n = system->forcing->n;
     double *row = record->data + record->rows * record->width;
     row[0] = time;
     memcpy(row + 1, inputs, n * sizeof(double));
-    if (!access_read(&record->access, system->components, row + 1 + n, &system->failure) ||
-        !check_values(record, system, time, row + 1 + n)) {
+    double *values = row + 1 + n;
+    /* The row before this one was kept if this one is; else it still stands where this one goes. */
+    const double *left = values - (kept ? record->width : 0);
+    if (!(kind == ROW_SECOND ? read_second(record, system, time, values, left)
+                             : read_values(record, system, time, values))) {
         return false;
     }
     if (record->fourier) {
         fourier_add(record->fourier, row);
     }
-    record->rows += record->keep && is_kept(record, kind);
+    record->rows += kept;
     return true;
 }
 

@@ -11,6 +11,8 @@ typedef struct {
     double bound;     /* a larger magnitude of a recorded value is a failure */
     Fourier *fourier; /* NULL: none */
     int32_t keep;     /* 0: rows only go to `fourier` */
+    int32_t no_feedthrough; /* the file says that no recorded value depends on an input directly */
+    int32_t checked;        /* how often that was found true in this run */
     size_t every;     /* of the plain points only each n-th is kept; the first and the last row and events always are */
     /* Owned by the kernel; `record_free` frees them. */
     double *data; /* [rows][width] */
@@ -24,7 +26,11 @@ typedef enum {
 } RowKind;
 
 void record_begin(Record *record, const System *system);
-/* Read the FMUs as they stand. `inputs`: what they see. */
+/* Read the FMUs as they stand. `inputs`: what they see.
+ *
+ * Rows that nobody keeps, sums or bounds are not read. The right limit after co-simulation's inputs have changed is
+ * not read where the file declares no feed-through: an FMU would compute all its outputs anew for it. The declaration
+ * is not believed at once: the first rows of each run are read and compared. */
 bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind);
 void record_free(Record *record);
 

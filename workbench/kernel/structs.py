@@ -239,6 +239,8 @@ class Record(ctypes.Structure):
         ("bound", c_double),
         ("fourier", c_void_p),
         ("keep", c_int32),
+        ("no_feedthrough", c_int32),
+        ("checked", c_int32),
         ("every", c_size_t),
         ("data", c_void_p),
         ("rows", c_size_t),

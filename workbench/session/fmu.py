@@ -162,7 +162,7 @@ class FmuSession(Session):
         if points is None or len(points) == 0:
             return np.array([until])
         values: Floats = np.asarray(points, dtype=np.float64)
-        rising = bool((np.diff(values) > 0.0).all())
+        rising = bool((values[1:] > values[:-1]).all())
         if not rising or not values[0] > self.time or not values[-1] <= until:
             raise InputError(f"points must rise and lie in ({self.time:.9g}, {until:.9g}] s")
         return values if values[-1] == until else np.append(values, until)

@@ -74,6 +74,7 @@ class Loop:
             self._records[key] = NativeRecord(self.system, [(v, 0) for v in variables])
         record = self._records[key]
         structure = record.structure
+        record.trust_declaration()
         structure.bound, structure.every, structure.keep = how.bound, how.every, how.keep
         structure.fourier = None if how.sums is None else how.sums.address
         return record
@@ -89,10 +90,11 @@ class Loop:
             new: whether the signals are others than before.
         """
         targets = np.ascontiguousarray(targets)
+        data: int = targets.__array_interface__["data"][0]  # `targets.ctypes.data` takes longer
         library, address = self.system.library, ctypes.addressof(native)
         start = library.kernel_me_run if kind == "me" else library.kernel_cs_run
         go_on = library.kernel_me_go_on if kind == "me" else library.kernel_cs_go_on
-        done = start(address, float(targets[-1]), targets.ctypes.data, len(targets), record.address, new)
+        done = start(address, float(targets[-1]), data, len(targets), record.address, new)
         while not done and self.system.structure.failure.code == PAUSED:
             done = go_on(address)  # signal handlers of Python had their turn before
         self.system.sync_times()
