@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from workbench.analysis.certificate import Certificate
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
@@ -24,15 +25,18 @@ if TYPE_CHECKING:
     from workbench.analysis.simulate import SimulationResult, simulate
     from workbench.analysis.trim import trim
     from workbench.analysis.trim_result import TrimResult
+    from workbench.analysis.zero_input import ZeroInput
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable, load
     from workbench.session import Record, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
+    from workbench.workers import Workers
 
 __version__ = "0.1.0"
 
 __all__ = [
     "BuildError",
+    "Certificate",
     "Constant",
     "FailedPoint",
     "FmuError",
@@ -56,6 +60,8 @@ __all__ = [
     "TrimResult",
     "Variable",
     "WorkbenchError",
+    "Workers",
+    "ZeroInput",
     "load",
     "nfr",
     "parse_signal",
@@ -64,6 +70,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "workbench.analysis.certificate": ("Certificate",),
     "workbench.analysis.nfr": ("NfrSweep", "nfr"),
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
@@ -71,10 +78,12 @@ _HOMES = {
     "workbench.analysis.operating_point": ("OperatingPoint",),
     "workbench.analysis.trim": ("trim",),
     "workbench.analysis.trim_result": ("TrimResult",),
+    "workbench.analysis.zero_input": ("ZeroInput",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable", "load"),
     "workbench.session": ("Record", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
+    "workbench.workers": ("Workers",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
