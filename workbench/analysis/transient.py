@@ -20,6 +20,10 @@ _MOST_MODES = 4
 # and a mode that loses less than this in a period is not seen to decay in any number we wait for.
 _UNCERTAINTY, _LEAST_LOSS = 3.0, 1e-4
 
+# By so much the changes may exceed what the slowest multiplier lets remain of the first ones (several modes
+# may partly cancel each other at first).
+_SLACK = 1.3
+
 # Differences smaller than this part of the response do not steer the prediction.
 _RIDGE = 1e-6
 
@@ -66,6 +70,10 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     part ρ of the newest difference that the prediction leaves unexplained, since the multipliers
     are known about as well as that; and by 1e-4 at least.
 
+    The multipliers come from the newest differences alone. A transient has been decaying since the first
+    period, so the changes themselves must have shrunk as the slowest multiplier says, root mean square over
+    the last third against the first: a beat that happens to look like a decay for some periods has not.
+
     Modes much slower than the period (multiplier near 1) look like a ramp: they move the mean by
     the same amount in each period and leave −δ/(πn) in the n-th in-phase part. The part of the
     change that is a ramp is therefore taken out of the harmonics directly, which does not need
@@ -86,10 +94,16 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     return replace(limit, harmonics=_weigh(periods, limit.weights))
 
 
-def _decays(polynomial: Floats, unexplained: float) -> bool:
-    """Whether all multipliers are inside the unit circle by more than their uncertainty."""
+def _decays(polynomial: Floats, differences: Floats, unexplained: float) -> bool:
+    """Whether all multipliers are clearly inside the unit circle and the measured changes shrank as they say."""
+    slowest = float(np.max(np.abs(np.roots(polynomial))))
     margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
-    return bool(np.all(np.abs(np.roots(polynomial)) <= 1.0 - margin))
+    if slowest > 1.0 - margin:
+        return False
+    sizes = np.linalg.norm(differences, axis=1)
+    third = max(1, len(sizes) // 3)
+    early, late = (float(np.sqrt(np.mean(part**2))) for part in (sizes[:third], sizes[-third:]))
+    return late <= _SLACK * early * slowest ** (len(sizes) - third)
 
 
 def _candidates(periods: Floats) -> Iterator[Limit]:
@@ -102,7 +116,7 @@ def _candidates(periods: Floats) -> Iterator[Limit]:
     for modes in range(1, min(_MOST_MODES, len(differences) // 2, (periods.shape[1] - 1) // 2) + 1):
         polynomial = _prediction(differences, modes, _RIDGE * scale)
         unexplained = float(np.linalg.norm(polynomial @ differences[: -modes - 2 : -1])) / newest
-        if _decays(polynomial, unexplained):
+        if _decays(polynomial, differences, unexplained):
             yield _limit(periods, differences, polynomial / polynomial.sum(), checks=modes)
 
 
