@@ -59,7 +59,7 @@ def probe_snapshots(
         if not claims[name].state
     }
     jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in found)
-    with Pool(recipe, jobs=len(jobs), limits=Limits(timeout=_PATIENCE)) as pool:
+    with Pool(recipe, jobs=1, limits=Limits(timeout=_PATIENCE)) as pool:
         try:
             for event in pool.run(perform, jobs):
                 if isinstance(event, Reply):

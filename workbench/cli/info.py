@@ -63,6 +63,9 @@ def _runs(folder: Any, identifier: str) -> bool:  # noqa: ANN401 - a path; typed
 
 def _snapshots(unpacked: Unpacked, description: Description, interfaces: list[str]) -> dict[str, Snapshots]:
     """How snapshots are taken with each interface that runs here."""
+    from concurrent.futures import ThreadPoolExecutor
+    from importlib import import_module
+
     from workbench.analysis.snapshots import probe_snapshots
     from workbench.model.recipe import FmuRecipe
 
@@ -73,7 +76,10 @@ def _snapshots(unpacked: Unpacked, description: Description, interfaces: list[st
         interface=interfaces[0],
         solver="auto",
     )
-    return probe_snapshots(recipe, description.interfaces, interfaces)
+    with ThreadPoolExecutor(1) as thread:
+        probing = thread.submit(probe_snapshots, recipe, description.interfaces, interfaces)
+        import_module("rich.table")  # needed next; loaded while the worker starts
+        return probing.result()
 
 
 def _groups(description: Description) -> dict[str, tuple[Variable, ...]]:
