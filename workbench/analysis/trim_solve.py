@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,9 @@ __all__ = ["Solution", "solve"]
 MAX_DESCENT = 200  # evaluations of the least squares, Jacobians not counted
 MAX_STEPS = 40  # within a family
 SMALLEST_PART = 1.0 / 1024.0
+MAX_BACK = 4
 STILL = 1e-10  # a step that ends the refinement, in nominal values
+NEARLY_STILL = 1e-4
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,10 +49,10 @@ class Solution:
 def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution of F(z) = 0 that belongs to `start`.
 
-    Phase one minimises ‖F‖² within the bounds (trust region reflective), unknowns scaled by their
-    nominal values, equations by the change that one nominal value of each unknown makes.
-    Phase two, where that was successful, takes Gauss-Newton steps to full precision and, in a family of
-    solutions, moves along it: to the least floating derivatives (`slowest`), then to the
+    Unknowns are scaled by their nominal values, equations by the change that one nominal value of each unknown
+    makes. Phase one takes Gauss-Newton steps of least norm from the start; where these get stuck it minimises
+    ‖F‖² within the bounds (trust region reflective) and takes them from there.
+    Phase two, in a family of solutions, moves along it: to the least floating derivatives (`slowest`), then to the
     solution nearest to `start`, in nominal values.
 
     It follows slopes: it finds one solution of several, and none where a minimum of ‖F‖² that is none lies in
@@ -74,18 +77,26 @@ class _Search:
         self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
         self.hard = scaled.hard
         self.iterations = 0
+        self.soft = scaled.scales(scaled.jacobian(self.home))[self.hard :]
 
     def run(self, *, slowest: bool) -> Solution:
         if not self.home.size:
             return self._solution(self.home, chosen=True)
-        w = self._descend()
+        w = self._straight()
+        if not self._converged(w):
+            w, _ = self._walk(self._descend(), slowest=False, home=False)
         if not self._converged(w):
             return self._solution(w, chosen=False)
-        w, _ = self._walk(w, slowest=False, home=False)
         chosen, w = self._choose(w, slowest=slowest)
         return self._solution(w, chosen=chosen)
 
     # -- phase one ------------------------------------------------------------------------
+
+    def _straight(self) -> Floats:
+        """Return the end of Gauss-Newton steps of least norm from the start, which stay near it."""
+        if not math.isfinite(self._left(self.home)):
+            return self.home
+        return self._walk(self.home, slowest=False, home=False)[0]
 
     def _descend(self) -> Floats:
         """Return the end of the least squares; the start where nothing can be evaluated there."""
@@ -126,22 +137,27 @@ class _Search:
             return True, w
         for soft in (True, False) if slowest and len(jacobian) > self.hard else (False,):
             moved, ended = self._walk(w, slowest=soft, home=True)
-            if ended and self._converged(moved):
-                return soft == slowest or len(jacobian) == self.hard, moved
+            if self._converged(moved):
+                w = moved
+                if ended:
+                    return soft == slowest or len(jacobian) == self.hard, w
         return False, w
 
     def _walk(self, w: Floats, *, slowest: bool, home: bool) -> tuple[Floats, bool]:
         """Take steps until they vanish; return the end and whether they did."""
+        size = math.inf
+        if not math.isfinite(self._left(w)):
+            return w, False
         for _ in range(MAX_STEPS):
             step = self._step(w, slowest=slowest, home=home)
-            moved = self._along(w, step)
+            size = float(np.abs(step).max()) / max(1.0, float(np.abs(w).max()))
+            if size <= STILL:
+                return np.clip(w + step, self.scaled.low, self.scaled.high), True
+            moved = self._along(w, step, slowest=slowest, home=home)
             if moved is None:
-                return w, False
-            still = float(np.abs(moved - w).max()) <= STILL * max(1.0, float(np.abs(w).max()))
+                return w, size <= NEARLY_STILL  # rounding leaves nothing to gain
             w = moved
-            if still:
-                return w, True
-        return w, False
+        return w, size <= NEARLY_STILL
 
     def _step(self, w: Floats, *, slowest: bool, home: bool) -> Floats:
         """Return the step to F = 0, and within what that leaves open to the least G, then home, within the bounds."""
@@ -159,18 +175,46 @@ class _Search:
             movable[out] = 0.0
         return np.zeros_like(w)
 
-    def _along(self, w: Floats, step: Floats) -> Floats | None:
-        """Return the end of the longest part of a step that keeps the equations nearly satisfied."""
-        scales = self.scaled.scales(self.scaled.jacobian(w))[: self.hard]
-        before = np.abs(self.scaled.residuals(w)[: self.hard] / scales).max(initial=0.0)
+    def _along(self, w: Floats, step: Floats, *, slowest: bool, home: bool) -> Floats | None:
+        """Return the end of the longest part of a step that keeps the equations and comes nearer to what is wanted."""
+        before, wanted = self._left(w), self._wanted(w, slowest=slowest) if home else None
         part = 1.0
         while part >= SMALLEST_PART:
             moved = np.clip(w + part * step, self.scaled.low, self.scaled.high)
-            after = np.abs(self.scaled.residuals(moved)[: self.hard] / scales).max(initial=0.0)
-            if after <= max(before, 1e-3):  # what a curved family leaves over, the next steps take away
+            if home:
+                moved = self._back(moved)
+            if self._left(moved) <= max(before, self.tolerance) and (
+                wanted is None or self._nearer(self._wanted(moved, slowest=slowest), wanted)
+            ):
                 return moved
             part *= 0.5
         return None
+
+    def _back(self, w: Floats) -> Floats:
+        """Return to the family after a step along its tangent."""
+        for _ in range(MAX_BACK):
+            if self._left(w) <= 1e-3 * self.tolerance:
+                break
+            step = self._step(w, slowest=False, home=False)
+            w = np.clip(w + step, self.scaled.low, self.scaled.high)
+        return w
+
+    def _left(self, w: Floats) -> float:
+        """Return the largest scaled residual; infinite where the model cannot be evaluated."""
+        residuals = self.scaled.residuals(w)[: self.hard]
+        if not np.isfinite(residuals).all():
+            return math.inf
+        scales = self.scaled.scales(self.scaled.jacobian(w))[: self.hard]
+        return float(np.abs(residuals / scales).max(initial=0.0))
+
+    def _wanted(self, w: Floats, *, slowest: bool) -> tuple[float, float]:
+        """Return what is to be made small: the floating derivatives, then the way from the start."""
+        soft = float(np.linalg.norm(self.scaled.residuals(w)[self.hard :] / self.soft)) if slowest else 0.0
+        return soft, float(np.linalg.norm(w - self.home))
+
+    @staticmethod
+    def _nearer(new: tuple[float, float], old: tuple[float, float]) -> bool:
+        return new[0] < old[0] * (1.0 - 1e-6) - 1e-9 or (new[0] <= old[0] + 1e-9 and new[1] < old[1])
 
     # -- end ------------------------------------------------------------------------------
 

@@ -1,0 +1,251 @@
+"""Trim of continuous models by equations: closed forms, sets, families, and what has no solution."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.trim_models import Equations, Plant
+from workbench.analysis.trim import trim
+
+
+def lag() -> Plant:
+    return Plant(
+        Equations(x={"x": 0.0}, u={"u": 0.0}, outputs=("y",), f=lambda v: [v["u"] - v["x"]], g=lambda v: [v["x"]])
+    )
+
+
+def integrator() -> Plant:
+    """x' = u, v' = x − v: any x is an equilibrium for u = 0, none is for another u."""
+    ones = {"x": 1.0, "v": 1.0}
+    return Plant(Equations(x={"x": 3.0, "v": 0.0}, u={"u": 0.0}, f=lambda v: [v["u"], v["x"] - v["v"]], nominal=ones))
+
+
+def stiff() -> Plant:
+    """States of 1e7 and 1e-4, rates of 1e4 and 1e-3 per second; p = 2e7, q = 3e-4 at rest."""
+    return Plant(
+        Equations(
+            x={"p": 0.0, "q": 0.0},
+            u={"u": 2e7},
+            nominal={"p": 1e7, "q": 1e-4},
+            f=lambda v: [1e4 * (v["u"] - v["p"]), 1e-3 * (1.5e-11 * v["p"] - v["q"])],
+        )
+    )
+
+
+def test_each_state_at_rest_under_the_start_inputs() -> None:
+    result = trim(lag(), u0={"u": 2.5})
+    assert result.converged
+    assert result.method == "equations"
+    assert result.point.x == pytest.approx({"x": 2.5}, abs=1e-12)
+    assert result.point.y == pytest.approx({"y": 2.5}, abs=1e-12)
+    assert result.point.dx["x"] == pytest.approx(0.0, abs=1e-12)
+    assert not result.null_directions
+    assert not result.notes
+
+
+def test_scaling_takes_states_of_very_different_size() -> None:
+    result = trim(stiff())
+    assert result.converged
+    assert result.point.x["p"] == pytest.approx(2e7, rel=1e-12)
+    assert result.point.x["q"] == pytest.approx(3e-4, rel=1e-9)
+
+
+def test_a_free_input_meets_a_fixed_output() -> None:
+    result = trim(lag(), free=["u"], fix={"y": 3.0})
+    assert result.converged
+    assert result.point.u["u"] == pytest.approx(3.0)
+    assert result.unknowns == ("x", "u")
+
+
+def test_a_fixed_state_needs_a_free_input() -> None:
+    result = trim(lag(), free=["u"], fix={"x": -1.5})
+    assert result.converged
+    assert result.point.u["u"] == pytest.approx(-1.5)
+    assert result.point.x["x"] == -1.5
+
+
+def test_bounds_choose_between_two_equilibria_and_are_kept() -> None:
+    square = Plant(Equations(x={"x": 1.0}, f=lambda v: [v["x"] ** 2 - 4.0]))
+    assert trim(square).point.x["x"] == pytest.approx(2.0)
+    assert trim(square, x0={"x": -1.0}).point.x["x"] == pytest.approx(-2.0)
+    assert trim(square, bound={"x": (-5.0, -0.1)}).point.x["x"] == pytest.approx(-2.0)
+    refused = trim(square, bound={"x": (3.0, 5.0)})
+    assert not refused.converged
+    assert 3.0 <= refused.point.x["x"] <= 5.0
+
+
+def test_an_output_within_bounds_is_no_equation_but_is_kept() -> None:
+    result = trim(lag(), free=["u"], bound={"y": (2.0, math.inf)})
+    assert result.converged
+    assert result.point.y["y"] >= 2.0 - 1e-7
+    assert "1 equation (der(x))" in result.notes[0]
+
+
+# -- families -----------------------------------------------------------------------------
+
+
+def test_an_integrator_at_rest_is_a_family_and_the_start_is_kept() -> None:
+    result = trim(integrator())
+    assert result.converged
+    assert result.point.x == pytest.approx({"x": 1.5, "v": 1.5})  # nearest to (3, 0) on x = v
+    assert [d.components for d in result.null_directions] == [pytest.approx({"x": 1.0, "v": 1.0})]
+    assert "1 direction is left open (x, v)" in result.message
+
+
+def test_separate_families_are_told_apart_by_name() -> None:
+    plant = Plant(
+        Equations(x={"a": 1.0, "b": 2.0, "c": 0.0}, f=lambda v: [0.0, 0.0, 4.0 - v["c"]], nominal={"a": 5.0, "b": 7.0})
+    )
+    result = trim(plant)
+    assert result.converged
+    assert result.point.x == pytest.approx({"a": 1.0, "b": 2.0, "c": 4.0})
+    assert sorted((d.components for d in result.null_directions), key=list) == [{"a": 5.0}, {"b": 7.0}]
+
+
+def test_a_curved_family_ends_at_the_point_nearest_to_the_start() -> None:
+    circle = Plant(Equations(x={"x": 3.0, "y": 4.0}, f=lambda v: [v["x"] ** 2 + v["y"] ** 2 - 1.0, 0.0]))
+    circle.equations.nominal.update({"x": 1.0, "y": 1.0})
+    result = trim(Plant(circle.equations))
+    assert result.converged
+    assert result.point.x == pytest.approx({"x": 0.6, "y": 0.8}, abs=1e-5)
+
+
+def test_floating_states_are_made_slow_or_kept_near_the_start() -> None:
+    # a' = b − 1, b' = 0·…: with a floating, b is open; slowest is b = 1, nearest is b = 5.
+    plant = Plant(Equations(x={"a": 0.0, "b": 5.0}, f=lambda v: [v["b"] - 1.0, 0.0]))
+    slowest = trim(plant, floating=["a"])
+    assert slowest.converged
+    assert slowest.point.x == pytest.approx({"a": 0.0, "b": 1.0})
+    nearest = trim(plant, floating=["a"], family="nearest")
+    assert nearest.converged
+    assert nearest.point.x == pytest.approx({"a": 0.0, "b": 5.0})
+    assert nearest.point.dx["a"] == pytest.approx(4.0)
+    assert [r.required for r in nearest.residuals] == [True, False]
+
+
+# -- no solution --------------------------------------------------------------------------
+
+
+def test_an_integrator_with_an_input_has_no_equilibrium_and_says_which() -> None:
+    result = trim(integrator(), u0={"u": 1.0})
+    assert not result.converged
+    assert "der(x) is off by 1 m / s" in result.message
+    assert "does not react to any unknown" in result.message
+    left = {r.name: r for r in result.residuals}
+    assert left["der(x)"].idle
+    assert left["der(x)"].value == pytest.approx(1.0)
+    assert not result.null_directions
+
+
+def test_an_output_beyond_saturation_cannot_be_had() -> None:
+    plant = lag()
+    plant.equations.g = lambda v: [min(max(v["x"], -1.0), 1.0)]
+    result = trim(plant, free=["u"], fix={"y": 2.0})
+    assert not result.converged
+    assert "y = 2" in result.message
+    inside = trim(plant, free=["u"], fix={"y": 0.5})
+    assert inside.converged
+
+
+def test_too_many_equations_are_explained_by_name() -> None:
+    result = trim(lag(), fix={"y": 3.0})
+    assert not result.converged
+    (note,) = result.notes
+    assert note.startswith("1 unknown (x), 2 equations (der(x), y = 3): over-determined by 1; free u")
+
+
+def test_too_many_equations_that_agree_are_solved() -> None:
+    result = trim(lag(), fix={"y": 3.0}, u0={"u": 3.0})
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(3.0)
+
+
+def test_no_real_root_is_no_silent_solution() -> None:
+    result = trim(Plant(Equations(x={"x": 1.0}, f=lambda v: [v["x"] ** 2 + 1.0])))
+    assert not result.converged
+    assert result.residuals[0].value >= 1.0 - 1e-9
+
+
+def test_points_that_cannot_be_evaluated_are_stepped_around() -> None:
+    root = Plant(Equations(x={"x": 4.0}, f=lambda v: [math.sqrt(v["x"]) - 0.1], domain=lambda v: v["x"] >= 0.0))
+    result = trim(root)
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(0.01)
+
+
+def test_a_start_where_nothing_can_be_evaluated() -> None:
+    plant = Plant(Equations(x={"x": -1.0}, f=lambda v: [v["x"]], domain=lambda v: v["x"] > 0.0))
+    result = trim(plant)
+    assert not result.converged
+    assert "cannot be evaluated" in result.message
+
+
+def test_a_flat_start_is_left_by_running_the_model() -> None:
+    # The rate is limited far from rest: no slope leads from the start to x = 5.
+    plant = Plant(Equations(x={"x": 0.0}, f=lambda v: [min(max(5.0 - v["x"], -1.0), 1.0)]))
+    result = trim(plant)
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(5.0)
+    assert "running for 10 s" in result.notes[-1]
+
+
+# -- derivatives --------------------------------------------------------------------------
+
+
+def test_exact_derivatives_are_used_where_they_hold() -> None:
+    plant = lag()
+    plant.equations.jacobian = lambda x, u: np.array([[-1.0, 1.0], [1.0, 0.0]])
+    exact, differences = trim(plant, u0={"u": 1.0}), trim(lag(), u0={"u": 1.0})
+    assert exact.converged
+    assert not exact.notes
+    assert exact.evaluations < differences.evaluations
+
+
+def test_wrong_directional_derivatives_are_noticed() -> None:
+    plant = lag()
+    plant.equations.jacobian = lambda x, u: np.array([[5.0, 1.0], [1.0, 0.0]])
+    result = trim(plant, u0={"u": 1.0})
+    assert result.converged
+    assert "disagree with differences" in result.notes[0]
+
+
+# -- input --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ({"free": ["nosuch"]}, "free: 'nosuch' is not"),
+        ({"fix": {"z": 1.0}}, "fix: 'z' is not"),
+        ({"floating": ["u"]}, "float: 'u' is not a state"),
+        ({"x0": {"y": 1.0}}, "start value: 'y'"),
+        ({"fix": {"u": 1.0}, "free": ["u"]}, "'u' is in both fix and free"),
+        ({"fix": {"x": 1.0}, "bound": {"x": (0.0, 1.0)}}, "'x' is in both fix and bound"),
+        ({"bound": {"x": (1.0, 1.0)}}, "LO below HI"),
+        ({"fix": {"x": math.nan}}, "finite"),
+        ({"family": "any"}, "family 'any' is unknown"),
+        ({"tolerance": 0.0}, "tolerance must be positive"),
+    ],
+)
+def test_bad_input_is_named(call: dict[str, object], words: str) -> None:
+    with pytest.raises(wb.InputError, match=words):
+        trim(lag(), **call)  # type: ignore[arg-type]
+
+
+def test_an_integer_input_can_be_held_but_not_found() -> None:
+    plant = Plant(Equations(x={"x": 0.0}, u={"n": 2.0}, whole=("n",), f=lambda v: [v["n"] - v["x"]]))
+    assert trim(plant).point.x["x"] == pytest.approx(2.0)
+    with pytest.raises(wb.InputError, match="whole numbers"):
+        trim(plant, free=["n"])
+
+
+def test_without_states_the_point_is_what_the_inputs_make_it() -> None:
+    plant = Plant(Equations(u={"u": 2.0}, outputs=("y",), g=lambda v: [v["u"] ** 2]))
+    result = trim(plant)
+    assert result.converged
+    assert result.point.y == {"y": 4.0}
+    assert trim(plant, free=["u"], fix={"y": 9.0}).point.u["u"] == pytest.approx(3.0)

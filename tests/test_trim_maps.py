@@ -1,0 +1,173 @@
+"""Trim of sampled models and of black boxes: fixed points of a period, of a step, and rest by running."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.trim_models import Equations, Plant
+from workbench.analysis.trim import trim
+from workbench.analysis.trim_run import settle
+
+
+def sampled() -> Plant:
+    """A sampled low pass d ← 0.8 d + 0.2 u and a free counter-like state."""
+    return Plant(
+        Equations(
+            u={"u": 2.0},
+            memory={"d": 0.0, "c": 7.0},
+            outputs=("y",),
+            tick=lambda v: [0.8 * v["d"] + 0.2 * v["u"], v["c"]],
+            g=lambda v: [3.0 * v["d"]],
+            period=0.25,
+        )
+    )
+
+
+def hybrid() -> Plant:
+    """Plant x' = k − x under a sampled integrator k ← k + 0.3·(u − x): at rest x = k = u."""
+    return Plant(
+        Equations(
+            x={"x": 0.0},
+            u={"u": 1.5},
+            memory={"k": 0.0},
+            f=lambda v: [v["k"] - v["x"]],
+            tick=lambda v: [v["k"] + 0.3 * (v["u"] - v["x"])],
+            period=0.5,
+        )
+    )
+
+
+def test_fixed_point_of_a_sampled_model_and_its_family() -> None:
+    result = trim(sampled())
+    assert result.converged
+    assert result.method == "period map"
+    assert result.point.discrete == pytest.approx({"d": 2.0, "c": 7.0})
+    assert result.point.y == pytest.approx({"y": 6.0})
+    assert result.point.period == pytest.approx(0.25)
+    assert [d.components for d in result.null_directions] == [{"c": 7.0}]
+
+
+def test_input_for_an_output_of_a_sampled_model() -> None:
+    result = trim(sampled(), free=["u"], fix={"y": 3.0})
+    assert result.converged
+    assert result.point.u["u"] == pytest.approx(1.0)
+
+
+def test_hybrid_model_brings_both_kinds_of_states_to_rest() -> None:
+    result = trim(hybrid())
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(1.5, abs=1e-6)
+    assert result.point.discrete["k"] == pytest.approx(1.5, abs=1e-6)
+    assert result.point.dx["x"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_sampled_integrator_with_an_input_never_rests() -> None:
+    plant = Plant(Equations(u={"u": 1.0}, memory={"d": 0.0}, tick=lambda v: [v["d"] + v["u"]], period=1.0))
+    result = trim(plant)
+    assert not result.converged
+    assert "change of d is off by 1" in result.message
+
+
+def test_states_that_come_back_once_only_are_no_rest() -> None:
+    # The counter decides every fourth time: after one period all looks still.
+    calls = {"n": 0}
+
+    def tick(v: dict[str, float]) -> list[float]:
+        calls["n"] += 1
+        return [v["d"] + (1.0 if calls["n"] % 4 == 0 else 0.0)]
+
+    plant = Plant(Equations(memory={"d": 0.0}, tick=tick, period=1.0))
+    result = trim(plant)
+    assert not result.converged
+
+
+def test_a_rate_limiter_far_from_rest_is_run_there() -> None:
+    plant = Plant(
+        Equations(
+            u={"u": 3.0},
+            memory={"d": 0.0},
+            tick=lambda v: [v["d"] + min(max(v["u"] - v["d"], -0.5), 0.5)],
+            period=0.1,
+        )
+    )
+    result = trim(plant)
+    assert result.converged
+    assert result.point.discrete["d"] == pytest.approx(3.0)
+    assert "running for 8 periods" in result.notes[-1]
+
+
+# -- co-simulation ------------------------------------------------------------------------
+
+
+def oscillator(damping: float, *, settable: bool = True) -> Plant:
+    return Plant(
+        Equations(
+            x={"s": 0.5, "v": 0.0},
+            u={"f": 100.0},
+            outputs=("y",),
+            f=lambda v: [v["v"], v["f"] - 1e4 * v["s"] - damping * v["v"]],
+            g=lambda v: [2.0 * v["s"]],
+            settable=settable,
+        ),
+        interface="cs",
+    )
+
+
+def test_step_map_finds_the_rest_of_an_undamped_model() -> None:
+    result = trim(oscillator(0.0))
+    assert result.converged
+    assert result.method == "step map"
+    assert result.point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-10)
+    assert result.point.y == pytest.approx({"y": 0.02}, abs=1e-10)
+
+
+def test_running_finds_the_rest_of_a_damped_black_box_at_a_step_that_is_stable() -> None:
+    result = trim(oscillator(10.0, settable=False), step=None)
+    assert result.converged
+    assert result.method == "running"
+    assert result.point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-6)
+    assert "communication step 0.000125 s" in result.notes[-1]  # explicit Euler is unstable at 1 ms
+
+
+def test_running_does_not_take_an_endless_swing_for_rest() -> None:
+    result = trim(oscillator(1e-3, settable=False), step=1e-5, longest=0.5)
+    assert not result.converged
+    assert "movement of s" in result.message
+
+
+def test_running_adjusts_a_free_input() -> None:
+    plant = Plant(
+        Equations(x={"x": 0.0}, u={"u": 1.0}, outputs=("y",), f=lambda v: [v["u"] - v["x"]], g=lambda v: [v["x"]],
+                  settable=False),
+        interface="cs",
+    )  # fmt: skip
+    result = trim(plant, free=["u"], fix={"y": 3.0}, step=0.05)
+    assert result.converged
+    assert result.point.u["u"] == pytest.approx(3.0, rel=1e-5)
+    assert result.point.y["y"] == pytest.approx(3.0, rel=1e-5)
+    assert not result.notes[-2:][0].startswith("2 unknowns")
+
+
+def test_states_that_can_only_be_observed_cannot_be_fixed() -> None:
+    with pytest.raises(wb.InputError, match="only be observed"):
+        trim(oscillator(10.0, settable=False), fix={"s": 1.0})
+
+
+def test_a_slow_drift_is_not_rest() -> None:
+    plant = Plant(Equations(x={"x": 0.0}, f=lambda v: [1e-9]), interface="cs")
+    with plant.open_at(step=0.1) as session:
+        end = settle(session, ["x"], np.ones(1), first=1.0, longest=1000.0, tolerance=1e-6)
+    assert not end.settled
+    assert end.time <= 1000.0 + 1e-6
+
+
+def test_an_exponential_is_followed_to_its_end() -> None:
+    plant = Plant(Equations(x={"x": 1.0}, f=lambda v: [-v["x"] / 20.0]), interface="cs")
+    with plant.open_at(step=0.05) as session:
+        end = settle(session, ["x"], np.ones(1), first=1.0, longest=math.inf, tolerance=1e-6)
+    assert end.settled
+    assert abs(end.values[0]) < 2e-6
