@@ -272,8 +272,8 @@ class Columns:
         """Return the entries that are 0 here but not when their variable moves far."""
         found = []
         for i, j in np.argwhere(reach.above | reach.below):
-            where = reach.where(i, j)
-            reason = f"locally flat: 0 here, but it moves when {self.names[j]} {where} by up to {FAR[-1] * self.sizes[j]:.3g}"
+            where, far = reach.where(i, j), FAR[-1] * self.sizes[j]
+            reason = f"locally flat: 0 here, but it moves when {self.names[j]} {where} by up to {far:.3g}"
             found.append(Doubt(self.rows[i], self.names[j], float(jacobian[i, j]), None, reason))
         return found
 

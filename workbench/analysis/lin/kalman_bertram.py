@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.lin.assemble import units_of
 from workbench.analysis.lin.explain import Reach, zeros_of
+from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
-from workbench.analysis.lin.task import LinTask, columns_of, open_base, width_for
+from workbench.analysis.lin.task import LinTask, open_base
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError
-from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats
 from workbench.session.point import Point
 
 __all__ = ["kalman_bertram"]
 
 MOST_EVENTS = 2000
-INTERVALS = 16  # of the basic period, for the output between samples
-TOLERANCE = 1e-10  # of the integration over one period
-WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
-WIDTH_HYBRID = 1e-3  # and where integration errors of 1e-10 must stay small beside it
-UNDECLARED = 1e-2
 AGREE = 1e-3
+FAR = (0.1, 1.0, 10.0)  # of an input's own size: how far one looks behind a zero
+
+Flags = NDArray[np.bool_]
 
 
 def kalman_bertram(task: LinTask) -> LinResult:
@@ -66,8 +64,8 @@ def kalman_bertram(task: LinTask) -> LinResult:
         periods, times = _periods(task, point)
         period = basic_period(periods, task.btptol)
         start = _start(task.time, period)
-        setting = _Setting.of(task, point, start, period, times)
-    return _linearise(task, setting, periods)
+        setting = PeriodMap.of(task, point, start, period, times)
+    return _linearise(setting, periods)
 
 
 def _periods(task: LinTask, point: Point) -> tuple[tuple[float, ...], Floats]:
@@ -85,134 +83,72 @@ def _start(time: float, period: float) -> float:
     return float(np.ceil(time / period - 1e-9)) * period
 
 
-@dataclass(frozen=True)
-class _Setting:
-    """What the runs over one period have in common.
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """The map at the point and its partial derivatives.
 
     Attributes:
-        task: the linearisation.
-        start, period: [s].
-        states: continuous and discrete states.
-        names: of states, then inputs.
-        values: of them at the point.
-        widths: of them.
-        grid: sample times of the output, shape (k + 1,), absolute [s].
-        given: start values of everything else.
-        continuous: number of continuous states.
+        x: states after one period, shape (n,).
+        y: outputs, shape (k, 2, q).
+        dx: shape (n, n + m).
+        dy: shape (k, 2, q, n + m).
     """
 
-    task: LinTask
-    start: float
-    period: float
-    states: tuple[Variable, ...]
-    names: tuple[str, ...]
-    values: Floats
-    widths: Floats
-    grid: Floats
-    given: Mapping[str, float]
-    continuous: int
-    inputs: Mapping[str, float]
+    x: Floats
+    y: Floats
+    dx: Floats
+    dy: Floats
 
-    @classmethod
-    def of(cls, task: LinTask, point: Point, start: float, period: float, ticks: Floats) -> _Setting:
-        """Collect them at a point."""
-        states = (*point.states, *point.memory)
-        for state in point.states:
-            if state.start is None:
-                raise InputError(f"method kalman-bertram: state {state.name} cannot be started elsewhere; use response")
-        chosen = [point.inputs[i] for i in columns_of(task, point)]
-        inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
-        # Discrete states begin at their own start values: those after the first event are already the next ones.
-        memory = [task.values.get(v.name, float(v.start or 0.0)) for v in point.memory]
-        values = np.array([*point.x0, *memory, *(inputs[v.name] for v in chosen)])
-        variables = (*states, *chosen)
-        wanted = np.concatenate([
-            width_for(task.dx, [v.name for v in states], what="dx"), width_for(task.du, task.inputs, what="du")
-        ])  # fmt: skip
-        relative = WIDTH_HYBRID if point.states else WIDTH_SAMPLED
-        usual = [_default(v, x, relative) for v, x in zip(variables, values.tolist(), strict=True)]
-        return cls(
-            task=task,
-            start=start,
-            period=period,
-            states=states,
-            names=tuple(v.name for v in variables),
-            values=values,
-            widths=np.where(np.isnan(wanted), usual, wanted),
-            grid=_grid(start, period, np.mod(ticks - start, period)),
-            given={**inputs, **dict(zip([v.name for v in states], values, strict=False))},
-            continuous=len(point.states),
-            inputs=inputs,
-        )
+    @property
+    def all(self) -> Floats:
+        """Slopes of the states and of the outputs at the sample, shape (n + q, n + m)."""
+        return np.vstack([self.dx, self.dy[0, 0]])
 
-    def run(self, shift: Floats) -> tuple[Floats, Floats]:
-        """Return the states after one period and the outputs (k, 2, q) within it, from a shifted start."""
-        task = self.task
-        values = {**self.given, **dict(zip(self.names, self.values + shift, strict=True))}
-        with task.model.open_at(time=self.start, values=values, tolerance=TOLERANCE) as session:
-            record = session.advance(
-                float(self.grid[-1]), signals={}, record=task.outputs, points=self.grid[1:]
-            )
-            reached = session.values([v.name for v in self.states])
-        return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
+    @property
+    def values(self) -> Floats:
+        """States after the period and outputs at the sample, shape (n + q,)."""
+        return np.concatenate([self.x, self.y[0, 0]])
 
 
-def _default(variable: Variable, value: float, relative: float) -> float:
-    if variable.type not in FLOAT_TYPES:
-        return 2.0
-    return relative * max(abs(value), variable.nominal or UNDECLARED)
-
-
-def _grid(start: float, period: float, ticks: Floats) -> Floats:
-    """Return a uniform grid over the period together with the samples inside it, absolute times [s]."""
-    end = start + period
-    uniform = start + period * np.arange(INTERVALS + 1) / INTERVALS
-    uniform[-1] = end
-    inner = start + ticks[(ticks > 0.0) & (ticks < period * (1.0 - 1e-9))]
-    every = np.unique(np.concatenate([uniform, inner]))
-    apart = np.concatenate([[True], np.diff(every) > 1e-9 * period])
-    kept: Floats = every[apart]
-    kept[-1] = end
-    return kept
-
-
-def _within(record: Record, grid: Floats, outputs: tuple[str, ...]) -> Floats:
-    """Return the outputs at the beginning (right limit) and end (left limit) of each interval, (k, 2, q)."""
-    near = 1e-9 * (grid[-1] - grid[0])
-    right = np.searchsorted(record.time, grid[:-1] + near, side="right") - 1
-    left = np.searchsorted(record.time, grid[1:] - near, side="left")
-    table = np.column_stack([record.values[n] for n in outputs])
-    return np.stack([table[right], table[left]], axis=1)
-
-
-def _linearise(task: LinTask, setting: _Setting, periods: tuple[float, ...]) -> LinResult:
-    n, m = len(setting.states), len(task.inputs)
-    base_x, base_y = setting.run(np.zeros(n + m))
+def _slopes(setting: PeriodMap) -> _Slopes:
+    count = len(setting.names)
+    x, y = setting.run(np.zeros(count))
     slopes_x, slopes_y = [], []
-    for j, width in enumerate(setting.widths.tolist()):
-        (x1, y1), (x0, y0) = (setting.run(s * 0.5 * width * np.eye(n + m)[j]) for s in (1.0, -1.0))
+    for unit, width in zip(np.eye(count), setting.widths.tolist(), strict=True):
+        (x1, y1), (x0, y0) = (setting.run(s * 0.5 * width * unit) for s in (1.0, -1.0))
         slopes_x.append((x1 - x0) / width)
         slopes_y.append((y1 - y0) / width)
-    jx, jy = np.array(slopes_x).T.reshape(n, n + m), np.moveaxis(np.array(slopes_y), 0, -1)
-    keep = _influential(jx[:, :n], jy[:, :, :, :n], setting.continuous)
-    point = _point(task, setting, base_x, base_y)
-    doubts = _check(setting, jx, jy, base_x, base_y)
-    result = _result(task, setting, jx, jy, keep, point, calls={"runs": 2 * (n + m) + 3})
+    return _Slopes(x, y, np.array(slopes_x).T.reshape(len(x), count), np.moveaxis(np.array(slopes_y), 0, -1))
+
+
+def _linearise(setting: PeriodMap, periods: tuple[float, ...]) -> LinResult:
+    n = len(setting.states)
+    slopes = _slopes(setting)
+    keep = _influential(slopes.dx[:, :n], slopes.dy[..., :n], setting.continuous)
+    result = _result(setting, slopes, keep)
+    reach = _reach(setting, slopes)
+    known = {*result.state_names, *result.output_names}
+    return replace(
+        result,
+        zeros=zeros_of(result, reach),
+        doubts=(*_check(setting, slopes), *(d for d in _flat(setting, reach) if d.row in known)),
+        notes=_notes(setting, slopes, keep, periods),
+    )
+
+
+def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, periods: tuple[float, ...]) -> tuple[str, ...]:
+    listed = ", ".join(f"{p:.6g}" for p in periods)
+    notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s"]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
-    notes = [f"basic time period {setting.period:.9g} s out of sample periods {_listed(periods)} s"]
     if left_out:
         notes.append(f"left out, because they are set anew before anything reads them: {', '.join(left_out)}")
-    drift = np.abs(base_x - setting.values[:n])[keep]
-    if (drift > 1e-6 * (np.abs(setting.values[:n][keep]) + 1e-6)).any():
+    values = setting.values[: len(keep)]
+    if (np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6))[keep].any():
         notes.append("the point is no equilibrium over the basic period; the model is that of deviations from its path")
-    return replace(result, notes=tuple(notes), doubts=doubts)
+    return tuple(notes)
 
 
-def _listed(periods: tuple[float, ...]) -> str:
-    return ", ".join(f"{p:.6g}" for p in periods)
-
-
-def _influential(phi: Floats, outer: Floats, continuous: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _influential(phi: Floats, outer: Floats, continuous: int) -> Flags:
     """Return which states matter: continuous ones, and discrete ones that reach another state or an output."""
     n = len(phi)
     keep = np.ones(n, dtype=bool)
@@ -222,14 +158,14 @@ def _influential(phi: Floats, outer: Floats, continuous: int) -> np.ndarray[tupl
     return keep
 
 
-def _point(task: LinTask, setting: _Setting, base_x: Floats, base_y: Floats) -> OperatingPoint:
-    n, c = len(setting.states), setting.continuous
+def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
+    task, n, c = setting.task, len(setting.states), setting.continuous
     names = [v.name for v in setting.states]
     values = setting.values.tolist()
     return OperatingPoint(
         x=dict(zip(names[:c], values[:c], strict=True)),
         u=dict(setting.inputs),
-        y=dict(zip(task.outputs, base_y[0, 0].tolist(), strict=True)),
+        y=dict(zip(task.outputs, slopes.y[0, 0].tolist(), strict=True)),
         discrete=dict(zip(names[c:], values[c:n], strict=True)),
         units={**units_of(task, names[:c]), **{v.name: v.unit for v in setting.states[c:]}},
         time=setting.start,
@@ -237,67 +173,61 @@ def _point(task: LinTask, setting: _Setting, base_x: Floats, base_y: Floats) -> 
     )
 
 
-def _result(
-    task: LinTask,
-    setting: _Setting,
-    jx: Floats,
-    jy: Floats,
-    keep: np.ndarray[tuple[int], np.dtype[np.bool_]],
-    point: OperatingPoint,
-    *,
-    calls: Mapping[str, int],
-) -> LinResult:
-    n = len(setting.states)
-    C, D = jy[..., :n][..., keep], jy[..., n:]
-    names = tuple(v.name for v, k in zip(setting.states, keep, strict=True) if k)
-    result = LinResult(
+def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
+    task, n = setting.task, len(setting.states)
+    C, D = slopes.dy[..., :n][..., keep], slopes.dy[..., n:]
+    point = _point(setting, slopes)
+    return LinResult(
         model=task.model.name,
         interface=task.model.interface,
         method="kalman-bertram",
         why="it was asked for",
-        A=jx[:, :n][np.ix_(keep, keep)],
-        B=jx[:, n:][keep],
+        A=slopes.dx[:, :n][np.ix_(keep, keep)],
+        B=slopes.dx[:, n:][keep],
         C=C[0, 0],
         D=D[0, 0],
         dt=setting.period,
-        state_names=names,
+        state_names=tuple(v.name for v, k in zip(setting.states, keep, strict=True) if k),
         input_names=task.inputs,
         output_names=task.outputs,
         units=point.units,
         point=point,
-        calls=calls,
-        intersample=Intersample(setting.grid - setting.start, C, D, sampled=_acts_at_samples(setting)),
+        calls={"runs": 2 * len(setting.names) + 2},
+        intersample=Intersample(setting.grid - setting.start, C, D, sampled=setting.acts_at_samples()),
     )
-    rows = [*names, *task.outputs]
-    return replace(result, zeros=zeros_of(result, Reach.none(rows, [*names, *task.inputs], looked=False)))
 
 
-def _acts_at_samples(setting: _Setting) -> bool:
-    """Whether inputs are only read at samples: between two samples nothing follows them."""
-    task = setting.task
-    between = setting.start + 0.5 * float(np.min(np.diff(setting.grid)))
-    values = {**setting.given, **dict(zip(setting.names, setting.values, strict=True))}
-    with task.model.open_point(time=between, values=values) as point:
-        first = point.at(point.x0, point.u0)
-        for i in columns_of(task, point):
-            u = point.u0.copy()
-            u[i] += setting.widths[len(setting.states) + task.inputs.index(point.inputs[i].name)]
-            moved = point.at(point.x0, u)
-            if not (np.array_equal(moved.dx, first.dx) and np.array_equal(moved.y, first.y)):
-                return False
-    return True
+def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:
+    """Return which zero entries of inputs move when the input moves far."""
+    rows = [*(v.name for v in setting.states), *setting.task.outputs]
+    reach = Reach.none(rows, list(setting.names))
+    for j in range(len(setting.states), len(setting.names)):
+        zero = slopes.all[:, j] == 0.0
+        for sign, moved in ((1.0, reach.above), (-1.0, reach.below)) if zero.any() else ():
+            for far in FAR:
+                x, y = setting.run(sign * far * setting.sizes[j] * np.eye(len(setting.names))[j])
+                moved[:, j] |= zero & (np.concatenate([x, y[0, 0]]) != slopes.values)
+    return reach
 
 
-def _check(setting: _Setting, jx: Floats, jy: Floats, base_x: Floats, base_y: Floats) -> tuple[Doubt, ...]:
+def _flat(setting: PeriodMap, reach: Reach) -> list[Doubt]:
+    found = []
+    for i, j in np.argwhere(reach.above | reach.below):
+        far = FAR[-1] * setting.sizes[j]
+        reason = f"locally flat: 0 here, but it moves when {reach.columns[j]} {reach.where(i, j)} by up to {far:.3g}"
+        found.append(Doubt(reach.rows[i], reach.columns[j], 0.0, None, reason))
+    return found
+
+
+def _check(setting: PeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
     """Compare the linear map with the FMU where everything is perturbed at once."""
     random = np.random.default_rng(3)
     shift = 0.5 * setting.widths * random.choice([-1.0, 1.0], len(setting.names))
     x, y = setting.run(shift)
-    real = np.concatenate([x - base_x, (y - base_y)[0, 0]])
-    full = np.vstack([jx, jy[0, 0]])
-    scale = np.abs(full) @ np.abs(shift)
-    noise = 1e-9 * np.abs(np.concatenate([base_x, base_y[0, 0]])) * (setting.continuous > 0) + 1e-13
+    real, expected = np.concatenate([x, y[0, 0]]) - slopes.values, slopes.all @ shift
+    scale = np.abs(slopes.all) @ np.abs(shift)
+    noise = 1e-9 * np.abs(slopes.values) * (setting.continuous > 0) + 1e-13
     rows = [*(v.name for v in setting.states), *setting.task.outputs]
-    bad = np.flatnonzero(np.abs(real - full @ shift) > 2.0 * AGREE * scale + noise)
     why = "with everything perturbed at once it goes elsewhere: not linear over the widths"
-    return tuple(Doubt(rows[i], "all", float((full @ shift)[i]), float(real[i]), why) for i in bad)
+    bad = np.flatnonzero(np.abs(real - expected) > 2.0 * AGREE * scale + noise)
+    return tuple(Doubt(rows[i], "all", float(expected[i]), float(real[i]), why) for i in bad)

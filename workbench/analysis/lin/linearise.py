@@ -40,13 +40,13 @@ def lin(
 
     ```python
     with wb.load("fmu:Rudder") as rudder:
-        point = wb.trim(rudder, fix={"delC": 2.0}, floating=["p1", "p2"]).point
+        point = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"]).point
         model = wb.lin(rudder, at=point, inputs=["delC"])
     print(model.poles(), model.result.method, model.result.why)
     ```
 
-    Not a statement about large motions: see `workbench.nfr` for gain and phase over the amplitude. Each method's own limits
-    stand in its docstring (`workbench.analysis.lin.methods.METHODS`).
+    Not a statement about large motions: see `workbench.nfr` for gain and phase over the amplitude. Each method's
+    own limits stand in its docstring (`workbench.analysis.lin.methods.METHODS`).
 
     Args:
         model: what to linearise; it stays open.

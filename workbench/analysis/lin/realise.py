@@ -110,6 +110,6 @@ def hold_inverse(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
     alone = (np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 1e-12)
     if alone.any():
         pole = poles[alone][0].real
-        raise InputError(f"no continuous model has the discrete pole {pole:.6g}; take a shorter period or leave it discrete")
+        raise InputError(f"no continuous model has the discrete pole {pole:.6g}; take a shorter period")
     full = np.asarray(logm(block)).real / dt
     return full[:n, :n], full[:n, n:]

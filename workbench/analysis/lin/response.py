@@ -52,7 +52,7 @@ def response(task: LinTask) -> LinResult:
     Source: J.-N. Juang and R. S. Pappa, J. Guidance 8 (1985).
     """
     if task.dx is not None:
-        raise InputError("method response: it perturbs inputs only; leave dx out, or use interface me and another method")
+        raise InputError("method response: it perturbs inputs only; leave dx out, or use another method")
     if not task.inputs or not task.outputs:
         raise InputError("method response: it needs an input and an output")
     if task.points < 8:
@@ -244,4 +244,3 @@ def _lines(found: Realisation, period: float) -> Intersample:
     # The left limit at the end still has the old input: D stays where outputs follow inputs at once.
     D = np.stack([found.D, found.C @ found.B + found.D])[None]
     return Intersample(np.array([0.0, period]), C, D, sampled=False)
-

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -72,6 +73,20 @@ class Intersample:
     C: Floats
     D: Floats
     sampled: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists."""
+        arrays = {"tau": self.tau.tolist(), "C": self.C.tolist(), "D": self.D.tolist()}
+        return {**arrays, "sampled": self.sampled}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], sizes: tuple[int, int, int]) -> Intersample:
+        """Return what `to_dict` describes; `sizes` are q, n and m."""
+        tau = np.array(data["tau"], dtype=np.float64)
+        q, n, m = sizes
+        shapes = {"C": (len(tau) - 1, 2, q, n), "D": (len(tau) - 1, 2, q, m)}
+        C, D = (np.array(data[k], dtype=np.float64).reshape(shape) for k, shape in shapes.items())
+        return cls(tau, C, D, bool(data["sampled"]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -201,13 +216,62 @@ class LinResult:
             "u0": dict(self.point.u),
             "y0": dict(self.point.y),
             "discrete0": dict(self.point.discrete),
+            "dx0": dict(self.point.dx),
             "time": self.point.time,
             "units": dict(self.units),
             "zero_rows_and_columns": [vars(z) for z in self.zeros],
             "doubtful": [vars(d) for d in self.doubts],
             "notes": list(self.notes),
             "calls": dict(self.calls),
+            "intersample": self.intersample.to_dict() if self.intersample is not None else None,
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> LinResult:
+        """Return the result that `to_dict` or the JSON of `workbench lin` describes.
+
+        Args:
+            data: all its keys.
+
+        Raises:
+            InputError: a key is missing or holds something else.
+        """
+        try:
+            return cls._from_dict(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"this is no linear model: {type(error).__name__}: {error}") from None
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any]) -> LinResult:
+        states, inputs, outputs = (tuple(data[k]) for k in ("state_names", "input_names", "output_names"))
+        n, m, q = len(states), len(inputs), len(outputs)
+        where = {"x": data["x0"], "u": data["u0"], "y": data["y0"], "dx": data["dx0"], "discrete": data["discrete0"]}
+        between = data["intersample"]
+        return cls(
+            model=data["model"],
+            interface=data["interface"],
+            method=data["method"],
+            why=data["why"],
+            A=_matrix(data, "A", n, n),
+            B=_matrix(data, "B", n, m),
+            C=_matrix(data, "C", q, n),
+            D=_matrix(data, "D", q, m),
+            state_names=states,
+            input_names=inputs,
+            output_names=outputs,
+            dt=float(data["dt"]),
+            units=dict(data["units"]),
+            point=OperatingPoint.from_dict({**where, "units": data["units"], "time": data["time"]}),
+            zeros=tuple(Zero(**z) for z in data["zero_rows_and_columns"]),
+            doubts=tuple(Doubt(**d) for d in data["doubtful"]),
+            notes=tuple(data["notes"]),
+            calls=dict(data["calls"]),
+            intersample=None if between is None else Intersample.from_dict(between, (q, n, m)),
+        )
+
+
+def _matrix(data: Mapping[str, Any], name: str, rows: int, columns: int) -> Floats:
+    return np.array(data[name], dtype=np.float64).reshape(rows, columns)
 
 
 def _weights(tau: Floats, s: complex) -> tuple[Complex, Complex]:

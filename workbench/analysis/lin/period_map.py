@@ -1,0 +1,143 @@
+"""The map that a model makes of its states over one period, run from start to start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.lin.task import LinTask, columns_of, width_for
+from workbench.errors import InputError
+from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.session.base import Floats, Record
+from workbench.session.point import Point
+
+__all__ = ["PeriodMap"]
+
+INTERVALS = 16  # of the basic period, for the output between samples
+TOLERANCE = 1e-10  # of the integration over one period
+WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
+WIDTH_HYBRID = 1e-3  # and where integration errors of 1e-10 must stay small beside it
+UNDECLARED = 1e-2
+
+
+@dataclass(frozen=True)
+class PeriodMap:
+    """States just before a sample and held inputs → states one period later, and the outputs on the way.
+
+    Attributes:
+        task: the linearisation.
+        start, period: [s].
+        states: continuous and discrete states.
+        names: of states, then inputs.
+        values: of them at the point.
+        widths: of them.
+        grid: sample times of the output, shape (k + 1,), absolute [s].
+        given: start values of everything else.
+        continuous: number of continuous states.
+        inputs: all inputs → value.
+        sizes: how far a variable of `names` moves when it moves far.
+    """
+
+    task: LinTask
+    start: float
+    period: float
+    states: tuple[Variable, ...]
+    names: tuple[str, ...]
+    values: Floats
+    widths: Floats
+    grid: Floats
+    given: Mapping[str, float]
+    continuous: int
+    inputs: Mapping[str, float]
+    sizes: Floats
+
+    @classmethod
+    def of(cls, task: LinTask, point: Point, start: float, period: float, ticks: Floats) -> PeriodMap:
+        """Collect them at a point."""
+        states = (*point.states, *point.memory)
+        for state in point.states:
+            if state.start is None:
+                raise InputError(f"method kalman-bertram: state {state.name} cannot be started elsewhere; use response")
+        chosen = [point.inputs[i] for i in columns_of(task, point)]
+        inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
+        # Discrete states begin at their own start values: those after the first event are already the next ones.
+        memory = [task.values.get(v.name, float(v.start or 0.0)) for v in point.memory]
+        values = np.array([*point.x0, *memory, *(inputs[v.name] for v in chosen)])
+        variables = (*states, *chosen)
+        wanted = np.concatenate([
+            width_for(task.dx, [v.name for v in states], what="dx"), width_for(task.du, task.inputs, what="du")
+        ])  # fmt: skip
+        relative = WIDTH_HYBRID if point.states else WIDTH_SAMPLED
+        usual = [_default(v, x, relative) for v, x in zip(variables, values.tolist(), strict=True)]
+        return cls(
+            task=task,
+            start=start,
+            period=period,
+            states=states,
+            names=tuple(v.name for v in variables),
+            values=values,
+            widths=np.where(np.isnan(wanted), usual, wanted),
+            grid=_grid(start, period, np.mod(ticks - start, period)),
+            given={**inputs, **dict(zip([v.name for v in states], values, strict=False))},
+            continuous=len(point.states),
+            inputs=inputs,
+            sizes=np.array([_size(v, x) for v, x in zip(variables, values.tolist(), strict=True)]),
+        )
+
+    def run(self, shift: Floats) -> tuple[Floats, Floats]:
+        """Return the states after one period and the outputs (k, 2, q) within it, from a shifted start."""
+        task = self.task
+        values = {**self.given, **dict(zip(self.names, self.values + shift, strict=True))}
+        with task.model.open_at(time=self.start, values=values, tolerance=TOLERANCE) as session:
+            record = session.advance(float(self.grid[-1]), signals={}, record=task.outputs, points=self.grid[1:])
+            reached = session.values([v.name for v in self.states])
+        return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
+
+    def acts_at_samples(self) -> bool:
+        """Whether inputs are only read at samples: between two samples nothing follows them."""
+        task = self.task
+        between = self.start + 0.5 * float(np.min(np.diff(self.grid)))
+        values = {**self.given, **dict(zip(self.names, self.values, strict=True))}
+        with task.model.open_point(time=between, values=values) as point:
+            first = point.at(point.x0, point.u0)
+            for i in columns_of(task, point):
+                u = point.u0.copy()
+                u[i] += self.widths[len(self.states) + task.inputs.index(point.inputs[i].name)]
+                moved = point.at(point.x0, u)
+                if not (np.array_equal(moved.dx, first.dx) and np.array_equal(moved.y, first.y)):
+                    return False
+        return True
+
+
+def _default(variable: Variable, value: float, relative: float) -> float:
+    if variable.type not in FLOAT_TYPES:
+        return 2.0
+    return relative * max(abs(value), variable.nominal or UNDECLARED)
+
+
+def _grid(start: float, period: float, ticks: Floats) -> Floats:
+    """Return a uniform grid over the period together with the samples inside it, absolute times [s]."""
+    end = start + period
+    uniform = start + period * np.arange(INTERVALS + 1) / INTERVALS
+    uniform[-1] = end
+    inner = start + ticks[(ticks > 0.0) & (ticks < period * (1.0 - 1e-9))]
+    every = np.unique(np.concatenate([uniform, inner]))
+    apart = np.concatenate([[True], np.diff(every) > 1e-9 * period])
+    kept: Floats = every[apart]
+    kept[-1] = end
+    return kept
+
+
+def _within(record: Record, grid: Floats, outputs: tuple[str, ...]) -> Floats:
+    """Return the outputs at the beginning (right limit) and end (left limit) of each interval, (k, 2, q)."""
+    near = 1e-9 * (grid[-1] - grid[0])
+    right = np.searchsorted(record.time, grid[:-1] + near, side="right") - 1
+    left = np.searchsorted(record.time, grid[1:] - near, side="left")
+    table = np.column_stack([record.values[n] for n in outputs])
+    return np.stack([table[right], table[left]], axis=1)
+
+
+def _size(variable: Variable, value: float) -> float:
+    return max(abs(value), variable.nominal or 0.0) or 1.0

@@ -1,0 +1,169 @@
+"""Pictures of linear models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.plotting.figure import COLOURS, rows, save
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from workbench.analysis.lin.result import LinResult
+
+__all__ = ["bode_axes", "frequency_band", "plot_curves", "plot_lin", "unwrapped"]
+
+_POINTS = 400
+_DASHES = ("-", "--", "-.", ":")
+
+
+def plot_lin(result: LinResult, path: str | Path | None = None) -> Figure:
+    """Draw gain [dB] and phase [deg] over frequency [Hz] and the step responses over time [s].
+
+    Args:
+        result: the linear model; every pair of input and output is a curve.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    figure, axes = rows(3, title=f"{result.model}: linear model by {result.method}")
+    frequency = frequency_band([result])
+    response = result.response(frequency)
+    # The step response has an axis of its own.
+    axes[2].remove()
+    step = figure.add_subplot(3, 1, 3)
+    step.grid(visible=True, color="#cccccc", linewidth=0.7)
+    time, outputs = _step(result)
+    for j, source in enumerate(result.input_names):
+        for i, target in enumerate(result.output_names):
+            style = _style(i, j)
+            _curve(axes[0], axes[1], frequency, response[:, i, j], style)
+            draw: Any = step.step if result.dt > 0.0 else step.plot
+            extra = {"where": "post"} if result.dt > 0.0 else {}
+            draw(time, outputs[:, i, j], label=f"{source} → {target}", **style, **extra)
+    _finish(axes, frequency)
+    axes[1].tick_params(labelbottom=True)
+    step.set_xlabel("time [s]")
+    step.set_ylabel("unit step")
+    step.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def plot_curves(named: Sequence[tuple[str, LinResult]], path: str | Path | None = None) -> Figure:
+    """Draw the Bode picture of the first input and output of several models.
+
+    Args:
+        named: label and model.
+        path: also write the picture here; png, svg or pdf by suffix.
+    """
+    results = [result for _, result in named]
+    first = results[0] if results else None
+    title = f"{first.model}: {first.input_names[0]} → {first.output_names[0]}" if first else "no linear model"
+    figure, axes = rows(2, title=title)
+    frequency = frequency_band(results)
+    for number, (label, result) in enumerate(named):
+        style = {**_style(number, number // len(COLOURS)), "label": label}
+        _curve(axes[0], axes[1], frequency, result.response(frequency)[:, 0, 0], style)
+    _finish(axes, frequency)
+    if named:
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def bode_axes(title: str) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with axes for gain and phase."""
+    figure, axes = rows(2, title=title)
+    return figure, axes[0], axes[1]
+
+
+def frequency_band(results: Sequence[LinResult]) -> Floats:
+    """Return frequencies [Hz] around the poles, five decades at most, discrete models up to half their rate."""
+    corners = [c for r in results for c in _corners(r)]
+    low, high = (min(corners), max(corners)) if corners else (0.1, 10.0)
+    low, high = low / 10.0, min(high * 10.0, low * 1e4)
+    rates = [0.5 / r.dt for r in results if r.dt > 0.0]
+    if rates:
+        high = min(high, max(rates))
+        low = min(low, high / 100.0)
+    band: Floats = np.geomspace(low, high * (1.0 - 1e-6), _POINTS)
+    return band
+
+
+def _continuous_poles(result: LinResult) -> Any:  # noqa: ANN401  complex array
+    """Return the poles [1/s]; of a discrete model those that one sees at the samples."""
+    poles = result.poles
+    return np.log(poles[np.abs(poles) > 1e-6]) / result.dt if result.dt > 0.0 else poles
+
+
+def _corners(result: LinResult) -> list[float]:
+    sizes = np.abs(_continuous_poles(result)) / (2.0 * np.pi)
+    return [float(f) for f in sizes if f > 1e-6] or ([0.05 / result.dt] if result.dt > 0.0 else [])
+
+
+def unwrapped(response: np.ndarray[Any, Any]) -> Floats:
+    """Return the phase without jumps [deg]."""
+    phase = np.full(len(response), np.nan)
+    good = np.isfinite(response) & (np.abs(response) > 0.0)
+    phase[good] = np.degrees(np.unwrap(np.angle(response[good])))
+    return phase
+
+
+def _style(i: int, j: int) -> dict[str, Any]:
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": _DASHES[j % len(_DASHES)], "linewidth": 1.3}
+
+
+def _curve(gain: Axes, phase: Axes, frequency: Floats, response: np.ndarray[Any, Any], style: dict[str, Any]) -> None:
+    if not np.any(np.abs(response) > 0.0):
+        return
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain.plot(frequency, 20.0 * np.log10(np.abs(response)), **style)
+    phase.plot(frequency, unwrapped(response), **style)
+
+
+def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
+    axes[0].set_ylabel("gain [dB]")
+    axes[1].set_ylabel("phase [deg]")
+    axes[1].set_xlabel("frequency [Hz]")
+    for ax in axes[:2]:
+        ax.set_xscale("log")
+        ax.set_xlim(float(frequency[0]), float(frequency[-1]))
+
+
+def _step(result: LinResult) -> tuple[Floats, Floats]:
+    """Return times (k,) [s] and unit step responses (k, q, m)."""
+    dt = result.dt or _horizon(result) / _POINTS
+    A, B = (result.A, result.B) if result.dt > 0.0 else _held(result, dt)
+    count = min(_POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else _POINTS
+    state, outputs = np.zeros_like(B), []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(count + 1):
+            outputs.append(result.C @ state + result.D)
+            state = A @ state + B
+    return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.array(outputs)
+
+
+def _held(result: LinResult, dt: float) -> tuple[Floats, Floats]:
+    from scipy.linalg import expm  # noqa: PLC0415  scipy is slow to import
+
+    n, m = result.B.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = result.A, result.B
+    full = expm(block * dt)
+    return full[:n, :n], full[:n, n:]
+
+
+def _horizon(result: LinResult) -> float:
+    """Return how long the step response takes [s]."""
+    poles = [p for p in _continuous_poles(result).tolist() if abs(p) > 1e-6]
+    speeds = [abs(p.real) if abs(p.real) > 1e-3 * abs(p) else abs(p) / 5.0 for p in poles]
+    return 5.0 / min(speeds) if speeds else 20.0 * (result.dt or 0.05)
