@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 import workbench as wb
 from tests.fakes import lag
 from tests.worker_tasks import obey
+from workbench.cli.app import run
 from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
 from workbench.workers.executor import OnExecutor
 from workbench.workers.pool import Pool
@@ -100,6 +102,18 @@ def test_contradictions_are_refused() -> None:
 
 def test_lost_jobs_name_the_job() -> None:
     assert Lost(("say", 1), "why").job == ("say", 1)
+
+
+@needs_distributed
+@pytest.mark.filterwarnings("default")
+def test_the_cli_on_a_cluster_gives_the_same_numbers(scheduler: str, capfd: pytest.CaptureFixture[str]) -> None:
+    command = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--band", "1:10", "--amplitude", "0.5,2"]
+    results = []
+    for where in (["--scheduler", scheduler], ["--in-process"]):
+        assert run([*command, *where, "--json", "-"]) == 0
+        results.append(json.loads(capfd.readouterr().out))
+    for key in ("gain", "phase_deg", "certificate"):
+        assert results[0][key] == results[1][key]
 
 
 CLUSTER = """

@@ -9,6 +9,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,9 @@ READY, ITEM, DONE, ERROR, MEMORY, BUG = "ready", "item", "done", "error", "memor
 
 Task = Callable[["Model", Any], Iterator[Any]]
 
+# So long a worker without a parent may take to clean up [s].
+_FAREWELL = 2.0
+
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 
 
@@ -38,11 +42,13 @@ def work(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
         limits: the memory limit is set here, the time limit is the parent's affair.
     """
     _behave()
-    threading.Thread(target=_watch_parent, args=(recipe,), daemon=True).start()
-    try:
+    watcher = threading.Thread(target=_watch_parent, args=(recipe,), daemon=True)
+    watcher.start()
+    with suppress(EOFError, BrokenPipeError, ConnectionError):
         _serve(pipe, recipe, limits)
-    except (EOFError, BrokenPipeError, ConnectionError):
-        os._exit(0)
+    # The parent hung up: if it is dead, the watcher cleans up and ends this process.
+    watcher.join(_FAREWELL)
+    os._exit(0)
 
 
 def _serve(pipe: Connection, recipe: Recipe, limits: Limits) -> None:

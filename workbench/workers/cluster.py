@@ -29,7 +29,7 @@ class OnCluster(Runner):
         recipe: of the model.
 
     Raises:
-        InputError: `distributed` is not installed, or no scheduler answers there.
+        InputError: `distributed` is not installed, no scheduler answers there, or its workers lack the workbench.
     """
 
     def __init__(self, address: str, recipe: Recipe) -> None:
@@ -37,9 +37,12 @@ class OnCluster(Runner):
         try:
             # One future for all tasks; the executor's workers get the recipe itself.
             shared = self._client.scatter(recipe.packed(), broadcast=True)
-        except BaseException:
+        except Exception as error:  # noqa: BLE001 - it passes on whatever its workers raise
             self._client.close()
-            raise
+            text = one_line(f"{type(error).__name__}: {error}")
+            raise InputError(
+                f"scheduler {address}: its workers cannot take the model ({text}); install the same workbench there"
+            ) from None
         self._runner: Runner = OnExecutor(self._client.get_executor(pure=False), shared)
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
