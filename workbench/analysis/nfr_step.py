@@ -10,7 +10,7 @@ from workbench.analysis.certificate import finite
 from workbench.analysis.nfr_point import NfrPoint, PointTask, change
 from workbench.errors import InputError
 
-__all__ = ["at_step", "checked", "refine"]
+__all__ = ["at_step", "checked", "refine", "rows_of_step"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -72,7 +72,7 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]
     Raises:
         InputError: fewer than four steps make a period.
     """
-    tasks = [replace(t, rows=_rows(t, step), fixed_step=True) for t in tasks]
+    tasks = [replace(t, rows=rows_of_step(t.frequency, step), fixed_step=True) for t in tasks]
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)
@@ -111,13 +111,18 @@ def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str) -> Nfr
     return replace(point, certificate=replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg))
 
 
-def _rows(task: PointTask, step: float) -> int:
+def rows_of_step(frequency: float, step: float) -> int:
+    """Return how many communication steps [s] make a period of `frequency` [Hz].
+
+    Raises:
+        InputError: too few to show a sine.
+    """
     # A quotient within rounding of a whole number is that number.
-    rows = math.ceil(1.0 / (task.frequency * step) - 1e-9)
+    rows = math.ceil(1.0 / (frequency * step) - 1e-9)
     if rows < _FEWEST_ROWS:
-        longest = 1.0 / (_FEWEST_ROWS * task.frequency)
+        longest = 1.0 / (_FEWEST_ROWS * frequency)
         raise InputError(
-            f"step: {step:g} s is too long for {task.frequency:g} Hz; at least {_FEWEST_ROWS} steps must make a "
+            f"step: {step:g} s is too long for {frequency:g} Hz; at least {_FEWEST_ROWS} steps must make a "
             f"period, so take at most {longest:.3g} s"
         )
     return rows

@@ -13,6 +13,7 @@ from workbench.analysis.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr_job import PointsJob, ZeroInputJob
 from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
+from workbench.analysis.nfr_step import rows_of_step
 from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
 from workbench.analysis.zero_input import ZeroInput, doubt
 from workbench.errors import InputError, suggest
@@ -77,6 +78,8 @@ class NfrSweep:
         self._model, self._input, self._output = model, input, output
         self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
         self._amplitudes = _amplitudes(amplitudes)
+        if step is not None and model.interface == "cs":
+            rows_of_step(max(self._frequencies), step)
         self._errcrit, self._max_periods = errcrit, max_periods
         self._carry, self._step, self._verify = carry, step, verify
         self._workers = _with_executor(workers or Workers(), executor)

@@ -19,6 +19,9 @@ __all__ = ["ZeroInput", "doubt", "watch"]
 # while it is watched.
 _TELL, _DECAY = 0.05, 0.7
 
+# More than this factor from the first to the eighth period is no drift, but an unstable run.
+_GROWTH = 100.0
+
 _PERIODS = 8
 
 # A movement below this part of the output's size is none.
@@ -35,6 +38,7 @@ class ZeroInput:
         swing: half the peak-to-peak value of what deviates from that line [unit of the output].
         decays: whether the movement is at most 0.7 times what it was in the first period: a transient, which
             the measurement removes.
+        grows: whether it is more than a hundred times what it was in the first period.
         reason: why it could not be watched to the end; None where it could.
     """
 
@@ -42,6 +46,7 @@ class ZeroInput:
     drift: float = 0.0
     swing: float = 0.0
     decays: bool = False
+    grows: bool = False
     reason: str | None = None
 
     @property
@@ -73,7 +78,8 @@ def watch(model: Model, task: PointTask) -> ZeroInput:
                     break
         except SimulationError as error:
             return ZeroInput(reason=str(error))
-    return replace(seen[-1], decays=seen[-1].movement <= _DECAY * seen[0].movement)
+    first, last = seen[0].movement, seen[-1].movement
+    return replace(seen[-1], decays=last <= _DECAY * first, grows=last > _GROWTH * first)
 
 
 def _movement(record: Record, output: str) -> ZeroInput:
@@ -103,6 +109,11 @@ def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str) -> str |
     worst = max(measured, key=lambda p: _share(found, p))
     if _share(found, worst) <= _TELL:
         return None
+    if found.grows:
+        return (
+            f"with zero input {output} grows without bound; the model is unstable there, or a co-simulation step too "
+            "long (--interface me, or a shorter --step): the points tell more"
+        )
     return (
         f"with zero input {output} moves by itself (drifts by {found.drift:.3g} per s, swings by ±{found.swing:.3g}), "
         f"{100.0 * _share(found, worst):.2g} % of the amplitude at {worst.frequency:.6g} Hz, amplitude "
