@@ -171,3 +171,16 @@ def test_an_exponential_is_followed_to_its_end() -> None:
         end = settle(session, ["x"], np.ones(1), first=1.0, longest=math.inf, tolerance=1e-6)
     assert end.settled
     assert abs(end.values[0]) < 2e-6
+
+
+def test_a_slow_sampler_is_not_at_rest_between_its_samples() -> None:
+    # One sample a second, 1 ms steps: what stands still for a while is watched longer.
+    plant = Plant(
+        Equations(u={"u": 2.0}, memory={"d": 0.0}, outputs=("y",), tick=lambda v: [0.5 * (v["d"] + v["u"])],
+                  g=lambda v: [v["d"]], period=1.0),
+        interface="cs",
+    )  # fmt: skip
+    result = trim(plant)
+    assert result.converged
+    assert result.method == "running"
+    assert result.point.y["y"] == pytest.approx(2.0, rel=1e-5)

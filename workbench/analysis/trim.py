@@ -12,7 +12,7 @@ from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem, TrimSets, pose
 from workbench.analysis.trim_report import directions, in_words, residual_table
 from workbench.analysis.trim_result import TrimResult
-from workbench.analysis.trim_run import RunBalance
+from workbench.analysis.trim_run import RunBalance, Settled
 from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
@@ -255,6 +255,7 @@ class _Trim:
                 values=values,
                 step=step,
                 longest=self.longest,
+                least=_usual_length(self.model),
                 tolerance=max(self.tolerance, 1e-12),
             )
             problem = pose(balance, self.sets)
@@ -263,8 +264,10 @@ class _Trim:
             )
             end = balance.end(problem.at(solution.values)[1])
             why = f"step {step:g} s: {end}" if isinstance(end, str) else ""
-            result = self._result("running", problem, solution, [why or f"communication step {step:g} s"])
-            if solution.converged or (not why and getattr(end, "settled", False)):
+            if isinstance(end, Settled):
+                why = f"watched up to {end.time:g} s, communication step {step:g} s"
+            result = self._result("running", problem, solution, [why])
+            if solution.converged or (isinstance(end, Settled) and end.settled):
                 return result
         if result is None:
             raise InputError("no communication step to run with")
@@ -306,6 +309,14 @@ def _own_step(model: Model) -> float:
     if isinstance(model, FmuModel):
         return model.recipe.step or model.description.experiment.step or DEFAULT_STEP
     return DEFAULT_STEP
+
+
+def _usual_length(model: Model) -> float:
+    """Return how long the model is meant to run [s]; 0 if it does not say."""
+    if not isinstance(model, FmuModel):
+        return 0.0
+    experiment = model.description.experiment
+    return max(0.0, (experiment.stop_time or 0.0) - (experiment.start_time or 0.0))
 
 
 def _start_of(model: Model, variable: Variable) -> float:

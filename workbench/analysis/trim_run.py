@@ -16,7 +16,8 @@ from workbench.session.base import Floats, Session
 
 __all__ = ["RunBalance", "Settled", "settle"]
 
-FIRST_STEPS = 64  # communication steps, or parts, of the first stretch
+FIRST_STEPS = 64  # communication steps of the first stretch
+LEAST_STEPS = 4096  # communication steps that are watched at least: a slow sampler stands still between samples
 MAX_STEPS = 200_000  # communication steps of one run
 SAMPLES = 64  # looked at per stretch
 RUNAWAY = 1e30  # nominal values
@@ -41,7 +42,14 @@ class Settled:
 
 
 def settle(
-    session: Session, names: Sequence[str], nominal: Floats, *, first: float, longest: float, tolerance: float
+    session: Session,
+    names: Sequence[str],
+    nominal: Floats,
+    *,
+    first: float,
+    longest: float,
+    tolerance: float,
+    least: float = 0.0,
 ) -> Settled:
     """Run a session in stretches, each as long as all before it, until nothing moves.
 
@@ -59,6 +67,7 @@ def settle(
         first: length of the first stretch [s].
         longest: of the whole run [s].
         tolerance: see above.
+        least: of the whole run [s].
 
     Raises:
         SimulationError: the model fails on the way.
@@ -75,7 +84,7 @@ def settle(
         if not (np.abs(table) < RUNAWAY * nominal[:, None]).all():
             raise SimulationError("the model runs away", time=session.time)
         still = (ranges <= tolerance * scale) & ((ranges <= DECAY * before) | (ranges <= 1e-3 * tolerance * scale))
-        if still.all() and np.isfinite(before).all():
+        if still.all() and np.isfinite(before).all() and session.time - begin >= least:
             return Settled(session.time, values, ranges, settled=True)
         if session.time + 2.0 * stretch - begin > longest:
             return Settled(session.time, values, ranges, settled=False)
@@ -86,7 +95,8 @@ class RunBalance(Balance):
     """r = movement of the observed variables at the end of a run under held inputs; the states cannot be set.
 
     For black boxes: co-simulation FMUs whose states have no start values. It finds the one equilibrium that the model
-    goes to from its start, and only if it goes there by itself.
+    goes to from its start, and only if it goes there by itself. A model that waits longer than it is watched (`least`)
+    looks as if it were at rest.
 
     Args:
         model: the model.
@@ -95,6 +105,7 @@ class RunBalance(Balance):
         values: state or input → value.
         step: communication step [s].
         longest: of one run [s].
+        least: how long a run is watched at least [s], within `longest`.
         tolerance: see `settle`.
     """
 
@@ -111,10 +122,12 @@ class RunBalance(Balance):
         values: Mapping[str, float],
         step: float,
         longest: float | None = None,
+        least: float = 0.0,
         tolerance: float,
     ) -> None:
         self._model, self.time, self.step, self._tolerance = model, time, step, tolerance
         self.longest = step * MAX_STEPS if longest is None else longest
+        self.least = min(max(step * LEAST_STEPS, least), 0.25 * self.longest)
         self.inputs = tuple(slot_of(v, values[v.name]) for v in model.inputs if v.is_number)
         self.outputs = tuple(slot_of(v, 0.0) for v in model.outputs if v.is_number)
         self._x = tuple(slot_of(v, values[v.name]) for v in states)
@@ -149,6 +162,7 @@ class RunBalance(Balance):
                     nominal,
                     first=FIRST_STEPS * self.step,
                     longest=self.longest,
+                    least=self.least,
                     tolerance=self._tolerance,
                 )
         except SimulationError as error:
