@@ -99,14 +99,8 @@ def frequency_band(results: Sequence[LinResult]) -> Floats:
     return band
 
 
-def _continuous_poles(result: LinResult) -> Any:  # noqa: ANN401  complex array
-    """Return the poles [1/s]; of a discrete model those that one sees at the samples."""
-    poles = result.poles
-    return np.log(poles[np.abs(poles) > 1e-6]) / result.dt if result.dt > 0.0 else poles
-
-
 def _corners(result: LinResult) -> list[float]:
-    sizes = np.abs(_continuous_poles(result)) / (2.0 * np.pi)
+    sizes = np.abs(result.continuous_poles) / (2.0 * np.pi)
     return [float(f) for f in sizes if f > 1e-6] or ([0.05 / result.dt] if result.dt > 0.0 else [])
 
 
@@ -164,6 +158,6 @@ def _held(result: LinResult, dt: float) -> tuple[Floats, Floats]:
 
 def _horizon(result: LinResult) -> float:
     """Return how long the step response takes [s]."""
-    poles = [p for p in _continuous_poles(result).tolist() if abs(p) > 1e-6]
+    poles = [p for p in result.continuous_poles.tolist() if abs(p) > 1e-6]
     speeds = [abs(p.real) if abs(p.real) > 1e-3 * abs(p) else abs(p) / 5.0 for p in poles]
     return 5.0 / min(speeds) if speeds else 20.0 * (result.dt or 0.05)

@@ -338,7 +338,7 @@ class FmuPoint(Point):
             instance.enter_event_mode()
             time = instance.iterate_events().next_time
             instance.enter_continuous_mode()
-            if not time <= until or (found and time <= found[-1]):
+            if not (np.isfinite(time) and time <= until) or (found and time <= found[-1]):
                 break
             found.append(time)
         return np.array(found)

@@ -15,6 +15,8 @@ __all__ = ["Realisation", "hold_inverse", "realise"]
 
 LARGEST_BLOCK = 150  # rows and columns of blocks in the Hankel matrix
 LARGEST_ORDER = 80
+SMALLEST = 1e-8
+PLATEAU = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,8 @@ def realise(markov: Floats, *, noise: float, order: int | None = None) -> Realis
     """Return the model that reproduces Markov parameters: h(0) = D, h(k) = C A^(k−1) B.
 
     Every output and input is scaled to its own largest parameter. The order is the number of singular values of the
-    Hankel matrix above what errors of size `noise` in its elements can make of zero.
+    Hankel matrix above what errors of size `noise` in its elements can make of zero, above 20 times their median (a
+    plateau is the solver's error, not dynamics) and above 1e-8 of the largest.
 
     Args:
         markov: shape (k, q, m), k ≥ 4.
@@ -65,7 +68,8 @@ def realise(markov: Floats, *, noise: float, order: int | None = None) -> Realis
         return _static(markov)
     _, values = control.eigensys_realization(data, 1, m=size, n=size)
     values = np.asarray(values, dtype=np.float64)
-    floor = max(noise, 1e-14) * size * np.sqrt(q * m) * 2.0
+    from_noise = max(noise, 1e-14) * size * np.sqrt(q * m) * 2.0
+    floor = max(from_noise, SMALLEST * values[0], PLATEAU * float(np.median(values)))
     chosen = int((values > floor).sum()) if order is None else order
     most = min(LARGEST_ORDER, size * min(q, m), len(values))
     if order is not None and not 0 < order <= most:

@@ -12,7 +12,7 @@ from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, check_names, width_for
 from workbench.analysis.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import FmuModel, Model
 from workbench.session.base import Floats, Session, Snapshot
@@ -21,6 +21,7 @@ from workbench.signals import Constant, Signal
 __all__ = ["response"]
 
 RELATIVE_WIDTH = 2e-3
+TOLERANCE = 1e-10  # of the integration, where the workbench integrates
 UNDECLARED = 1.0
 NONLINEAR = 1e-2  # of a response: how much both directions may differ
 
@@ -28,11 +29,12 @@ NONLINEAR = 1e-2  # of a response: how much both directions may differ
 def response(task: LinTask) -> LinResult:
     """Linearise any model, co-simulation included, by short pulses at its inputs.
 
-    From the running operating point, saved by snapshot (the FMU's own state where it can be trusted, else replay), each
-    input in turn is raised for one period h and then put back, lowered likewise, and left alone. Half
-    the difference of the first two runs over half the width are the Markov parameters of the discrete model with
-    the input held over h; its realisation (ERA) has as many states as singular values stand out of the noise. The
-    model at the point need not rest: what it does on its own cancels. The states have no physical meaning.
+    From the running operating point (one period after `time`, so that samplers see the pulse), saved by snapshot (the
+    FMU's own state where it can be trusted, else replay), each input in turn is raised for one period h and then put
+    back, lowered likewise, and left alone. The difference of the first two runs over the width gives the Markov
+    parameters of the discrete model with the input held over h; its realisation (ERA) has as many states as
+    singular values stand out of the noise. The model at the point need not rest: what it does on its own
+    cancels. The states have no physical meaning.
 
     Widths (`du`, total) that are not given are 0.002 times the larger of magnitude and nominal value (1 where none
     is declared). How far the two directions differ from the run that is left alone gives the noise, and a
@@ -58,12 +60,12 @@ def response(task: LinTask) -> LinResult:
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
     period = _period(task)
-    with _open(task) as session:
+    with _open(task, period) as session:
         setting = _Setting.of(task, session, period)
         markov, noise, doubts = setting.measure()
-        point = setting.point()
+        point, sampled = setting.point(), setting.acts_at_samples()
     found = realise(markov, noise=noise, order=task.order)
-    result = _result(task, found, point, period)
+    result = _result(task, found, point, period, sampled=sampled)
     notes = [*_notes(found, noise), f"inputs held over {period:.6g} s"]
     return replace(result, notes=tuple(notes), doubts=tuple(doubts), calls={"runs": 2 * len(task.inputs) + 1})
 
@@ -74,43 +76,58 @@ def _period(task: LinTask) -> float:
         if not task.period > 0.0:
             raise InputError(f"period must be positive, not {task.period:g} s")
         return task.period
-    step = communication_step(task.model)
-    if step is None:
-        raise InputError("method response: the model names no step; give period")
-    return step
+    model = task.model
+    step, span = _declared_step(model), 0.0
+    if isinstance(model, FmuModel):
+        experiment = model.description.experiment
+        step = step or experiment.step
+        span = (experiment.stop_time or 0.0) - (experiment.start_time or 0.0)
+    if step is None and span <= 0.0:
+        raise InputError("method response: the model names neither step nor default experiment; give period")
+    return step or span / 500.0
 
 
-def communication_step(model: Model) -> float | None:
-    """Return the communication step a model would use, or a fraction of its default experiment; None: it names none."""
-    if not isinstance(model, FmuModel):
+def _declared_step(model: Model) -> float | None:
+    """Return the communication step that the user or the FMU names [s]; None: there is none, or nobody does."""
+    if not isinstance(model, FmuModel) or model.interface != "cs":
         return None
-    experiment = model.description.experiment
-    step = (model.recipe.step if model.interface == "cs" else None) or experiment.step
-    span = (experiment.stop_time or 0.0) - (experiment.start_time or 0.0)
-    return step or (span / 500.0 if span > 0.0 else None)
+    return model.recipe.step or model.description.experiment.step
 
 
-def _open(task: LinTask) -> Session:
-    """Return a session that stands at the task's time, all inputs at their values."""
+def _open(task: LinTask, period: float) -> Session:
+    """Return a session that stands one period after the task's time, all inputs at their values.
+
+    There it has not yet handled what happens at that very instant: a sampler that samples then will see the pulse.
+    """
     model, names = task.model, [v.name for v in task.model.inputs if v.is_number]
-    step = task.period if model.interface == "cs" and communication_step(model) is None else None
-    if model.interface == "cs":
-        step = step or min(communication_step(model) or np.inf, task.period or np.inf)
+    step = communication_step(model, period)
     if task.values:
         known = [v.name for v in (*model.inputs, *model.states, *model.parameters, *model.outputs)]
         if isinstance(model, FmuModel):
             known = [v.name for v in model.description.variables]
         check_names("x0", task.values, known)
-        session = model.open_at(values=task.values, step=step)
-    else:
+    try:
+        session = model.open_at(values=task.values, step=step, tolerance=TOLERANCE)
+    except InputError:
+        if task.values:
+            raise
         session = model.open_session(step=step)
     try:
+        values = session.values(names)
         if task.time > session.time:
-            session.advance(task.time, signals={n: Constant(v) for n, v in session.values(names).items()})
+            session.advance(task.time, signals={n: Constant(v) for n, v in values.items()})
+        session.advance(session.time + period, signals={n: Constant(v) for n, v in values.items()})
     except BaseException:
         session.close()
         raise
     return session
+
+
+def communication_step(model: Model, period: float) -> float | None:
+    """Return the communication step of a co-simulation whose inputs are held over `period` [s]; None: no such thing."""
+    if model.interface != "cs":
+        return None
+    return min(_declared_step(model) or period, period)
 
 
 @dataclass(frozen=True)
@@ -183,6 +200,29 @@ class _Setting:
         start = [first.values[n][0] for n in task.outputs]
         return np.vstack([start, np.column_stack([rest.values[n][rows] for n in task.outputs])])
 
+    def acts_at_samples(self) -> bool:
+        """Whether inputs are only read at sample instants: what comes and goes between them has no effect."""
+        try:
+            usual = self._late({})
+            return all(np.array_equal(usual, self._late({name: value})) for name, value in self._raised().items())
+        except (InputError, SimulationError):  # a co-simulation that takes no other step
+            return False
+
+    def _raised(self) -> dict[str, float]:
+        return {n: self.u0[n] + w / 2.0 for n, w in zip(self.task.inputs, self.widths.tolist(), strict=True)}
+
+    def _late(self, pulse: Mapping[str, float]) -> Floats:
+        """Return the outputs after a pulse that begins in the middle of a period and ends before the next, (1, q)."""
+        session, h = self.session, self.period
+        session.restore(self.start)
+        begin = session.time
+        usual: dict[str, Signal] = {n: Constant(v) for n, v in self.u0.items()}
+        raised: dict[str, Signal] = {n: Constant(pulse.get(n, v)) for n, v in self.u0.items()}
+        session.advance(begin + 0.4 * h, signals=usual)
+        session.advance(begin + 0.7 * h, signals=raised)
+        record = session.advance(begin + 2.0 * h, signals=usual, record=self.task.outputs)
+        return np.array([[record.values[n][-1] for n in self.task.outputs]])
+
     def point(self) -> OperatingPoint:
         """Return where the session stands."""
         session, model, task = self.session, self.task.model, self.task
@@ -214,7 +254,7 @@ def _notes(found: Realisation, noise: float) -> list[str]:
     return notes
 
 
-def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: float) -> LinResult:
+def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: float, *, sampled: bool) -> LinResult:
     names = tuple(f"z{i}" for i in range(1, len(found.A) + 1))
     units = {**dict.fromkeys(names), **{n: point.units.get(n) for n in (*task.inputs, *task.outputs)}}
     result = LinResult(
@@ -232,15 +272,15 @@ def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: fl
         output_names=task.outputs,
         units=units,
         point=point,
-        intersample=_lines(found, period),
+        intersample=_lines(found, period, sampled=sampled),
     )
     rows = [*names, *task.outputs]
     return replace(result, zeros=zeros_of(result, Reach.none(rows, [*names, *task.inputs], looked=False)))
 
 
-def _lines(found: Realisation, period: float) -> Intersample:
+def _lines(found: Realisation, period: float, *, sampled: bool) -> Intersample:
     """Between two samples the output is taken as a straight line, from the right to the next left limit."""
     C = np.stack([found.C, found.C @ found.A])[None]
     # The left limit at the end still has the old input: D stays where outputs follow inputs at once.
     D = np.stack([found.D, found.C @ found.B + found.D])[None]
-    return Intersample(np.array([0.0, period]), C, D, sampled=False)
+    return Intersample(np.array([0.0, period]), C, D, sampled=sampled)

@@ -23,6 +23,8 @@ __all__ = ["Doubt", "Intersample", "LinResult", "LinearModel", "Zero"]
 
 Complex = NDArray[np.complex128]
 
+VANISHED = 1e-6  # discrete poles smaller than this are over within a sample
+
 
 @dataclass(frozen=True)
 class Doubt:
@@ -140,6 +142,14 @@ class LinResult:
         """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
         return np.linalg.eigvals(self.A).astype(np.complex128)
 
+    @property
+    def continuous_poles(self) -> Complex:
+        """Poles [1/s]; of a discrete model those that its samples show, without the ones at 0."""
+        poles = self.poles
+        if self.dt == 0.0:
+            return poles
+        return np.asarray(np.log(poles[np.abs(poles) > VANISHED]) / self.dt, dtype=np.complex128)
+
     def response(self, frequency_hz: Floats) -> Complex:
         """Return the frequency response, shape (k, q, m).
 
@@ -174,7 +184,7 @@ class LinResult:
     def _fundamental(self, frequency: float) -> Complex:
         between, s = self.intersample, 2j * np.pi * frequency
         if between is None:
-            return self.response(np.array([frequency]))[0]
+            return np.asarray(self.response(np.array([frequency]))[0])
         state = self._state(np.exp(s * self.dt))
         y = between.C @ state + between.D  # (k, 2, q, m)
         first, last = _weights(between.tau, s)

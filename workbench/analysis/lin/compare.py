@@ -1,0 +1,335 @@
+"""Every applicable method on one model, beside a measured frequency response of small amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.analysis.lin.interfaces import InterfaceDifference, compare_interfaces
+from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.methods import METHODS
+from workbench.analysis.lin.response import communication_step
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.task import LinTask, Width, check_names, make_task, open_base
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import FmuError, InputError, SimulationError
+from workbench.model import FmuModel, Model
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["LinComparison", "Verdict", "compare"]
+
+GAIN_DB, PHASE_DEG = 0.5, 5.0  # what counts as agreement
+FREQUENCIES = 9
+OF_NYQUIST = 0.4
+RELATIVE_AMPLITUDE = 1e-3
+FAINT = 1e-2  # of the largest gain: what lies below is not compared unless asked for
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One linear model against the measured response at one frequency.
+
+    Attributes:
+        method: which linear model.
+        frequency_hz: [Hz].
+        gain_db: its gain less the measured gain [dB]; NaN where nothing was measured.
+        phase_deg: its phase less the measured phase, within ±180 [deg].
+        agrees: within 0.5 dB and 5 deg; None where nothing was measured.
+    """
+
+    method: str
+    frequency_hz: float
+    gain_db: float
+    phase_deg: float
+    agrees: bool | None
+
+
+@dataclass(frozen=True, eq=False)
+class LinComparison:
+    """All methods on one model at one point, from one input to one output.
+
+    Attributes:
+        input, output: names.
+        results: "method (interface)" → linear model.
+        failed: likewise → why it does not apply, one line.
+        measured: frequency response of small amplitude; None where it could not be measured.
+        verdicts: every model at every frequency.
+        interfaces: co-simulation against model exchange; None where the FMU does not offer both.
+        words: the comparison in sentences.
+    """
+
+    input: str
+    output: str
+    results: dict[str, LinResult]
+    failed: dict[str, str]
+    measured: NfrResult | None
+    verdicts: tuple[Verdict, ...]
+    interfaces: InterfaceDifference | None
+    words: tuple[str, ...]
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return one Bode picture with every model as a curve and the measurement as circles.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.lin_compare import plot_comparison  # noqa: PLC0415  matplotlib is slow
+
+        return plot_comparison(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "input": self.input,
+            "output": self.output,
+            "results": {name: result.to_dict() for name, result in self.results.items()},
+            "not_applicable": dict(self.failed),
+            "measured": None if self.measured is None else self.measured.to_dict(),
+            "verdicts": [vars(v) for v in self.verdicts],
+            "interfaces": None if self.interfaces is None else self.interfaces.to_dict(),
+            "words": list(self.words),
+        }
+
+
+def compare(
+    model: Model,
+    input: str,
+    output: str,
+    *,
+    at: OperatingPoint | None = None,
+    x0: Mapping[str, float] | None = None,
+    u0: Mapping[str, float] | None = None,
+    dx: Width = None,
+    du: Width = None,
+    time: float | None = None,
+    periods: Sequence[float] | None = None,
+    btptol: float = 1e-6,
+    period: float | None = None,
+    frequencies: Sequence[float] | Floats | None = None,
+    amplitude: float | None = None,
+    measure: bool = True,
+) -> LinComparison:
+    """Linearise by every method that applies, on both interfaces where the FMU has them, and measure.
+
+    The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
+    by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
+    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no periodic
+    response at all (undamped, unstable, or not at rest); the words say what was seen.
+
+    Args:
+        model: what to linearise; it stays open.
+        input: one input.
+        output: one output.
+        at: see `lin`.
+        x0: see `lin`.
+        u0: see `lin`.
+        dx: see `lin`; for method difference alone.
+        du: see `lin`.
+        time: see `lin`.
+        periods: see `lin`.
+        btptol: see `lin`.
+        period: see `lin`.
+        frequencies: where to compare [Hz]; None: nine around the poles, up to 0.4 of the Nyquist frequency.
+        amplitude: of the sine; None: 0.001 of the larger of magnitude and nominal value (1 where none is declared).
+        measure: False leaves the measurement out.
+
+    Raises:
+        InputError: unknown name, or no method applies.
+        FmuError: the model cannot be opened.
+    """
+    task = make_task(
+        model,
+        at=at,
+        x0=x0,
+        u0=u0,
+        inputs=[input],
+        outputs=[output],
+        time=time,
+        dx=dx,
+        du=du,
+        periods=tuple(periods) if periods is not None else None,
+        btptol=btptol,
+        period=period,
+    )
+    results, failed = _every(task)
+    if not results:
+        raise InputError(f"no method applies: {'; '.join(f'{k}: {v}' for k, v in failed.items())}")
+    grid = _frequencies(list(results.values())) if frequencies is None else np.asarray(frequencies, dtype=np.float64)
+    measured, words = _measure(task, input, output, grid, amplitude) if measure else (None, [])
+    verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
+    interfaces = _interfaces(task, results, grid)
+    spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts)]
+    return LinComparison(input, output, results, failed, measured, verdicts, interfaces, tuple(spoken))
+
+
+# -- linear models ----------------------------------------------------------------------------
+
+
+def _every(task: LinTask) -> tuple[dict[str, LinResult], dict[str, str]]:
+    results, failed = dict[str, LinResult](), dict[str, str]()
+    for interface in _offered(task.model):
+        other = interface != task.model.interface
+        model = _on(task.model, interface) if other else task.model
+        try:
+            _methods(replace(task, model=model), results, failed)
+        finally:
+            if other:
+                model.close()
+    return results, failed
+
+
+def _offered(model: Model) -> list[str]:
+    if not isinstance(model, FmuModel):
+        return [model.interface]
+    return [model.interface, *(i for i in ("me", "cs") if i in model.description.interfaces and i != model.interface)]
+
+
+def _on(model: Model, interface: str) -> Model:
+    """Return the same FMU on its other interface."""
+    if not isinstance(model, FmuModel):
+        raise InputError(f"{model.name} has one interface")
+    return replace(model.recipe, interface=interface, solver="auto").open()
+
+
+def _methods(task: LinTask, results: dict[str, LinResult], failed: dict[str, str]) -> None:
+    for name in METHODS:
+        label = f"{name} ({task.model.interface})"
+        try:
+            why = _why_not(task, name)
+            if why:
+                failed[label] = why
+            else:
+                results[label] = run(_suited(task, name), name)
+        except (InputError, SimulationError, FmuError) as error:
+            failed[label] = str(error)
+
+
+def _why_not(task: LinTask, method: str) -> str:
+    """Return why a method would answer another question; empty if it applies as far as one can tell before."""
+    if task.model.interface == "cs":
+        return "" if method == "response" else "a co-simulation interface shows neither states nor derivatives"
+    with open_base(task) as point:
+        sampled = len(point.ticks(1, np.inf)) > 0 and bool(point.memory)
+    if sampled and method in ("exact", "difference"):
+        return "the model is sampled: this would hold its discrete states"
+    return ""
+
+
+def _suited(task: LinTask, method: str) -> LinTask:
+    """Leave out the widths that a method does not take."""
+    if method == "exact":
+        return replace(task, dx=None, du=None)
+    return replace(task, dx=None) if method == "response" else task
+
+
+# -- measurement ------------------------------------------------------------------------------
+
+
+def _frequencies(results: Sequence[LinResult]) -> Floats:
+    """Return frequencies around the poles, as far as the response is worth looking at [Hz]."""
+    corners = np.concatenate([_corners(r) for r in results])
+    rates = [OF_NYQUIST * 0.5 / r.dt for r in results if r.dt > 0.0]
+    high = min([3.0 * float(corners.max()) if len(corners) else 10.0, *rates])
+    low = min(0.3 * float(corners.min()) if len(corners) else 0.1, 0.1 * high)
+    gain = np.abs(results[0].fundamental(dense := np.geomspace(low, high, 400))[:, 0, 0])
+    loud = dense[gain > FAINT * np.nanmax(gain)]
+    high = float(loud[-1]) if len(loud) else high
+    band: Floats = np.geomspace(max(low, high / 1e3), high, FREQUENCIES)
+    return band
+
+
+def _corners(result: LinResult) -> Floats:
+    """Return the frequencies of the poles that a sampled response can show [Hz]."""
+    sizes = np.abs(result.continuous_poles) / (2.0 * np.pi)
+    return np.asarray(sizes[sizes > 1e-6], dtype=np.float64)
+
+
+def _measure(
+    task: LinTask, source: str, target: str, grid: Floats, amplitude: float | None
+) -> tuple[NfrResult | None, list[str]]:
+    """Return the measured response, and what to say about it."""
+    model = task.model
+    if not isinstance(model, FmuModel):
+        return None, ["nothing was measured: this kind of model cannot be started at the point"]
+    check_names("input", [source], [v.name for v in model.inputs])
+    variable = next(v for v in model.inputs if v.name == source)
+    start = model.recipe.start_values.get(source, variable.start)
+    centre = task.values.get(source, float(start or 0.0) + model.recipe.bias.get(source, 0.0))
+    size = max(abs(centre), variable.nominal or 0.0) or 1.0
+    small = RELATIVE_AMPLITUDE * size if amplitude is None else amplitude
+    settable = {v.name for v in model.description.variables if v.start is not None}
+    starts = {n: v for n, v in task.values.items() if n in settable and n != source}
+    recipe = replace(
+        model.recipe,
+        start_values={**model.recipe.start_values, **starts},
+        bias={**model.recipe.bias, source: centre},
+        tolerance=min(model.recipe.tolerance or 1e-8, 1e-8),
+    )
+    step = task.period if model.interface == "cs" else None
+    try:
+        with recipe.open() as moved:
+            measured = nfr(moved, source, target, grid, [small], step=step)
+    except (InputError, SimulationError, FmuError) as error:
+        return None, [f"nothing was measured: {error}"]
+    unsettled = int(measured.averaged.sum()) + len(measured.failed)
+    reason = (
+        measured.failed[0].reason if measured.failed else "undamped, not at rest at the point, or a tolerance too wide"
+    )
+    words = [f"{unsettled} of {len(grid)} measured points did not settle or failed ({reason})"]
+    return measured, words if unsettled else []
+
+
+def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | None) -> list[Verdict]:
+    response = result.fundamental(grid)[:, 0, 0]
+    real = np.full(len(grid), np.nan, dtype=np.complex128)
+    if measured is not None:  # what did not settle is no yardstick
+        real = np.where(measured.averaged[0], np.nan, measured.response[0])
+    found = []
+    for frequency, model, truth in zip(grid.tolist(), response.tolist(), real.tolist(), strict=True):
+        with np.errstate(all="ignore"):
+            ratio = np.divide(model, truth) if truth else np.nan
+            gain, phase = float(20.0 * np.log10(np.abs(ratio))), float(np.degrees(np.angle(ratio)))
+        known = bool(np.isfinite(gain))
+        agrees = (abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG) if known else None
+        found.append(Verdict(name, frequency, gain, phase, agrees))
+    return found
+
+
+def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> list[str]:
+    words = []
+    for name in results:
+        mine = [v for v in verdicts if v.method == name and v.agrees is not None]
+        if not mine:
+            continue
+        worst = max(mine, key=lambda v: abs(v.gain_db) / GAIN_DB + abs(v.phase_deg) / PHASE_DEG)
+        good = sum(bool(v.agrees) for v in mine)
+        most = f"{worst.gain_db:+.3g} dB and {worst.phase_deg:+.3g}° at {worst.frequency_hz:.4g} Hz"
+        limits = f"{GAIN_DB:g} dB and {PHASE_DEG:g}°"
+        words.append(f"{name}: within {limits} of the measurement at {good} of {len(mine)} frequencies, at most {most}")
+    return words
+
+
+def _interfaces(task: LinTask, results: Mapping[str, LinResult], grid: Floats) -> InterfaceDifference | None:
+    """Compare co-simulation with the equations, where both are known."""
+    equations = [r for n, r in results.items() if n in ("exact (me)", "difference (me)")]
+    stepped = results.get("response (cs)")
+    if not equations or stepped is None:
+        return None
+    with _stepping(task) as model:
+        step = communication_step(model, stepped.dt) or stepped.dt
+    return compare_interfaces(equations[0], stepped, step=step, frequencies=grid)
+
+
+def _stepping(task: LinTask) -> AbstractContextManager[Model]:
+    """Return the model on its co-simulation interface."""
+    return nullcontext(task.model) if task.model.interface == "cs" else _on(task.model, "cs")

@@ -1,0 +1,62 @@
+"""Linear models by several methods and a measured response in one Bode picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from workbench.plotting.figure import COLOURS, rows, save
+from workbench.plotting.lin import frequency_band, unwrapped
+
+if TYPE_CHECKING:
+    from workbench.analysis.lin.compare import LinComparison
+
+__all__ = ["plot_comparison"]
+
+_DASHES = ("-", "--", "-.", ":")
+
+
+def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -> Figure:
+    """Draw every model as a curve and the measurement as circles (triangles: not settled).
+
+    Args:
+        comparison: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+    """
+    figure, axes = rows(2, title=f"{comparison.input} → {comparison.output}")
+    measured = comparison.measured
+    frequency = frequency_band(list(comparison.results.values()))
+    if measured is not None:
+        low, high = 0.5 * float(measured.frequency_hz[0]), 2.0 * float(measured.frequency_hz[-1])
+        frequency = np.geomspace(low, high, len(frequency))
+    for number, (name, result) in enumerate(comparison.results.items()):
+        shown = frequency[frequency < 0.5 / result.dt] if result.dt > 0.0 else frequency
+        response = result.fundamental(shown)[:, 0, 0]
+        style: dict[str, Any] = {
+            "color": COLOURS[number % len(COLOURS)],
+            "linestyle": _DASHES[number % 4],
+            "linewidth": 1.5,
+        }
+        with np.errstate(divide="ignore"):
+            axes[0].plot(shown, 20.0 * np.log10(np.abs(response)), label=name, **style)
+        axes[1].plot(shown, unwrapped(response), **style)
+    if measured is not None:
+        label = f"measured, amplitude {measured.amplitude[0]:g}"
+        for marker, chosen in (("o", ~measured.averaged[0]), ("^", measured.averaged[0])):
+            style = {"color": "#222222", "markerfacecolor": "white"}
+            at = measured.frequency_hz[chosen]
+            text = label if marker == "o" else "not settled"
+            if chosen.any():
+                axes[0].plot(at, measured.gain_db[0][chosen], marker, label=text, **style)
+                axes[1].plot(at, measured.phase_deg[0][chosen], marker, **style)
+    axes[0].set_xscale("log")
+    axes[0].set_ylabel("gain [dB]")
+    axes[1].set_ylabel("phase [deg]")
+    axes[1].set_xlabel("frequency [Hz]")
+    axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    if path is not None:
+        save(figure, path)
+    return figure
