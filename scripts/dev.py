@@ -108,31 +108,19 @@ def build(*, check: bool = False) -> int:
     _ensure_installed()
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) if check else ROOT / "fmus"
-        differing = [name for source in _sources() for name in _build_both(source, target)]
-        if check and differing:
-            return _complain(f"differ from a rebuild: {', '.join(differing)}; run scripts/dev.py build and commit")
+        before = _fmus(ROOT / "fmus")
+        _run([PYTHON, "-m", "workbench", "build", "modelica_src", "--out", target])
+        after = _fmus(target)
+        differing = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    if check and differing:
+        return _complain(f"differ from a rebuild: {', '.join(differing)}; run scripts/dev.py build and commit")
+    print("changed: " + ", ".join(differing) if differing else "the FMUs are as they were")
     return 0
 
 
-def _sources() -> list[Path]:
-    return sorted(path.parent for path in (ROOT / "modelica_src").glob("*/*.mo"))
-
-
-def _build_both(source: Path, target: Path) -> list[str]:
-    """Build one model for both FMI versions; return the files that are not as in fmus/."""
-    differing = []
-    for fmi in ("2", "3"):
-        file = Path(f"fmi{fmi}") / f"{source.name}.fmu"
-        before = _bytes(ROOT / "fmus" / file)
-        (target / file).parent.mkdir(parents=True, exist_ok=True)
-        _run([PYTHON, "-m", "workbench", "build", source, "--out", target / file, "--fmi", fmi])
-        if _bytes(target / file) != before:
-            differing.append(file.as_posix())
-    return differing
-
-
-def _bytes(path: Path) -> bytes:
-    return path.read_bytes() if path.exists() else b""
+def _fmus(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of all FMUs in a folder by their name in it."""
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("fmi*/*.fmu")}
 
 
 def _ensure_installed() -> None:
@@ -144,7 +132,11 @@ def _ensure_installed() -> None:
 def _fingerprint() -> str:
     """What an installation depends on: the settings of the project and of this script, where they lie, the Python."""
     digest = hashlib.sha256()
-    for part in (_bytes(ROOT / "pyproject.toml"), _bytes(ROOT / "hatch_build.py"), THIRD_PARTY_FMUS.encode()):
+    for part in (
+        (ROOT / "pyproject.toml").read_bytes(),
+        (ROOT / "hatch_build.py").read_bytes(),
+        THIRD_PARTY_FMUS.encode(),
+    ):
         digest.update(part)
     digest.update(f"{ROOT}{sys.version}".encode())
     return digest.hexdigest()

@@ -15,36 +15,53 @@ __all__ = ["build"]
 
 def build(
     sources: Annotated[list[Path], typer.Argument(metavar="MODEL.mo..", help="Modelica files, or folders of them.")],
-    out: Annotated[Path, typer.Option("--out", metavar="X.fmu", help="FMU to write.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="X.fmu|FOLDER",
+            help="FMU to write, or a folder: then every model is built into FOLDER/fmi2/ and FOLDER/fmi3/.",
+        ),
+    ],
     model: Annotated[
         str | None, typer.Option("--model", metavar="NAME", help="Which model, where the sources hold several.")
     ] = None,
-    fmi: Annotated[Literal["2", "3"], typer.Option("--fmi", help="FMI version.")] = "2",
+    fmi: Annotated[
+        Literal["2", "3"] | None, typer.Option("--fmi", help="FMI version; 2 for one FMU, both for a folder.")
+    ] = None,
     json_path: Json = None,
 ) -> None:
     """Turn a Modelica model into an FMU for five platforms (model exchange and co-simulation).
 
-    Example: `workbench build Rudder.mo --out Rudder.fmu --fmi 3`
+    Example: `workbench build Rudder.mo --out Rudder.fmu --fmi 3`, or all models of a folder in one call:
+    `workbench build models/ --out fmus/`
     """
     from workbench.cli.output import Output
 
     report = Output("build", json_path=json_path)
+    folder = out.suffix != ".fmu"
+    if folder and model is not None:
+        raise InputError(f"--model: {out} is a folder, for all models; name the FMU to write, e.g. {out / model}.fmu")
     if not out.parent.is_dir():
         raise InputError(f"--out: the folder '{out.parent}' does not exist")
     _require_tools()
-    from workbench.build import build_fmu
+    from workbench.build import build_all, build_fmu
 
-    result = build_fmu(sources, model=model, out=out, fmi=int(fmi))
-    for file in result.files:
+    if folder:
+        results = build_all(sources, out=out, fmi=(2, 3) if fmi is None else (int(fmi),))
+    else:
+        results = [build_fmu(sources, model=model, out=out, fmi=int(fmi or 2))]
+    files = [file for result in results for file in result.files]
+    for file in files:
         report.console.print(f"wrote {file} ({file.stat().st_size / 1024:.0f} KiB)", markup=False, soft_wrap=True)
-    report.console.print(f"platforms: {', '.join(result.platforms)}", markup=False, soft_wrap=True)
+    report.console.print(f"platforms: {', '.join(results[0].platforms)}", markup=False, soft_wrap=True)
     report.write(
         {
-            "model": result.model,
+            "model": ", ".join(result.model for result in results),
             "interface": None,
             "solver": None,
-            "files": [str(f) for f in result.files],
-            "platforms": list(result.platforms),
+            "files": [str(f) for f in files],
+            "platforms": list(results[0].platforms),
         }
     )
 
