@@ -24,7 +24,8 @@ def public_callables() -> Iterator[tuple[str, object]]:
         yield name, value
         if inspect.isclass(value):
             for member, function in inspect.getmembers(value, inspect.isfunction):
-                if not member.startswith("_"):
+                # What python-control's classes bring along is documented there.
+                if not member.startswith("_") and function.__module__.startswith("workbench"):
                     yield f"{name}.{member}", function
 
 

@@ -18,6 +18,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from workbench.analysis.certificate import Certificate
+    from workbench.analysis.lin.compare import LinComparison, Verdict, compare
+    from workbench.analysis.lin.linearise import lin
+    from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
+    from workbench.analysis.lin.step_check import StepCheck, step_check
+    from workbench.analysis.lin.sweep import LinGrid, LinPoint, lin_along, lin_over
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
@@ -38,10 +43,16 @@ __all__ = [
     "BuildError",
     "Certificate",
     "Constant",
+    "Doubt",
     "FailedPoint",
     "FmuError",
     "FmuModel",
     "InputError",
+    "LinComparison",
+    "LinGrid",
+    "LinPoint",
+    "LinResult",
+    "LinearModel",
     "Model",
     "NfrPoint",
     "NfrResult",
@@ -56,21 +67,34 @@ __all__ = [
     "Sine",
     "Snapshot",
     "Step",
+    "StepCheck",
     "Table",
     "TrimResult",
     "Variable",
+    "Verdict",
     "WorkbenchError",
     "Workers",
+    "Zero",
     "ZeroInput",
+    "compare",
+    "lin",
+    "lin_along",
+    "lin_over",
     "load",
     "nfr",
     "parse_signal",
     "simulate",
+    "step_check",
     "trim",
 ]
 
 _HOMES = {
     "workbench.analysis.certificate": ("Certificate",),
+    "workbench.analysis.lin.compare": ("LinComparison", "Verdict", "compare"),
+    "workbench.analysis.lin.linearise": ("lin",),
+    "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),
+    "workbench.analysis.lin.step_check": ("StepCheck", "step_check"),
+    "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint", "lin_along", "lin_over"),
     "workbench.analysis.nfr": ("NfrSweep", "nfr"),
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),

@@ -11,6 +11,7 @@ import typer
 from workbench import __version__
 from workbench.cli.build import build
 from workbench.cli.info import info
+from workbench.cli.lin import lin
 from workbench.cli.nfr import nfr
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
@@ -34,6 +35,7 @@ app.command("info")(info)
 app.command("simulate")(simulate)
 app.command("nfr")(nfr)
 app.command("trim")(trim)
+app.command("lin")(lin)
 app.command("build")(build)
 
 

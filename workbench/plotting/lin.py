@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from workbench.analysis.lin.step_check import step_response
 from workbench.plotting.figure import COLOURS, rows, save
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.result import LinResult
 
-__all__ = ["bode_axes", "frequency_band", "plot_curves", "plot_lin", "unwrapped"]
+__all__ = ["bode_labels", "frequency_band", "plot_curves", "plot_lin", "unwrapped"]
 
 _POINTS = 400
+_JUMP = 100.0  # [deg], as for a nonlinear frequency response
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -80,10 +83,15 @@ def plot_curves(named: Sequence[tuple[str, LinResult]], path: str | Path | None 
     return figure
 
 
-def bode_axes(title: str) -> tuple[Figure, Axes, Axes]:
-    """Return a figure with axes for gain and phase."""
-    figure, axes = rows(2, title=title)
-    return figure, axes[0], axes[1]
+def bode_labels(axes: Sequence[Axes]) -> None:
+    """Label two axes as gain and phase over a logarithmic frequency."""
+    axes[0].set_ylabel("gain [dB]")
+    axes[1].set_ylabel("phase [deg]")
+    axes[1].set_xlabel("frequency [Hz]")
+    for ax in axes[:2]:
+        ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def frequency_band(results: Sequence[LinResult]) -> Floats:
@@ -105,10 +113,12 @@ def _corners(result: LinResult) -> list[float]:
 
 
 def unwrapped(response: np.ndarray[Any, Any]) -> Floats:
-    """Return the phase without jumps [deg]."""
+    """Return the phase without jumps [deg]; half a turn at once counts as a fall, as in measured responses."""
     phase = np.full(len(response), np.nan)
     good = np.isfinite(response) & (np.abs(response) > 0.0)
-    phase[good] = np.degrees(np.unwrap(np.angle(response[good])))
+    angle = np.degrees(np.unwrap(np.angle(response[good])))
+    jumps = np.diff(angle, prepend=angle[:1]) > _JUMP
+    phase[good] = angle - 360.0 * np.cumsum(jumps)
     return phase
 
 
@@ -125,35 +135,17 @@ def _curve(gain: Axes, phase: Axes, frequency: Floats, response: np.ndarray[Any,
 
 
 def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
-    axes[0].set_ylabel("gain [dB]")
-    axes[1].set_ylabel("phase [deg]")
-    axes[1].set_xlabel("frequency [Hz]")
+    bode_labels(axes)
     for ax in axes[:2]:
-        ax.set_xscale("log")
         ax.set_xlim(float(frequency[0]), float(frequency[-1]))
 
 
 def _step(result: LinResult) -> tuple[Floats, Floats]:
     """Return times (k,) [s] and unit step responses (k, q, m)."""
     dt = result.dt or _horizon(result) / _POINTS
-    A, B = (result.A, result.B) if result.dt > 0.0 else _held(result, dt)
     count = min(_POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else _POINTS
-    state, outputs = np.zeros_like(B), []
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(count + 1):
-            outputs.append(result.C @ state + result.D)
-            state = A @ state + B
-    return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.array(outputs)
-
-
-def _held(result: LinResult, dt: float) -> tuple[Floats, Floats]:
-    from scipy.linalg import expm  # noqa: PLC0415  scipy is slow to import
-
-    n, m = result.B.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = result.A, result.B
-    full = expm(block * dt)
-    return full[:n, :n], full[:n, n:]
+    outputs = [step_response(result, j, dt, count) for j in range(len(result.input_names))]
+    return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.stack(outputs, axis=-1)
 
 
 def _horizon(result: LinResult) -> float:

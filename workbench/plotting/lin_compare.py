@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, rows, save
-from workbench.plotting.lin import frequency_band, unwrapped
+from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.lin import bode_labels, frequency_band, unwrapped
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.compare import LinComparison
+    from workbench.analysis.lin.step_check import StepCheck
 
-__all__ = ["plot_comparison"]
+__all__ = ["plot_comparison", "plot_step_check"]
 
 _DASHES = ("-", "--", "-.", ":")
 
@@ -44,18 +45,33 @@ def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -
             axes[0].plot(shown, 20.0 * np.log10(np.abs(response)), label=name, **style)
         axes[1].plot(shown, unwrapped(response), **style)
     if measured is not None:
-        label = f"measured, amplitude {measured.amplitude[0]:g}"
+        settled = f"measured, amplitude {measured.amplitude[0]:g}"
         for marker, chosen in (("o", ~measured.averaged[0]), ("^", measured.averaged[0])):
             style = {"color": "#222222", "markerfacecolor": "white"}
             at = measured.frequency_hz[chosen]
-            text = label if marker == "o" else "not settled"
+            text = settled if marker == "o" else "not settled"
             if chosen.any():
                 axes[0].plot(at, measured.gain_db[0][chosen], marker, label=text, **style)
                 axes[1].plot(at, measured.phase_deg[0][chosen], marker, **style)
-    axes[0].set_xscale("log")
-    axes[0].set_ylabel("gain [dB]")
-    axes[1].set_ylabel("phase [deg]")
-    axes[1].set_xlabel("frequency [Hz]")
+    bode_labels(axes)
+    axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def plot_step_check(check: StepCheck, path: str | Path | None = None) -> Figure:
+    """Draw the step responses of a linear model and of the model itself over time [s].
+
+    Args:
+        check: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+    """
+    figure, axes = rows(1, title=f"{check.input} → {check.output}, step of {check.height:g}")
+    axes[0].plot(check.time, check.nonlinear, color=COLOURS[0], linewidth=1.8, label="nonlinear model")
+    axes[0].plot(check.time, check.linear, "--", color=COLOURS[1], linewidth=1.5, label="linear model")
+    axes[0].set_ylabel(label(check.output, check.unit))
+    axes[0].set_xlabel("time [s]")
     axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
     if path is not None:
         save(figure, path)

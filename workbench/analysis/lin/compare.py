@@ -32,6 +32,7 @@ GAIN_DB, PHASE_DEG = 0.5, 5.0  # what counts as agreement
 FREQUENCIES = 9
 OF_NYQUIST = 0.4
 RELATIVE_AMPLITUDE = 1e-3
+PER_PERIOD = 20.0  # periods of `response` per period of the highest frequency compared
 FAINT = 1e-2  # of the largest gain: what lies below is not compared unless asked for
 
 
@@ -123,8 +124,8 @@ def compare(
 
     The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
     by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
-    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no periodic
-    response at all (undamped, unstable, or not at rest); the words say what was seen.
+    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no
+    periodic response at all (undamped, unstable, or not at rest); the words say what was seen.
 
     Args:
         model: what to linearise; it stays open.
@@ -176,16 +177,22 @@ def compare(
 
 
 def _every(task: LinTask) -> tuple[dict[str, LinResult], dict[str, str]]:
+    """Return all linear models, and why the other methods do not apply."""
     results, failed = dict[str, LinResult](), dict[str, str]()
-    for interface in _offered(task.model):
+    interfaces = sorted(_offered(task.model), reverse=True)  # what the equations say comes first
+    for interface in interfaces:
         other = interface != task.model.interface
-        model = _on(task.model, interface) if other else task.model
-        try:
-            _methods(replace(task, model=model), results, failed)
-        finally:
-            if other:
-                model.close()
+        with _on(task.model, interface) if other else nullcontext(task.model) as model:
+            _methods(replace(task, model=model, period=_period(task, results)), results, failed)
     return results, failed
+
+
+def _period(task: LinTask, results: Mapping[str, LinResult]) -> float | None:
+    """Return the period over which `response` holds its input [s]; None: the model's own step, if it names one."""
+    if task.period is not None or not results or (isinstance(task.model, FmuModel) and task.model.recipe.step):
+        return task.period
+    known = next(iter(results.values()))
+    return known.dt if known.dt > 0.0 else 1.0 / (PER_PERIOD * float(_frequencies([known])[-1]))
 
 
 def _offered(model: Model) -> list[str]:
@@ -202,8 +209,9 @@ def _on(model: Model, interface: str) -> Model:
 
 
 def _methods(task: LinTask, results: dict[str, LinResult], failed: dict[str, str]) -> None:
-    for name in METHODS:
+    for name in METHODS:  # response comes last, it needs a period
         label = f"{name} ({task.model.interface})"
+        task = replace(task, period=_period(task, results))
         try:
             why = _why_not(task, name)
             if why:

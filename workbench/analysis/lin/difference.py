@@ -9,7 +9,7 @@ import numpy as np
 from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
-from workbench.analysis.lin.task import LinTask, columns_of, open_base, width_for
+from workbench.analysis.lin.task import LinTask, columns_of, open_base, sampled_note, width_for
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
@@ -62,6 +62,7 @@ def difference(task: LinTask) -> LinResult:
         result = continuous_result(
             task, point, jacobian, operating_point(task, point, columns.base), method="difference"
         )
+        result = replace(result, notes=sampled_note(point))
         return _with(result, doubts + columns.flat(jacobian, reach), reach)
 
 

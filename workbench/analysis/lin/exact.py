@@ -10,7 +10,7 @@ from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.difference import AGREE, ROUNDING, Columns
 from workbench.analysis.lin.explain import zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
-from workbench.analysis.lin.task import LinTask, columns_of, open_base
+from workbench.analysis.lin.task import LinTask, columns_of, open_base, sampled_note
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -53,7 +53,7 @@ def exact(task: LinTask) -> LinResult:
         result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
         known = set(result.state_names) | set(result.output_names)
         every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
-        return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
+        return replace(result, notes=(*notes, *sampled_note(point)), doubts=tuple(every), zeros=zeros_of(result, reach))
 
 
 def _fill(columns: Columns, jacobian: Floats) -> tuple[str, ...]:

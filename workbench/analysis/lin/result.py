@@ -208,7 +208,11 @@ class LinResult:
         return plot_lin(self, path)
 
     def because(self, why: str) -> LinResult:
-        """Return the same result with the reason for its method."""
+        """Return the same result with the reason for its method.
+
+        Args:
+            why: in one line.
+        """
         return replace(self, why=why)
 
     def to_dict(self) -> dict[str, Any]:

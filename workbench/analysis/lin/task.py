@@ -15,7 +15,7 @@ from workbench.model import Model, Variable
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["LinTask", "Width", "columns_of", "open_base", "width_for"]
+__all__ = ["LinTask", "Width", "columns_of", "open_base", "sampled_note", "width_for"]
 
 Width = float | Mapping[str, float] | Sequence[float] | None
 
@@ -115,6 +115,8 @@ def open_base(task: LinTask) -> Point:
     Raises:
         InputError: unknown state, or the model has no points.
     """
+    if task.model.interface == "cs":
+        raise InputError("co-simulation shows neither states nor derivatives; use interface me, or method response")
     point = task.model.open_point(time=task.time, values=task.values)
     try:
         known = [v.name for v in (*point.states, *point.inputs)] + list(point.discrete())
@@ -127,6 +129,13 @@ def open_base(task: LinTask) -> Point:
         point.close()
         raise
     return point
+
+
+def sampled_note(point: Point) -> tuple[str, ...]:
+    """Return a remark where derivatives are half the truth: the model has samplers, which hold."""
+    if not (len(point.ticks(1, np.inf)) and point.memory):
+        return ()
+    return ("the model is sampled: its discrete states are held here; kalman-bertram takes them along",)
 
 
 def columns_of(task: LinTask, point: Point) -> list[int]:

@@ -1,0 +1,117 @@
+"""A step of the input: the linear model beside the model itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from workbench.analysis.lin.result import LinResult
+from workbench.errors import InputError, suggest
+from workbench.model import Model
+from workbench.session.base import Floats
+from workbench.signals import Constant, Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["StepCheck", "step_check"]
+
+POINTS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class StepCheck:
+    """Responses to one step from the point of a linear model.
+
+    Attributes:
+        input, output: names.
+        height: of the step [unit of the input].
+        unit: of the output, None where the model names none.
+        time: since the step, shape (k,) [s].
+        linear: the linear model's output with the offset of the point, shape (k,).
+        nonlinear: the model's own, shape (k,).
+        error: root mean square of the difference over that of the model's motion.
+    """
+
+    input: str
+    output: str
+    height: float
+    unit: str | None
+    time: Floats
+    linear: Floats
+    nonlinear: Floats
+    error: float
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture of both.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.lin_compare import plot_step_check  # noqa: PLC0415  matplotlib is slow
+
+        return plot_step_check(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        arrays = ("time", "linear", "nonlinear")
+        return {k: v.tolist() if k in arrays else v for k, v in vars(self).items()}
+
+
+def step_check(model: Model, linear: LinResult, *, input: str, output: str, height: float, stop: float) -> StepCheck:
+    """Compare a linear model with the model it came from after a step of one input.
+
+    Args:
+        model: the model; it stays open.
+        linear: its linear model.
+        input: which input steps at the point.
+        output: which output is watched.
+        height: of the step [unit of the input].
+        stop: how long [s].
+
+    Raises:
+        InputError: unknown name, height 0, or a model that cannot be started at the point.
+        FmuError, SimulationError: the model cannot be run.
+    """
+    for what, name, known in (("input", input, linear.input_names), ("output", output, linear.output_names)):
+        if name not in known:
+            raise InputError(f"{what}: the linear model has no '{name}'; {suggest(name, known)}")
+    if not height or not stop > 0.0:
+        raise InputError(f"a step needs a height other than 0 and a time above 0, not {height:g} and {stop:g} s")
+    count = POINTS if linear.dt == 0.0 else max(1, round(stop / linear.dt))
+    dt = linear.dt or stop / count
+    time: Floats = dt * np.arange(count + 1.0)
+    point, j, i = linear.point, linear.input_names.index(input), linear.output_names.index(output)
+    moved = point.y[output] + height * step_response(linear, j, dt, count)[:, i]
+    with model.open_at(time=point.time, values={**point.x, **point.discrete, **point.u}) as session:
+        start = session.time
+        signals: dict[str, Signal] = {input: Constant(point.u[input] + height)}
+        record = session.advance(start + time[-1], signals=signals, record=[output], points=start + time[1:])
+    rows = np.searchsorted(record.time, start + time + 1e-9 * dt, side="right") - 1
+    real = record.values[output][rows]
+    motion = float(np.sqrt(np.mean((real - point.y[output]) ** 2)))
+    error = float(np.sqrt(np.mean((real - moved) ** 2))) / (motion or 1.0)
+    return StepCheck(input, output, height, linear.units.get(output), time, moved, real, error)
+
+
+def step_response(linear: LinResult, column: int, dt: float, count: int) -> Floats:
+    """Return the response to a unit step of one input at 0, dt, … count·dt, shape (count + 1, q)."""
+    A, B = (linear.A, linear.B) if linear.dt > 0.0 else _held(linear, dt)
+    state, outputs = np.zeros(len(A)), []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(count + 1):
+            outputs.append(linear.C @ state + linear.D[:, column])
+            state = A @ state + B[:, column]
+    return np.array(outputs)
+
+
+def _held(linear: LinResult, dt: float) -> tuple[Floats, Floats]:
+    n, m = linear.B.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = linear.A, linear.B
+    full = expm(block * dt)
+    return full[:n, :n], full[:n, n:]
