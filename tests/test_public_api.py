@@ -40,7 +40,11 @@ def test_is_documented(name: str, value: object) -> None:
 
 @pytest.mark.parametrize(("name", "value"), list(public_callables()))
 def test_every_parameter_is_documented_and_none_is_swallowed(name: str, value: object) -> None:
-    if not callable(value) or inspect.isabstract(value) or any(value is made for made in MADE_ELSEWHERE):
+    if (
+        not callable(value)
+        or inspect.isabstract(value)
+        or getattr(value, "__name__", "") in {made.__name__ for made in MADE_ELSEWHERE}
+    ):
         return
     owner = getattr(wb, name.partition(".")[0])
     text = (inspect.getdoc(value) or "") + "\n" + (inspect.getdoc(owner) or "")
