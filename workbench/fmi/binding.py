@@ -11,6 +11,7 @@ from workbench.fmi.fmi1 import Instance1
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.fmi3 import Instance3
 from workbench.fmi.instance import Instance
+from workbench.fmi.library import Library
 
 __all__ = ["INTERFACES", "VERSIONS", "instantiate"]
 
@@ -18,8 +19,17 @@ VERSIONS: Mapping[int, type[Instance]] = {1: Instance1, 2: Instance2, 3: Instanc
 INTERFACES: Mapping[str, str] = {"me": "model exchange", "cs": "co-simulation"}
 
 
-def instantiate(description: Description, folder: Path, *, interface: str, source: str) -> Instance:
+def instantiate(
+    description: Description, folder: Path, *, interface: str, source: str, library: Library | None = None
+) -> Instance:
     """Return a new instance of an unpacked FMU.
+
+    Args:
+        description: what the FMU says about itself.
+        folder: where it is unpacked.
+        interface: "me" or "cs".
+        source: what the user named.
+        library: its binary, if it is loaded already; the instance closes it.
 
     Raises:
         InputError: it does not offer `interface`.
@@ -30,4 +40,4 @@ def instantiate(description: Description, folder: Path, *, interface: str, sourc
     if interface not in description.interfaces:
         offered = ", ".join(description.interfaces) or "neither me nor cs"
         raise InputError(f"{source}: interface {interface} is not offered; it has: {offered}")
-    return VERSIONS[description.major](description, folder, interface=interface, source=source)
+    return VERSIONS[description.major](description, folder, interface=interface, source=source, library=library)

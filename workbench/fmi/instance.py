@@ -90,10 +90,13 @@ class Instance(ABC):
     CALLS: ClassVar[Mapping[str, str]]
     TYPES: ClassVar[Mapping[str, TypeCalls]]
 
-    def __init__(self, description: Description, folder: Path, *, interface: str, source: str) -> None:
-        capabilities = description.interfaces[interface]
-        path = binary_path(folder, capabilities.identifier, source=source)
-        library = load_library(path, version=description.major, interface=interface, identifier=capabilities.identifier)
+    def __init__(
+        self, description: Description, folder: Path, *, interface: str, source: str, library: Library | None = None
+    ) -> None:
+        if library is None:
+            name = description.interfaces[interface].identifier
+            path = binary_path(folder, name, source=source)
+            library = load_library(path, version=description.major, interface=interface, identifier=name)
         self._setup(description, library, interface=interface)
         self.source = source
         self.folder = folder.resolve()

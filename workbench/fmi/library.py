@@ -55,10 +55,25 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
     return found
 
 
+class _Binary:
+    """A loaded binary, let go when the last of its holders has closed."""
+
+    def __init__(self, dll: ctypes.CDLL | None) -> None:
+        self._dll = dll
+        self.holders = 0
+        self.addresses: dict[str, int | None] = {}
+
+    def drop(self) -> None:
+        self.holders -= 1
+        if self.holders == 0 and self._dll is not None:
+            _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
+
+
 class Library:
     """C functions by their FMI name (`fmi2DoStep`); FMI 1.0 names carry the prefix `fmi1`.
 
-    The system counts who loaded a binary, and unloads it when the last one has closed it.
+    Several may share a binary (`held`); it is unloaded when all of them are closed, unless somebody else in
+    the process has loaded it, too: the system counts.
 
     Args:
         functions: by name.
@@ -67,18 +82,25 @@ class Library:
 
     def __init__(self, functions: Mapping[str, Function], dll: ctypes.CDLL | None = None) -> None:
         self._functions = functions
-        self._dll = dll
+        self._hold(_Binary(dll))
+
+    def _hold(self, binary: _Binary) -> None:
+        self._binary = binary
+        self._open = True
+        binary.holders += 1
 
     def held(self) -> Library:
         """Return a second hold on the binary, so that it stays loaded when this one is closed."""
-        name = getattr(self._dll, "_name", None)
-        return Library({}, None if name is None else ctypes.CDLL(name))
+        other = object.__new__(Library)
+        other._functions = self._functions
+        other._hold(self._binary)
+        return other
 
     def close(self) -> None:
         """Let go of the binary; none of its functions may be called any more. Any number of times."""
-        dll, self._dll = self._dll, None
-        if dll is not None:
-            _unload(dll._handle)  # noqa: SLF001  ctypes has no public name for it
+        if self._open:
+            self._open = False
+            self._binary.drop()
 
     def __getitem__(self, name: str) -> Function:
         return self._functions[name]
@@ -89,10 +111,16 @@ class Library:
 
     def address(self, name: str) -> int | None:
         """Return where the function begins, for compiled callers; None where the binary has none."""
-        function: Any = self._functions.get(name)
-        if function is None or getattr(function, "missing", False):
-            return None
-        return ctypes.cast(function, ctypes.c_void_p).value
+        known = self._binary.addresses
+        if name not in known:
+            known[name] = _address(self._functions.get(name))
+        return known[name]
+
+
+def _address(function: Any) -> int | None:
+    if function is None or getattr(function, "missing", False):
+        return None
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def load_library(path: Path, *, version: int, interface: str, identifier: str) -> Library:

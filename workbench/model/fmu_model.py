@@ -154,7 +154,8 @@ class FmuModel(Model):
 
     def _open_instance(self) -> Instance:
         folder, source = self._unpacked.folder, self.source
-        instance = instantiate(self.description, folder, interface=self.interface, source=source)
+        loaded = None if self._binary is None else self._binary.held()
+        instance = instantiate(self.description, folder, interface=self.interface, source=source, library=loaded)
         if self._binary is None:  # stays loaded between sessions
             self._binary = instance.library.held()
         return instance
