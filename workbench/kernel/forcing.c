@@ -3,11 +3,17 @@
 #include <math.h>
 #include <string.h>
 
-double forcing_next_break(const Forcing *forcing, double t) {
+double forcing_next_break(Forcing *forcing, double t) {
+    if (forcing->has_break && t >= forcing->break_from && t < forcing->break_at) {
+        return forcing->break_at;
+    }
     double first = (double)INFINITY;
     for (size_t i = 0; i < forcing->n; i++) {
         first = fmin(first, signal_next_break(&forcing->signals[i], t));
     }
+    forcing->has_break = first > t;
+    forcing->break_from = t;
+    forcing->break_at = first;
     return first;
 }
 
@@ -16,6 +22,11 @@ static double biased(const Forcing *forcing, size_t i, double t) {
 }
 
 void forcing_evaluate(Forcing *forcing, double t) {
+    if (forcing->has_wanted && forcing->wanted_at == t) {
+        return;
+    }
+    forcing->has_wanted = 1;
+    forcing->wanted_at = t;
     for (size_t i = 0; i < forcing->n; i++) {
         forcing->wanted[i] = value_as_type((ValueType)forcing->types[i], biased(forcing, i, t));
     }
@@ -92,6 +103,9 @@ void forcing_give_slopes(Forcing *forcing, Component *components, double t, doub
         return;
     }
     const double left = forcing_next_break(forcing, t) > end ? end : nextafter(end, -(double)INFINITY);
+    /* A continuous input is a number with a point: its value is what `forcing_evaluate` would find. */
+    forcing->has_wanted = forcing->n_discrete == 0;
+    forcing->wanted_at = left;
     for (size_t i = 0; i < forcing->n; i++) {
         forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : biased(forcing, i, left);
     }

@@ -22,9 +22,13 @@ typedef struct {
     size_t n, n_discrete;
     Access fast, slow; /* columns are positions in the list above */
     double longest_step;
+    /* What was computed last, to be used again; zeroed by the caller. */
+    double break_from, break_at; /* [s] `break_at` is the next break of all times from `break_from` on before it */
+    double wanted_at;            /* [s] time of `wanted` */
+    int32_t has_break, has_wanted;
 } Forcing;
 
-double forcing_next_break(const Forcing *forcing, double t);
+double forcing_next_break(Forcing *forcing, double t);
 /* All values at t, biased, as the FMUs would see them, to `wanted`. */
 void forcing_evaluate(Forcing *forcing, double t);
 bool forcing_differs(const Forcing *forcing);

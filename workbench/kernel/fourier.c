@@ -11,23 +11,26 @@ static size_t width(const Fourier *fourier) {
 
 void fourier_clear(Fourier *fourier) {
     fourier->rows = 0;
-    fourier->start = fourier->time = 0.0;
+    fourier->start = fourier->time = fourier->gap = fourier->longest = 0.0;
     memset(fourier->weights, 0, width(fourier) * sizeof(double));
     memset(fourier->sums, 0, fourier->n * width(fourier) * sizeof(double));
     memset(fourier->largest, 0, fourier->n * sizeof(double));
 }
 
-/* 1, sin, cos, sin 2, cos 2, … by the addition theorems. */
-static void fill_basis(const Fourier *fourier, double t, double *basis) {
+/* 1, sin, cos, sin 2, cos 2, … by the addition theorems; each order from two of about half of it. */
+static void fill_basis(const Fourier *fourier, double t) {
     const double angle = TWO_PI * fourier->frequency * (t - fourier->begin);
-    const double s = sin(angle);
-    const double c = cos(angle);
+    double *basis = fourier->basis;
     basis[0] = 1.0;
-    for (size_t k = 1; k <= fourier->orders; k++) {
-        const double sn = k == 1 ? s : basis[2 * k - 3] * c + basis[2 * k - 2] * s;
-        const double cn = k == 1 ? c : basis[2 * k - 2] * c - basis[2 * k - 3] * s;
-        basis[2 * k - 1] = sn;
-        basis[2 * k] = cn;
+    basis[1] = sin(angle);
+    basis[2] = cos(angle);
+    for (size_t k = 2; k <= fourier->orders; k++) {
+        const double *low = basis + 2 * (k / 2) - 1;
+        const double *high = basis + 2 * (k - k / 2) - 1;
+        const double s = low[0] * high[1] + low[1] * high[0];
+        const double c = low[1] * high[1] - low[0] * high[0];
+        basis[2 * k - 1] = s;
+        basis[2 * k] = c;
     }
 }
 
@@ -35,36 +38,37 @@ static void begin(Fourier *fourier, const double *row) {
     fourier->start = row[0];
     for (size_t i = 0; i < fourier->n; i++) {
         fourier->first[i] = row[fourier->columns[i]];
-        fourier->last[i] = 0.0;
     }
-    fill_basis(fourier, row[0], fourier->basis + width(fourier));
+    fill_basis(fourier, row[0]);
 }
 
-/* Add the trapezoids between the last row and this one. */
-static void integrate(Fourier *fourier, const double *row) {
-    const size_t m = width(fourier);
-    const double half = 0.5 * (row[0] - fourier->time);
-    double *before = fourier->basis;
-    double *now = fourier->basis + m;
-    memcpy(before, now, m * sizeof(double));
-    fill_basis(fourier, row[0], now);
+static inline void add_scaled(double *restrict sums, double factor, const double *restrict basis, size_t m) {
     for (size_t k = 0; k < m; k++) {
-        fourier->weights[k] += half * (before[k] + now[k]);
+        sums[k] += factor * basis[k];
     }
+}
+
+/* The last row's weight is known once the row behind it is: half the gaps on both sides. */
+static void integrate(Fourier *fourier, double gap) {
+    const size_t m = width(fourier);
+    const double weight = 0.5 * (fourier->gap + gap);
+    add_scaled(fourier->weights, weight, fourier->basis, m);
     for (size_t i = 0; i < fourier->n; i++) {
-        const double y = row[fourier->columns[i]] - fourier->first[i];
-        double *sums = fourier->sums + i * m;
-        for (size_t k = 0; k < m; k++) {
-            sums[k] += half * (fourier->last[i] * before[k] + y * now[k]);
-        }
+        add_scaled(fourier->sums + i * m, weight * fourier->last[i], fourier->basis, m);
     }
 }
 
 void fourier_add(Fourier *fourier, const double *row) {
     if (fourier->rows == 0) {
         begin(fourier, row);
-    } else if (row[0] > fourier->time) {
-        integrate(fourier, row);
+    } else {
+        const double gap = row[0] - fourier->time;
+        integrate(fourier, gap);
+        fourier->gap = gap;
+        fourier->longest = fmax(fourier->longest, gap);
+        if (gap > 0.0) {
+            fill_basis(fourier, row[0]);
+        }
     }
     for (size_t i = 0; i < fourier->n; i++) {
         const double y = row[fourier->columns[i]];
@@ -78,12 +82,15 @@ void fourier_add(Fourier *fourier, const double *row) {
 void fourier_result(const Fourier *fourier, double *coefficients) {
     const size_t m = width(fourier);
     const double span = fourier->time - fourier->start;
+    const double weight = 0.5 * fourier->gap;
     for (size_t i = 0; i < fourier->n; i++) {
         const double *sums = fourier->sums + i * m;
-        const double mean = sums[0] / span;
+        const double y = weight * fourier->last[i];
+        const double mean = (sums[0] + y) / span;
         coefficients[i * m] = fourier->first[i] + mean;
         for (size_t k = 1; k < m; k++) {
-            coefficients[i * m + k] = 2.0 * (sums[k] - mean * fourier->weights[k]) / span;
+            const double all = fourier->weights[k] + weight * fourier->basis[k];
+            coefficients[i * m + k] = 2.0 * (sums[k] + y * fourier->basis[k] - mean * all) / span;
         }
     }
 }

@@ -13,17 +13,19 @@
 typedef struct {
     double begin;     /* time at which the phase is zero [s] */
     double frequency; /* [Hz] */
-    size_t orders;    /* number of harmonics */
+    size_t orders;    /* number of harmonics, at least 1 */
     size_t n;         /* number of signals */
     const size_t *columns; /* [n] in the row: time is column 0 */
     /* Memory of the caller, set up by `fourier_clear`. */
-    double *basis;    /* [2][1 + 2 orders]: 1, sin, cos, sin 2, ... at the last row and at this */
-    double *weights;  /* [1 + 2 orders] ∫ basis */
-    double *sums;     /* [n][1 + 2 orders] ∫ (y - y_first) · basis */
+    double *basis;    /* [1 + 2 orders]: 1, sin, cos, sin 2, ... at the last row */
+    double *weights;  /* [1 + 2 orders] ∫ basis, the last row's part left out */
+    double *sums;     /* [n][1 + 2 orders] ∫ (y - y_first) · basis, likewise */
     double *first;    /* [n] */
     double *last;     /* [n] the last row's values, less the first */
     double *largest;  /* [n] largest magnitude so far */
     double start, time; /* [s] of the first and the last row */
+    double gap;         /* [s] between the last row and the one before it */
+    double longest;     /* [s] largest gap */
     size_t rows;
 } Fourier;
 

@@ -40,6 +40,7 @@ typedef struct {
     int (*SUNContext_ClearErrHandlers)(Pointer context);
     int (*SUNContext_PushErrHandler)(Pointer context, Handler handler, void *data);
     Pointer (*N_VNew_Serial)(int64_t n, Pointer context);
+    int (*N_VEnableFusedOps_Serial)(Pointer vector, int on);
     double *(*N_VGetArrayPointer)(Pointer vector);
     void (*N_VDestroy)(Pointer vector);
     Pointer (*SUNDenseMatrix)(int64_t rows, int64_t columns, Pointer context);
@@ -64,7 +65,7 @@ typedef struct {
     void (*CVodeFree)(Pointer *memory);
 } Sundials;
 
-enum { FUNCTIONS = 27 };
+enum { FUNCTIONS = 28 };
 _Static_assert(sizeof(Sundials) == FUNCTIONS * sizeof(void *), "one address for each function");
 
 typedef struct {
@@ -164,6 +165,9 @@ static bool make_objects(Gear *g)
     if (g->y == NULL || g->dense == NULL || g->matrix == NULL) {
         return false;
     }
+    /* Several vectors in one pass: CVODE's own vectors are made after these. */
+    c->N_VEnableFusedOps_Serial(g->y, 1);
+    c->N_VEnableFusedOps_Serial(g->dense, 1);
     g->y_values = c->N_VGetArrayPointer(g->y);
     g->dense_values = c->N_VGetArrayPointer(g->dense);
     memset(g->y_values, 0, vector_size(g));

@@ -20,6 +20,7 @@ GEAR_FUNCTIONS: tuple[tuple[str, str], ...] = (
     ("SUNContext_ClearErrHandlers", "core"),
     ("SUNContext_PushErrHandler", "core"),
     ("N_VNew_Serial", "nvecserial"),
+    ("N_VEnableFusedOps_Serial", "nvecserial"),
     ("N_VGetArrayPointer", "core"),
     ("N_VDestroy", "core"),
     ("SUNDenseMatrix", "sunmatrixdense"),

@@ -19,6 +19,7 @@ typedef struct {
     int32_t crowd; /* events in a row without time passing */
     int32_t resumed; /* the run goes on after a pause */
     int32_t steps; /* since the last recorded point or event */
+    int32_t told; /* some FMU wants to be told of completed steps */
     /* Owned by the kernel. */
     Solver *solver;
     double *x; /* [nx] scratch */

@@ -82,7 +82,7 @@ class NativeFourier:
         self._library = library
         n, width = len(columns), 1 + 2 * orders
         self._columns = (ctypes.c_size_t * n)(*columns)
-        sizes = {"basis": 2 * width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
+        sizes = {"basis": width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
         self._memory = {name: np.zeros(size) for name, size in sizes.items()}
         self._shape = (n, width)
         self.structure = Fourier(
@@ -94,6 +94,15 @@ class NativeFourier:
             **{name: array.ctypes.data for name, array in self._memory.items()},
         )
         self.address = ctypes.addressof(self.structure)
+
+    def aim(self, *, begin: float, frequency: float) -> None:
+        """Take another begin [s] and frequency [Hz]."""
+        self.structure.begin, self.structure.frequency = begin, frequency
+
+    @property
+    def gap(self) -> float:
+        """Largest distance of two rows [s]."""
+        return float(self.structure.longest)
 
     @property
     def largest(self) -> Floats:

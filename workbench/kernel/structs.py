@@ -173,6 +173,11 @@ class Forcing(ctypes.Structure):
         ("fast", Access),
         ("slow", Access),
         ("longest_step", c_double),
+        ("break_from", c_double),
+        ("break_at", c_double),
+        ("wanted_at", c_double),
+        ("has_break", c_int32),
+        ("has_wanted", c_int32),
     )
 
 
@@ -226,6 +231,8 @@ class Fourier(ctypes.Structure):
         ("largest", c_void_p),
         ("start", c_double),
         ("time", c_double),
+        ("gap", c_double),
+        ("longest", c_double),
         ("rows", c_size_t),
     )
 
@@ -268,6 +275,7 @@ class Me(ctypes.Structure):
         ("crowd", c_int32),
         ("resumed", c_int32),
         ("steps", c_int32),
+        ("told", c_int32),
         ("solver", c_void_p),
         ("x", c_void_p),
         ("until", c_double),

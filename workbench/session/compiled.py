@@ -16,7 +16,7 @@ import numpy as np
 from workbench.errors import FmuError, InputError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
-from workbench.kernel.native_record import NativeFourier, NativeRecord
+from workbench.kernel.native_record import NativeRecord
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Record
 from workbench.session.cs import CsSession
@@ -37,11 +37,13 @@ class Harmonics:
         values: recorded name → shape (1 + 2·orders,): mean, then in-phase and quadrature part of each harmonic.
         inputs: the same of each forced input, as the FMU saw it.
         largest: recorded name → largest magnitude.
+        gap: largest distance of two rows [s]; in co-simulation the longest communication step.
     """
 
     values: dict[str, Floats]
     inputs: dict[str, Floats]
     largest: dict[str, float]
+    gap: float
 
 
 class CompiledSession(FmuSession):
@@ -103,9 +105,8 @@ class CompiledSession(FmuSession):
             orders: number of harmonics.
         """
         n_inputs, n = len(signals), len(record)
-        sums = NativeFourier(
-            self.loop.system.library, range(1, 1 + n_inputs + n), begin=begin, frequency=frequency, orders=orders
-        )
+        sums = self.loop.fourier(n_inputs + n, orders=orders)
+        sums.aim(begin=begin, frequency=frequency)
         self.recording.keep, self.recording.sums = False, sums
         try:
             self.advance(until, signals=signals, record=record, points=points)
@@ -116,6 +117,7 @@ class CompiledSession(FmuSession):
             values=dict(zip(record, found[n_inputs:], strict=True)),
             inputs=dict(zip(signals, found[:n_inputs], strict=True)),
             largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
+            gap=sums.gap,
         )
 
 

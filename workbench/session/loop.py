@@ -53,6 +53,7 @@ class Loop:
         self.system = NativeSystem([instance])
         self._solver = solver
         self._records: dict[tuple[str, ...], NativeRecord] = {}
+        self._sums: dict[tuple[int, int], NativeFourier] = {}
         self._native: NativeForcing | None = None
         self._signals: Mapping[str, Signal] = {}
 
@@ -78,6 +79,14 @@ class Loop:
         structure.bound, structure.every, structure.keep = how.bound, how.every, how.keep
         structure.fourier = None if how.sums is None else how.sums.address
         return record
+
+    def fourier(self, n: int, *, orders: int) -> NativeFourier:
+        """Return what sums the first `n` columns behind the time."""
+        key = n, orders
+        if key not in self._sums:
+            columns = range(1, 1 + n)
+            self._sums[key] = NativeFourier(self.system.library, columns, begin=0.0, frequency=1.0, orders=orders)
+        return self._sums[key]
 
     def run(self, kind: str, native: Me | Cs, targets: Floats, record: NativeRecord, *, new: bool) -> None:
         """Let the kernel run to the last target.
