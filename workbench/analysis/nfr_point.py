@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.certificate import Certificate, certify
-from workbench.analysis.harmonics import ORDERS, Period, measure_period
+from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_period
 from workbench.analysis.settling import Outcome, Response, Settling
 from workbench.errors import SimulationError
 from workbench.model import Model
-from workbench.session import Record, Session
+from workbench.session import Session
+from workbench.session.base import Floats
+from workbench.session.compiled import CompiledSession
 from workbench.signals import Sine
 
 __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
@@ -130,9 +132,8 @@ def run_point(session: Session, task: PointTask) -> NfrPoint:
             while response is None:
                 if task.stopped():
                     raise KeyboardInterrupt
-                record = _one_period(session, task, sine, len(settling.periods))
-                longest = float(np.max(np.diff(record.time)))
-                response = settling.add(_measured(record, task, sine))
+                period, longest = _one_period(session, task, sine, len(settling.periods))
+                response = settling.add(period)
     except SimulationError as error:
         point, response = _failed(task, len(settling.periods), str(error)), None
     else:
@@ -140,24 +141,45 @@ def run_point(session: Session, task: PointTask) -> NfrPoint:
     return replace(point, step=longest, certificate=certify(settling, response))
 
 
-def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> Record:
+def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
+    """Run the k-th period; return its harmonics and the largest distance of two rows [s]."""
     # Times are computed from the first period's begin, not added up, so that they do not drift.
     fractions = k + np.arange(1, task.rows + 1) / task.rows
     points = sine.start + fractions / task.frequency
-    return session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
-
-
-def _measured(record: Record, task: PointTask, sine: Sine) -> Period:
     orders = max(1, min(ORDERS, task.rows // 4))
-    end = float(record.time[-1])
+    if isinstance(session, CompiledSession):
+        period, longest = _summed(session, task, sine, points, orders)
+    else:
+        period, longest = _recorded(session, task, sine, points, orders)
+    if not np.isfinite(period.harmonics).all():
+        raise SimulationError(f"{task.output} is not finite", time=float(points[-1]))
+    if period.drive == 0.0:
+        words = f"{task.input} does not move under an amplitude of {task.amplitude:g}"
+        raise SimulationError(words, time=float(points[-1]))
+    return period, longest
+
+
+def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
+    record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
         record, input=task.input, output=task.output, begin=sine.start, frequency=task.frequency, orders=orders
     )
-    if not np.all(np.isfinite(period.harmonics)):
-        raise SimulationError(f"{task.output} is not finite", time=end)
-    if period.drive == 0.0:
-        raise SimulationError(f"{task.input} does not move under an amplitude of {task.amplitude:g}", time=end)
-    return period
+    return period, float(np.max(np.diff(record.time)))
+
+
+def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
+    """As `_recorded`; the rows are not kept, their Fourier sums are made where they arise."""
+    found = session.harmonics(
+        float(points[-1]),
+        signals={task.input: sine},
+        record=(task.output,),
+        begin=sine.start,
+        frequency=task.frequency,
+        orders=orders,
+        points=points,
+    )
+    drive = fundamental(found.inputs[task.input])
+    return Period(found.values[task.output], drive, found.largest[task.output]), found.gap
 
 
 def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:
