@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -91,37 +93,56 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
     """
     limit = min(_candidates(periods[:, :compared]), key=lambda limit: limit.defect)
-    return replace(limit, harmonics=_weigh(periods, limit.weights))
+    return Limit(_weigh(periods, limit.weights), limit.defect, limit.modes, limit.weights)
 
 
 def _decays(polynomial: Floats, differences: Floats, unexplained: float) -> bool:
     """Whether all multipliers are clearly inside the unit circle and the measured changes shrank as they say."""
-    slowest = float(np.max(np.abs(np.roots(polynomial))))
+    slowest = _slowest(polynomial)
     margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
     if slowest > 1.0 - margin:
         return False
-    sizes = np.linalg.norm(differences, axis=1)
-    third = max(1, len(sizes) // 3)
-    early, late = (float(np.sqrt(np.mean(part**2))) for part in (sizes[:third], sizes[-third:]))
-    return late <= _SLACK * early * slowest ** (len(sizes) - third)
+    count = len(differences)
+    third = max(1, count // 3)
+    early, late = _size(differences[:third]), _size(differences[-third:])
+    return late <= _SLACK * early * slowest ** (count - third)
+
+
+def _slowest(polynomial: Floats) -> float:
+    """Return the largest magnitude of a polynomial's roots; its first coefficient is 1."""
+    if len(polynomial) == 2:
+        return abs(float(polynomial[1]))
+    if len(polynomial) == 3:
+        _, b, c = polynomial.tolist()
+        root = cmath.sqrt(b * b - 4.0 * c)
+        return float(0.5 * max(abs(b + root), abs(b - root)))
+    return float(np.max(np.abs(np.roots(polynomial))))
+
+
+def _size(values: Floats) -> float:
+    """Return the root of the sum of squares."""
+    flat = values.ravel()
+    return math.sqrt(float(flat @ flat))
 
 
 def _candidates(periods: Floats) -> Iterator[Limit]:
-    differences = np.diff(periods, axis=0)
+    differences = periods[1:] - periods[:-1]
     yield _limit(periods, differences, np.ones(1), checks=1)
-    newest = float(np.linalg.norm(differences[-1]))
+    newest = _size(differences[-1])
     if newest == 0.0:
         return
     scale = abs(fundamental(periods[-1]))
     for modes in range(1, min(_MOST_MODES, len(differences) // 2, (periods.shape[1] - 1) // 2) + 1):
         polynomial = _prediction(differences, modes, _RIDGE * scale)
-        unexplained = float(np.linalg.norm(polynomial @ differences[: -modes - 2 : -1])) / newest
+        unexplained = _size(polynomial @ differences[: -modes - 2 : -1]) / newest
         if _decays(polynomial, differences, unexplained):
             yield _limit(periods, differences, polynomial / polynomial.sum(), checks=modes)
 
 
 def _prediction(differences: Floats, modes: int, ridge: float) -> Floats:
     """Coefficients 1, c(1) … c(m), newest first, that predict each of the last m differences from the m before it."""
+    if modes == 1:  # most points end here
+        return _prediction_of_one(differences[-1], differences[-2], ridge)
     newest_first = differences[::-1]
     earlier = [newest_first[i + 1 : i + 1 + modes].T for i in range(modes)]
     matrix = np.vstack([*earlier, ridge * np.eye(modes)])
@@ -130,13 +151,18 @@ def _prediction(differences: Floats, modes: int, ridge: float) -> Floats:
     return np.concatenate([[1.0], c])
 
 
+def _prediction_of_one(newest: Floats, before: Floats, ridge: float) -> Floats:
+    square = float(before @ before) + ridge * ridge
+    return np.array([1.0, -float(before @ newest) / square if square > 0.0 else 0.0])
+
+
 def _limit(periods: Floats, differences: Floats, weights: Floats, *, checks: int) -> Limit:
     """Weigh the last periods, newest first, and see how well the same weights cancel the last `checks` changes."""
     n = weights.size
     changes = [weights @ differences[::-1][i : i + n] for i in range(checks)]
     harmonics = _weigh(periods, weights)
     scale = abs(fundamental(harmonics))
-    rest = max(float(np.linalg.norm(change[1:])) for change in changes)
+    rest = max(_size(change[1:]) for change in changes)
     defect = rest / scale if scale > 0.0 else math.inf
     return Limit(harmonics, defect, n - 1, weights)
 
@@ -147,6 +173,12 @@ def _weigh(periods: Floats, weights: Floats) -> Floats:
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
     ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
-    orders = np.arange(1, (harmonics.size - 1) // 2 + 1)
-    harmonics[1::2] += ramp / (math.pi * orders)
+    harmonics[1::2] += ramp * _ramp_parts((harmonics.size - 1) // 2)
     return harmonics
+
+
+@lru_cache(maxsize=4)
+def _ramp_parts(orders: int) -> Floats:
+    """Return what a ramp that rises by −1 in a period has in phase, shape (orders,)."""
+    parts: Floats = 1.0 / (math.pi * np.arange(1.0, orders + 1.0))
+    return parts
