@@ -260,7 +260,7 @@ def _label(values: Mapping[str, float]) -> str:
 
 
 def _show(result: LinResult, out: Output) -> None:
-    from workbench.cli.output import note
+    from workbench.cli.notes import note
 
     console = out.console
     kind = f"discrete, period {result.dt:.9g} s" if result.dt > 0.0 else "continuous"
@@ -284,15 +284,15 @@ def _matrices(result: LinResult, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
+    table.add_column("", overflow="fold")
     for name in (*result.state_names, *result.input_names):
-        table.add_column(escape(name), justify="right")
+        table.add_column(escape(name), justify="right", overflow="fold")
     prime = "next " if result.dt > 0.0 else "d/dt "
     rows = [(prime + n, a, b) for n, a, b in zip(result.state_names, result.A, result.B, strict=True)]
     rows += [(n, c, d) for n, c, d in zip(result.output_names, result.C, result.D, strict=True)]
     for name, left, right in rows:
-        table.add_row(escape(name), *(f"{x:.6g}" for x in (*left.tolist(), *right.tolist())))
+        table.add_row(escape(name), *(f"{x:.4g}" for x in (*left.tolist(), *right.tolist())))
     console.print(table)
 
 

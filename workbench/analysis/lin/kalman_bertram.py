@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def kalman_bertram(task: LinTask) -> LinResult:
     with open_base(task) as point:
         periods, times = _periods(task, point)
         period = basic_period(periods, task.btptol)
-        start = _start(task.time, period)
+        start = _start(task.time, period, times)
         setting = PeriodMap.of(task, point, start, period, times)
     return _linearise(setting, periods)
 
@@ -78,9 +79,11 @@ def _periods(task: LinTask, point: Point) -> tuple[tuple[float, ...], Floats]:
     return sample_periods(times), times
 
 
-def _start(time: float, period: float) -> float:
-    """Return the first multiple of the period not before `time` [s]."""
-    return float(np.ceil(time / period - 1e-9)) * period
+def _start(time: float, period: float, times: Floats) -> float:
+    """Return the first multiple of the period not before `time` [s], in the FMU's own rounding where it ticks then."""
+    start = float(np.ceil(time / period - 1e-9)) * period
+    near = times[np.abs(times - start) < 1e-6 * period]
+    return float(near[0]) if len(near) and start > time else start
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +178,7 @@ def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
 
 def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
     task, n = setting.task, len(setting.states)
+    between = _between(setting, keep)
     C, D = slopes.dy[..., :n][..., keep], slopes.dy[..., n:]
     point = _point(setting, slopes)
     return LinResult(
@@ -193,8 +197,20 @@ def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
         units=point.units,
         point=point,
         calls={"runs": 2 * len(setting.names) + 2},
-        intersample=Intersample(setting.grid - setting.start, C, D, sampled=setting.acts_at_samples()),
+        intersample=Intersample(setting.grid - setting.start, C, D, **between),
     )
+
+
+def _between(setting: PeriodMap, keep: Flags) -> dict[str, Any]:
+    """Return what inputs do between samples; nothing where they act at samples only."""
+    if setting.acts_at_samples() or not all(v.is_continuous_input for v in setting.inputs_chosen):
+        return {"sampled": True}
+    columns = range(len(setting.states), len(setting.names))
+    nodes = setting.nodes()
+    found = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
+    B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in found])
+    D = np.array([np.stack([y for _, y in row], axis=-1) for row in found])
+    return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
 
 
 def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:

@@ -12,9 +12,11 @@ from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats, Record
 from workbench.session.point import Point
+from workbench.signals import Signal, Table
 
 __all__ = ["PeriodMap"]
 
+BEFORE = 1e-9  # of the period: so long before the next sample a run ends, whatever rounding does to its time
 INTERVALS = 16  # of the basic period, for the output between samples
 TOLERANCE = 1e-10  # of the integration over one period
 WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
@@ -37,6 +39,7 @@ class PeriodMap:
         given: start values of everything else.
         continuous: number of continuous states.
         inputs: all inputs → value.
+        inputs_chosen: those of the linear model.
         sizes: how far a variable of `names` moves when it moves far.
     """
 
@@ -51,6 +54,7 @@ class PeriodMap:
     given: Mapping[str, float]
     continuous: int
     inputs: Mapping[str, float]
+    inputs_chosen: tuple[Variable, ...]
     sizes: Floats
 
     @classmethod
@@ -83,17 +87,43 @@ class PeriodMap:
             given={**inputs, **dict(zip([v.name for v in states], values, strict=False))},
             continuous=len(point.states),
             inputs=inputs,
+            inputs_chosen=tuple(chosen),
             sizes=np.array([_size(v, x) for v, x in zip(variables, values.tolist(), strict=True)]),
         )
 
     def run(self, shift: Floats) -> tuple[Floats, Floats]:
         """Return the states after one period and the outputs (k, 2, q) within it, from a shifted start."""
+        return self._advance({**self.given, **dict(zip(self.names, self.values + shift, strict=True))}, {})
+
+    def _advance(self, values: Mapping[str, float], signals: Mapping[str, Signal]) -> tuple[Floats, Floats]:
         task = self.task
-        values = {**self.given, **dict(zip(self.names, self.values + shift, strict=True))}
         with task.model.open_at(time=self.start, values=values, tolerance=TOLERANCE) as session:
-            record = session.advance(float(self.grid[-1]), signals={}, record=task.outputs, points=self.grid[1:])
+            record = session.advance(float(self.grid[-1]), signals=signals, record=task.outputs, points=self.grid[1:])
             reached = session.values([v.name for v in self.states])
         return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
+
+    def nodes(self) -> Floats:
+        """Return the nodes of `respond`, times since the sample, shape (p,) [s]."""
+        return self.period * np.arange(INTERVALS + 1) / INTERVALS
+
+    def respond(self, column: int, node: int) -> tuple[Floats, Floats]:
+        """Return what `run` returns, per unit, for an input that is a hat around one node: a line up and down.
+
+        Args:
+            column: of `names`, an input.
+            node: which; the first hat has its falling side only, and begins with its value at the sample; the last
+                has its rising side only, and the sample at its end is the next period's.
+        """
+        name, width = self.names[column], float(self.widths[column])
+        value, times = float(self.values[column]), self.start + self.nodes()
+        found = []
+        for sign in (1.0, -1.0):
+            hat = np.full(len(times), value)
+            hat[node] += sign * 0.5 * width
+            values = {**self.given, **dict(zip(self.names, self.values, strict=True)), name: float(hat[0])}
+            found.append(self._advance(values, {name: Table(times.tolist(), hat.tolist())}))
+        (x1, y1), (x0, y0) = found
+        return (x1 - x0) / width, (y1 - y0) / width
 
     def acts_at_samples(self) -> bool:
         """Whether inputs are only read at samples: between two samples nothing follows them."""
@@ -121,18 +151,17 @@ def _grid(start: float, period: float, ticks: Floats) -> Floats:
     """Return a uniform grid over the period together with the samples inside it, absolute times [s]."""
     end = start + period
     uniform = start + period * np.arange(INTERVALS + 1) / INTERVALS
-    uniform[-1] = end
     inner = start + ticks[(ticks > 0.0) & (ticks < period * (1.0 - 1e-9))]
     every = np.unique(np.concatenate([uniform, inner]))
     apart = np.concatenate([[True], np.diff(every) > 1e-9 * period])
     kept: Floats = every[apart]
-    kept[-1] = end
+    kept[-1] = end - BEFORE * period
     return kept
 
 
 def _within(record: Record, grid: Floats, outputs: tuple[str, ...]) -> Floats:
     """Return the outputs at the beginning (right limit) and end (left limit) of each interval, (k, 2, q)."""
-    near = 1e-9 * (grid[-1] - grid[0])
+    near = 1e-10 * (grid[-1] - grid[0])
     right = np.searchsorted(record.time, grid[:-1] + near, side="right") - 1
     left = np.searchsorted(record.time, grid[1:] - near, side="left")
     table = np.column_stack([record.values[n] for n in outputs])

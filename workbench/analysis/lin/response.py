@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import FmuModel, Model
-from workbench.session.base import Floats, Session, Snapshot
+from workbench.session.base import Floats, Record, Session, Snapshot
 from workbench.signals import Constant, Signal
 
 __all__ = ["response"]
@@ -23,6 +23,7 @@ __all__ = ["response"]
 RELATIVE_WIDTH = 2e-3
 TOLERANCE = 1e-10  # of the integration, where the workbench integrates
 UNDECLARED = 1.0
+LEAD = 1e-6  # of the period
 NONLINEAR = 1e-2  # of a response: how much both directions may differ
 
 
@@ -116,11 +117,29 @@ def _open(task: LinTask, period: float) -> Session:
         values = session.values(names)
         if task.time > session.time:
             session.advance(task.time, signals={n: Constant(v) for n, v in values.items()})
-        session.advance(session.time + period, signals={n: Constant(v) for n, v in values.items()})
+        standing: dict[str, Signal] = {n: Constant(v) for n, v in values.items()}
+        session.advance(session.time + period - _lead(task, period), signals=standing)
     except BaseException:
         session.close()
         raise
     return session
+
+
+def _lead(task: LinTask, period: float) -> float:
+    """Return how long before a sample the input changes [s]; 0 where nothing is sampled, or cannot be seen."""
+    if task.model.interface != "me":
+        return 0.0
+    try:
+        with task.model.open_point(time=task.time, values=task.values) as point:
+            return LEAD * period if len(point.ticks(1, np.inf)) else 0.0
+    except InputError:
+        return 0.0
+
+
+def _rows(record: Record, times: Floats, period: float, outputs: Sequence[str]) -> Floats:
+    """Return the right limits of the outputs at `times`, shape (len(times), q)."""
+    rows = np.searchsorted(record.time, times + 1e-9 * period, side="right") - 1
+    return np.column_stack([record.values[n][rows] for n in outputs])
 
 
 def communication_step(model: Model, period: float) -> float | None:
@@ -141,6 +160,8 @@ class _Setting:
         period: [s].
         u0: all forced inputs there.
         widths: of the task's inputs, shape (m,).
+        lead: so long before the samples of a sampled model the input changes, and so long after them the output is
+            read [s].
     """
 
     task: LinTask
@@ -149,6 +170,7 @@ class _Setting:
     period: float
     u0: Mapping[str, float]
     widths: Floats
+    lead: float
 
     @classmethod
     def of(cls, task: LinTask, session: Session, period: float) -> _Setting:
@@ -159,7 +181,7 @@ class _Setting:
         usual = np.array([_default(variables[n], u0[n]) for n in task.inputs])
         widths = np.where(np.isnan(given), usual, given)
         forced = {n: u0[n] for n in task.inputs}
-        return cls(task, session, session.snapshot(), period, forced, widths)
+        return cls(task, session, session.snapshot(), period, forced, widths, _lead(task, period))
 
     def measure(self) -> tuple[Floats, float, list[Doubt]]:
         """Return the Markov parameters (k, q, m), their relative noise, and doubts."""
@@ -192,13 +214,14 @@ class _Setting:
         begin = session.time
         raised: dict[str, Signal] = {n: Constant(pulse.get(n, v)) for n, v in self.u0.items()}
         usual: dict[str, Signal] = {n: Constant(v) for n, v in self.u0.items()}
-        first = session.advance(begin + h, signals=raised, record=task.outputs)
-        points: Floats = begin + h * np.arange(2.0, task.points + 1)
-        rest = session.advance(float(points[-1]), signals=usual, record=task.outputs, points=points)
-        times = np.concatenate([[begin + h], points[:-1]])
-        rows = np.searchsorted(rest.time, times + 1e-9 * h, side="right") - 1
-        start = [first.values[n][0] for n in task.outputs]
-        return np.vstack([start, np.column_stack([rest.values[n][rows] for n in task.outputs])])
+        times: Floats = begin + 2.0 * self.lead + h * np.arange(float(task.points))
+        early = times[:1] if self.lead else None
+        first = session.advance(begin + h, signals=raised, record=task.outputs, points=early)
+        rest = session.advance(
+            float(times[-1]) + h, signals=usual, record=task.outputs, points=times[times > begin + h]
+        )
+        parts = [_rows(first, times[:1], h, task.outputs), _rows(rest, times[1:], h, task.outputs)]
+        return np.vstack(parts)
 
     def acts_at_samples(self) -> bool:
         """Whether inputs are only read at sample instants: what comes and goes between them has no effect."""

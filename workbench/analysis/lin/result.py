@@ -62,33 +62,42 @@ class Zero:
 
 @dataclass(frozen=True, eq=False)
 class Intersample:
-    """Outputs within one period of a discrete model whose input is held.
+    """Outputs within one period of a discrete model, and what inputs do within it.
 
     Attributes:
         tau: shape (k + 1,), times since the sample [s]; the last is the period.
         C: shape (k, 2, q, n), output at the beginning (right limit) and end (left limit) of each interval.
-        D: shape (k, 2, q, m).
+        D: shape (k, 2, q, m), likewise, the input held.
         sampled: the input acts at sample instants only, so that a continuous input gives the same.
+        nodes: shape (p,), times since the sample between which a continuous input is a straight line [s]; empty:
+            not known.
+        B_nodes: shape (p, n, m), state one period later by the input's value at each node.
+        D_nodes: shape (p, k, 2, q, m), outputs likewise.
     """
 
     tau: Floats
     C: Floats
     D: Floats
     sampled: bool
+    nodes: Floats = field(default_factory=lambda: np.zeros(0))
+    B_nodes: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    D_nodes: Floats = field(default_factory=lambda: np.zeros((0, 0, 2, 0, 0)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists."""
-        arrays = {"tau": self.tau.tolist(), "C": self.C.tolist(), "D": self.D.tolist()}
-        return {**arrays, "sampled": self.sampled}
+        return {n: v.tolist() if isinstance(v, np.ndarray) else v for n, v in vars(self).items()}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], sizes: tuple[int, int, int]) -> Intersample:
         """Return what `to_dict` describes; `sizes` are q, n and m."""
-        tau = np.array(data["tau"], dtype=np.float64)
         q, n, m = sizes
-        shapes = {"C": (len(tau) - 1, 2, q, n), "D": (len(tau) - 1, 2, q, m)}
-        C, D = (np.array(data[k], dtype=np.float64).reshape(shape) for k, shape in shapes.items())
-        return cls(tau, C, D, bool(data["sampled"]))
+        k, p = len(data["tau"]) - 1, len(data["nodes"])
+        shapes = {
+            "tau": (k + 1,), "C": (k, 2, q, n), "D": (k, 2, q, m), "nodes": (p,), "B_nodes": (p, n, m),
+            "D_nodes": (p, k, 2, q, m),
+        }  # fmt: skip
+        arrays = {name: np.array(data[name], dtype=np.float64).reshape(shape) for name, shape in shapes.items()}
+        return cls(sampled=bool(data["sampled"]), **arrays)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -158,12 +167,12 @@ class LinResult:
         """
         s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
         points = np.exp(s * self.dt) if self.dt > 0.0 else s
-        return np.array([self.C @ self._state(p) + self.D for p in points], dtype=np.complex128)
+        return np.array([self.C @ self._state(p, self.B) + self.D for p in points], dtype=np.complex128)
 
-    def _state(self, p: complex) -> Complex:
+    def _state(self, p: complex, into: NDArray[Any]) -> Complex:
         with np.errstate(all="ignore"):
             try:
-                state: Complex = np.linalg.solve(p * np.eye(len(self.A)) - self.A, self.B).astype(np.complex128)
+                state: Complex = np.linalg.solve(p * np.eye(len(self.A)) - self.A, into).astype(np.complex128)
             except np.linalg.LinAlgError:  # on a pole
                 return np.full(self.B.shape, np.nan, dtype=np.complex128)
             return state
@@ -171,8 +180,8 @@ class LinResult:
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
 
-        For a continuous model this is `response`. For a discrete one the output between the samples is
-        taken into account, and that a continuous sine is not held where it acts between the samples.
+        For a continuous model this is `response`. For a discrete one the output between the samples is taken into
+        account, and what a sine that is not held does between them: known by `nodes`, else estimated by taking the hold out.
 
         Args:
             frequency_hz: shape (k,) [Hz].
@@ -185,13 +194,17 @@ class LinResult:
         between, s = self.intersample, 2j * np.pi * frequency
         if between is None:
             return np.asarray(self.response(np.array([frequency]))[0])
-        state = self._state(np.exp(s * self.dt))
-        y = between.C @ state + between.D  # (k, 2, q, m)
+        if len(between.nodes):
+            shape = np.exp(s * between.nodes)
+            through_state, through = (np.tensordot(shape, t, 1) for t in (between.B_nodes, between.D_nodes))
+            held: complex = 1.0
+        else:
+            through_state, through = self.B.astype(np.complex128), between.D.astype(np.complex128)
+            held = 1.0 if between.sampled else complex((1.0 - np.exp(-s * self.dt)) / (s * self.dt))
+        y = between.C @ self._state(np.exp(s * self.dt), through_state) + through  # (k, 2, q, m)
         first, last = _weights(between.tau, s)
         total = np.einsum("k,kqm->qm", first, y[:, 0]) + np.einsum("k,kqm->qm", last, y[:, 1])
-        held = 1.0 if between.sampled else (1.0 - np.exp(-s * self.dt)) / (s * self.dt)
-        result: Complex = total / self.dt / held
-        return result
+        return np.asarray(total / self.dt / held, dtype=np.complex128)
 
     def to_state_space(self) -> control.StateSpace:
         """Return the model for python-control, with names."""

@@ -1,0 +1,161 @@
+"""Comparison in words, arrays of models, models along a simulation, the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.lin_fmus import fmu
+from workbench.analysis.lin import lin
+from workbench.analysis.lin.compare import compare
+from workbench.analysis.lin.step_check import step_check
+from workbench.analysis.lin.sweep import lin_along, lin_over
+from workbench.cli.app import run
+from workbench.errors import InputError
+from workbench.model import load
+from workbench.signals import Sine
+
+
+@needs_gemseo
+def test_explicit_euler_is_named_and_its_step_told() -> None:
+    with load(gemseo_fmu("MassSpringSubSystem1"), "me") as model:
+        found = compare(model, "x2", "x1", period=0.05, measure=False)
+    difference = found.interfaces
+    assert difference is not None
+    assert difference.rule == "explicit Euler"
+    s = 1j * 2**0.5
+    assert difference.shift == pytest.approx(abs(np.log(1 + s * 0.05) / 0.05 - s) / 2**0.5, rel=1e-6)
+    step = difference.agreeing_step or 0.0
+    assert abs(np.log(1 + s * step) / step - s) / 2**0.5 == pytest.approx(0.01, rel=1e-6)
+    assert "explicit Euler" in found.words[0]
+    assert f"{step:.4g} s" in found.words[0]
+
+
+def test_every_method_on_both_interfaces_and_a_picture(tmp_path: Path) -> None:
+    with load("fmu:FirstOrderLag", "me") as model:
+        found = compare(model, "u", "y", frequencies=[0.05, 0.2, 0.5])
+    assert set(found.results) == {"exact (me)", "difference (me)", "response (me)", "response (cs)"}
+    assert all(v.agrees for v in found.verdicts)
+    assert "agrees" in found.words[0]
+    found.plot(tmp_path / "compare.png")
+    assert (tmp_path / "compare.png").stat().st_size > 10_000
+    json.dumps(found.to_dict())
+
+
+def test_sampled_models_are_compared_by_what_a_sine_shows() -> None:
+    with load(fmu("ElevatorLaw"), "me") as model:
+        found = compare(
+            model,
+            "side_stick",
+            "elevator",
+            u0={"side_stick": 0.2},
+            x0={"deflection": 2.0 + 6.9 * 0.192},
+            frequencies=[1.0, 9.0],
+        )
+    assert {"kalman-bertram (me)", "response (me)"} <= set(found.results)
+    assert "sampled" in found.failed["exact (me)"]
+    assert all(v.agrees for v in found.verdicts)
+
+
+def test_a_grid_over_parameters_and_inputs_goes_on_from_its_store(tmp_path: Path) -> None:
+    seen: list[int] = []
+    with load("fmu:FirstOrderLag", "me") as model:
+        name = model.parameters[0].name
+        over = {name: [1.0, 2.0], "u": [0.0, 3.0]}
+        first = lin_over(model, over, store=tmp_path, progress=lambda p, done, total: seen.append(total))
+        again = lin_over(model, over, store=tmp_path)
+    assert [tuple(p.values.values()) for p in first.points] == [(1.0, 0.0), (1.0, 3.0), (2.0, 0.0), (2.0, 3.0)]
+    assert seen == [4, 4, 4, 4]
+    assert not first.failed
+    for a, b in zip(first.points, again.points, strict=True):
+        assert a.result is not None
+        assert b.result is not None
+        assert np.array_equal(a.result.A, b.result.A)
+    poles = [p.result.A[0, 0] for p in first.points if p.result]
+    assert poles[0] != poles[2]
+    first.plot(tmp_path / "grid.svg")
+
+
+def test_a_grid_runs_in_worker_processes() -> None:
+    with load("fmu:Rudder", "me") as model:
+        found = lin_over(model, {"mH": [0.0, 100.0]}, inputs=["delC"], jobs=2)
+        alone = lin(model, u0={"mH": 100.0}, inputs=["delC"]).result
+    assert found.points[1].result is not None
+    assert np.array_equal(found.points[1].result.A, alone.A)
+
+
+def test_along_a_simulation() -> None:
+    with load("fmu:Rudder", "me") as model:
+        signal = {"delC": Sine(amplitude=5.0, frequency=2.0)}
+        found = lin_along(model, [0.0, 0.15], signals=signal, inputs=["delC"])
+        with model.open_session(signals=signal) as session:
+            session.advance(0.15, signals=signal)
+            there = session.values(["spool", "p1"])
+    last = found.points[1].result
+    assert last is not None
+    assert {n: last.point.x[n] for n in there} == pytest.approx(there, rel=1e-6)
+    assert last.point.time == 0.15
+
+
+def test_a_step_beside_the_model() -> None:
+    with load("fmu:Rudder", "me") as model:
+        linear = lin(model, inputs=["delC"]).result
+        small = step_check(model, linear, input="delC", output="del", height=0.01, stop=2.0)
+        large = step_check(model, linear, input="delC", output="del", height=5.0, stop=2.0)
+        with pytest.raises(InputError, match="no 'pS'"):
+            step_check(model, linear, input="pS", output="del", height=1.0, stop=1.0)
+    assert small.error < 1e-3
+    assert large.error > 0.01
+    assert len(small.plot().axes) == 1
+
+
+def test_command_writes_json_csv_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {o: str(tmp_path / f"lin.{o}") for o in ("json", "csv", "png")}
+    code = run(["lin", "fmu:Rudder", "--u0", "delC=2", "--inputs", "delC", "--dx", "p1=1e4", "--du", "0.1",
+                "--json", files["json"], "--csv", files["csv"], "--plot", files["png"]])  # fmt: skip
+    assert code == 0
+    found = json.loads(Path(files["json"]).read_text(encoding="utf-8"))
+    keys = {"A", "B", "C", "D", "dt", "state_names", "input_names", "output_names", "method", "x0", "u0", "y0"}
+    assert keys <= set(found)
+    assert (found["command"], found["method"], found["u0"]["delC"]) == ("lin", "difference", 2.0)
+    assert len(found["A"]) == len(found["A"][0]) == 8
+    lines = Path(files["csv"]).read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "matrix,row,column,value"
+    assert len(lines) == 1 + 64 + 8 + 8 + 1
+    assert "widths are given" in capsys.readouterr().out
+
+
+def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "grid.json"
+    assert run(["lin", "fmu:FirstOrderLag", "--over", "u=0,1", "--json", str(path)]) == 0
+    assert [s["values"]["u"] for s in json.loads(path.read_text(encoding="utf-8"))["systems"]] == [0.0, 1.0]
+    assert run(["lin", "fmu:FirstOrderLag", "--snapshot", "0.1,0.2", "--input", "u=1"]) == 0
+    assert run(["lin", "fmu:FirstOrderLag", "--compare", "--freq", "0.1", "--csv", "-"]) == 0
+    assert "exact (me),0.1," in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--at", "nosuch.json"], "cannot be read"),
+        (["--dx", "p1"], "'p1' is not a number"),
+        (["--over", "nosuch=1,2"], "no parameter, input or state"),
+        (["--compare"], "one input and one output"),
+        (["--over", "mH=1", "--compare"], "only one of them"),
+        (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),
+        (["--snapshot", "2,1"], "must rise"),
+    ],
+)
+def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code = run(["lin", "fmu:Rudder", *arguments])
+    error = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("note: ")]
+    if arguments == ["--compare"]:  # Rudder has one output, and its first input is taken
+        assert code == 0
+        return
+    assert code == 2
+    assert len(error) == 1
+    assert words in error[0]

@@ -1,0 +1,218 @@
+"""Exact derivatives and differences: closed forms, call budgets, doubts, what may not change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.lin_fmus import built, fmu, sparse_system
+from workbench.analysis.lin import LinearModel, LinResult, lin
+from workbench.errors import InputError
+from workbench.fmi.instance import Instance
+from workbench.model import FmuModel, Variable, load
+from workbench.session.base import Floats
+
+LATCH = """
+model Latch
+  input Real u(start = 0);
+  output Real y;
+  Real x(start = 0.9, fixed = true, nominal = 1);
+  discrete Real z(start = 0, fixed = true);
+equation
+  der(x) = -x + u;
+  when x > 1 then
+    z = pre(z) + 5;
+  end when;
+  y = z + x + (if x > 1 then x - 1 else 0);
+end Latch;
+"""
+
+SMOOTH = """
+model Smooth
+  input Real u(start = 2);
+  input Real idle(start = 0);
+  output Real y;
+  output Real fixedOutput;
+  Real a(start = 1e-4, fixed = true);
+  Real b(start = 3e6, fixed = true, nominal = 1e6);
+  Real unseen(start = 0, fixed = true);
+equation
+  der(a) = -1e4 * a * a + 1e-9 * b;
+  der(b) = 1e9 * a - sqrt(b) * u;
+  der(unseen) = u;
+  y = a * b + u * u;
+  fixedOutput = 3;
+end Smooth;
+"""
+
+
+@needs_gemseo
+def test_mass_and_springs_by_difference_equal_their_equations() -> None:
+    with load(gemseo_fmu("MassSpringSubSystem1"), "me") as model:
+        result = lin(model, inputs=["x2"]).result
+    assert (result.method, result.state_names) == ("difference", ("_D_outputAlias_v1", "_D_outputAlias_x1"))
+    assert np.allclose(result.A, [[0, -2], [1, 0]], atol=1e-9)
+    assert np.allclose(result.B, [[1], [0]], atol=1e-9)
+    assert sorted(result.poles, key=lambda p: p.imag) == pytest.approx([-1j * 2**0.5, 1j * 2**0.5], abs=1e-9)
+    assert not result.doubts
+
+
+def test_seventy_one_states_take_few_calls() -> None:
+    source, A, B, C = sparse_system(71)
+    with load(built(source, "Sparse"), "me") as model:
+        by_difference = lin(model, method="difference").result
+        exact = lin(model, method="exact").result
+    for result in (by_difference, exact):
+        assert np.allclose(result.A, A, atol=1e-6)
+        assert np.allclose(result.B, B, atol=1e-6)
+        assert np.allclose(result.C, C, atol=1e-6)
+        assert not result.D.any()
+        assert not result.doubts
+    assert by_difference.calls["derivatives"] <= 2 * 73 + 10
+    assert exact.calls["derivatives"] + exact.calls["directional"] <= 2 * 73 + 10
+
+
+@pytest.mark.parametrize("method", ["difference", "exact"])
+def test_scales_are_found_and_zeros_explained(method: str) -> None:
+    a, b, u = 1e-4, 3e6, 2.0
+    with load(built(SMOOTH, "Smooth"), "me") as model:
+        result = lin(model, method=method).result
+    A = np.array([[-2e4 * a, 1e-9, 0.0], [1e9, -u / (2 * b**0.5), 0], [0, 0, 0]])
+    assert np.allclose(result.A, A, rtol=1e-6, atol=0.0)
+    assert np.allclose(result.B, np.array([[0.0, 0], [-(b**0.5), 0], [1, 0]]), rtol=1e-6, atol=0.0)
+    assert np.allclose(result.C, np.array([[b, a, 0.0], [0, 0, 0]]), rtol=1e-6, atol=0.0)
+    assert np.allclose(result.D, np.array([[2 * u, 0.0], [0, 0]]), rtol=1e-6, atol=0.0)
+    assert {(z.kind, z.name) for z in result.zeros} == {
+        ("input", "idle"), ("output", "fixedOutput"), ("state", "unseen")
+    }  # fmt: skip
+    assert not result.doubts
+
+
+@pytest.mark.parametrize(("fmi", "trusted"), [(2, True), (3, True), (2, False)])
+def test_a_when_does_not_fire_because_of_a_perturbation(
+    fmi: int, trusted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not trusted:
+        monkeypatch.setattr(FmuModel, "_state_works", lambda self: False)
+    with load(built(LATCH, "Latch", fmi), "me") as model:
+        result = lin(model, dx=0.5, inputs=["u"]).result
+        with model.open_point() as point:
+            first = point.at(point.x0, point.u0)
+            beyond = point.at(np.array([1.2]), point.u0)
+            again = point.at(point.x0, point.u0)
+            assert beyond.latched
+            assert beyond.y[0] == pytest.approx(1.4)
+            assert (first.y[0], again.y[0]) == (0.9, 0.9)
+            assert point.discrete()["z"] == 0.0
+    # y(1.15) = 1.15 + 0.15 and y(0.65) = 0.65: the branch follows, the latch does not
+    assert result.C[0, 0] == pytest.approx(1.3)
+    assert any("discrete state" in d.reason for d in result.doubts)
+
+
+def test_a_lying_directional_derivative_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Instance.__subclasses__()
+    kind = next(k for k in real if k.__name__ == "Instance2")
+    true = kind.directional_derivative
+
+    def lies(self: Instance, unknowns: list[Variable], knowns: list[Variable], seed: list[float]) -> Floats:
+        found = true(self, unknowns, knowns, seed)
+        if knowns[0].name == "current":
+            found[[v.name for v in unknowns].index("der(spool)")] *= 1.5
+        return found
+
+    monkeypatch.setattr(kind, "directional_derivative", lies)
+    with load("fmu:Rudder", "me") as model:
+        result = lin(model, inputs=["delC"], method="exact").result
+    assert [(d.row, d.column) for d in result.doubts] == [("spool", "current")]
+    assert result.doubts[0].other == pytest.approx(result.doubts[0].value / 1.5, rel=1e-5)
+
+
+def test_kinks_are_doubtful_and_smooth_curves_are_not() -> None:
+    source = """
+model Kink
+  input Real u(start = 0);
+  output Real corner;
+  output Real parabola;
+equation
+  corner = abs(u);
+  parabola = u * u;
+end Kink;
+"""
+    with load(built(source, "Kink"), "me") as model:
+        result = lin(model, method="difference").result
+    assert [(d.row, d.column) for d in result.doubts if "kink" in d.reason] == [("corner", "u")]
+
+
+def test_a_linear_model_is_a_state_space_with_names(tmp_path: object) -> None:
+    with load("fmu:Rudder", "me") as model:
+        system = lin(model, inputs=["delC"], outputs=["del", "piston"])
+    assert isinstance(system, LinearModel)
+    assert system.state_labels[0] == "p1"
+    assert (system.input_labels, system.output_labels) == (["delC"], ["del", "piston"])
+    assert np.allclose(system.result.C[1], np.eye(8)[4])
+    assert system.result.units["del"] == "deg"
+    assert (system.noutputs, system.ninputs, system.nstates) == (2, 1, 8)
+    back = LinResult.from_dict(system.to_dict())
+    assert np.array_equal(back.A, system.A)
+    assert back.point == system.result.point
+    at = np.array([0.1, 5.0])
+    assert np.allclose(system.result.response(at)[:, 0, 0], system(2j * np.pi * at)[0, 0])
+    assert len(system.plot().axes) == 3
+
+
+def test_inputs_of_the_call_are_left_alone() -> None:
+    x0, u0, dx = {"p1": 1e7}, {"delC": 1.0}, {"p1": 1e3}
+    with load("fmu:Rudder", "me") as model:
+        result = lin(model, x0=x0, u0=u0, dx=dx, inputs=["delC"]).result
+    assert (x0, u0, dx) == ({"p1": 1e7}, {"delC": 1.0}, {"p1": 1e3})
+    assert result.point.x["p1"] == 1e7
+    assert result.point.u["delC"] == 1.0
+    assert result.why == "auto: widths are given"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "exactly"}, "did you mean exact"),
+        ({"x0": {"p9": 1.0}}, "no 'p9'"),
+        ({"u0": {"del": 1.0}}, "no 'del'"),
+        ({"dx": [1.0]}, "1 widths for 8 names"),
+        ({"du": -1.0}, "must be positive"),
+        ({"method": "exact", "du": 1.0}, "takes no widths"),
+        ({"method": "kalman-bertram"}, "no time events"),
+        ({"method": "response"}, "give period"),
+        ({"method": "response", "dx": 1.0, "period": 0.01}, "inputs only"),
+        ({"inputs": ["delc"]}, "did you mean delC"),
+    ],
+)
+def test_what_does_not_apply_is_refused_in_one_line(options: dict[str, object], words: str) -> None:
+    with load("fmu:Rudder", "me") as model, pytest.raises(InputError, match=words) as caught:
+        lin(model, **options)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_co_simulation_shows_no_states() -> None:
+    with load("fmu:Rudder", "cs") as model, pytest.raises(InputError, match="neither states nor derivatives"):
+        lin(model, method="difference")
+
+
+def test_rudder_agrees_with_the_published_bounds() -> None:
+    """Trim at delC = 2, published widths and defaults, against a sine of amplitude 2 (chapter 7)."""
+    from dataclasses import replace
+
+    from workbench.analysis.nfr import nfr
+    from workbench.analysis.trim import trim
+
+    frequencies = np.array([0.5, 2.0, 3.7, 5.6, 8.5, 13.0, 20.0])
+    with load(fmu("Rudder"), "me") as model:
+        point = trim(model, u0={"delC": 2.0}, floating=["p1", "p2"]).point
+        usual = lin(model, at=point, inputs=["delC"]).result
+        published = lin(model, at=point, inputs=["delC"], dx=[3e7, 3e7, 1e-4, *[0.01] * 5], du=1.0).result
+        recipe = replace(model.recipe, start_values=dict(point.x), bias={"delC": 2.0}, tolerance=1e-8)
+        with recipe.open() as moved:
+            measured = nfr(moved, "delC", "del", frequencies, [2.0])
+    for result in (usual, published):
+        ratio = result.response(frequencies)[:, 0, 0] / measured.response[0]
+        assert np.max(np.abs(20.0 * np.log10(np.abs(ratio)))) < 1.0
+        assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 8.0
