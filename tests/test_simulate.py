@@ -86,7 +86,7 @@ def test_points_or_interval(points: list[float] | None) -> None:
 
 def test_wrong_input_is_refused() -> None:
     model = IntegratorModel()
-    with pytest.raises(InputError, match="'y' is a output, but an input is needed"):
+    with pytest.raises(InputError, match="'y' is an output, but an input is needed"):
         simulate(model, stop=1.0, inputs={"y": Constant(1.0)})
     with pytest.raises(InputError, match="'v' is unknown, but an input is needed here; known: u"):
         simulate(model, stop=1.0, inputs={"v": Constant(1.0)})

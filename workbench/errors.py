@@ -15,6 +15,7 @@ __all__ = [
     "InputError",
     "SimulationError",
     "WorkbenchError",
+    "article",
     "one_line",
     "suggest",
 ]
@@ -59,6 +60,11 @@ class SimulationError(WorkbenchError):
 def one_line(text: str) -> str:
     """Return `text` with every run of white space, line breaks included, as one blank."""
     return " ".join(str(text).split())
+
+
+def article(noun: str) -> str:
+    """Return `noun` with the indefinite article before it."""
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
 def suggest(name: str, known: Iterable[str], *, limit: int = 8) -> str:

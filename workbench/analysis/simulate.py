@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
@@ -167,7 +167,7 @@ def _check_inputs(model: Model, inputs: Mapping[str, Signal]) -> None:
     others = {v.name: v.causality for v in (*model.outputs, *model.parameters, *model.states)}
     for name in inputs:
         if name not in known:
-            what = f"is a {others[name]}" if name in others else "is unknown"
+            what = f"is {article(others[name])}" if name in others else "is unknown"
             raise InputError(f"'{name}' {what}, but an input is needed here; {suggest(name, known)}")
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from workbench import __version__
+from workbench.cli import notes
 from workbench.cli.build import build
 from workbench.cli.info import info
 from workbench.cli.lin import lin
@@ -77,6 +78,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: in place of the process's own.
     """
+    notes.drop()
     command = typer.main.get_command(app)
     try:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
@@ -87,7 +89,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except WorkbenchError as error:
         return _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
+        notes.flush()
         return INTERRUPTED
+    notes.flush()
     return code if isinstance(code, int) else 0
 
 

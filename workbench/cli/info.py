@@ -31,7 +31,8 @@ def info(
 
     Example: `workbench info fmu:Rudder`
     """
-    from workbench.cli.output import Output, note
+    from workbench.cli.notes import note
+    from workbench.cli.output import Output
     from workbench.fmi.archive import locate, unpack
     from workbench.fmi.description import read_description
 

@@ -136,7 +136,7 @@ def nfr(
 def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
     """Measure; whatever ends it, what was measured is written."""
     from workbench.cli.interrupt import OnInterrupt
-    from workbench.cli.output import note
+    from workbench.cli.notes import flush, note
     from workbench.cli.progress import Bar
 
     stopped: BaseException | None = None
@@ -150,6 +150,7 @@ def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
         result = sweep.result()
         for text in (*sweep.notes, *result.warnings):
             note(text)
+        flush()
         _show(result, out)
         out.write(result.to_dict(), csv=result.to_csv, plot=lambda path: result.plot(path, offset=offset))
         if stopped is None:

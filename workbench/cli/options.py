@@ -120,7 +120,7 @@ def open_model(
         InputError: nothing there, unknown variable, a value that is none.
         FmuError: no FMU, no binary for this platform.
     """
-    from workbench.cli.output import note
+    from workbench.cli.notes import note
     from workbench.model import load
 
     model = load(

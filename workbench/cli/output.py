@@ -16,14 +16,9 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["Output", "note"]
+__all__ = ["Output"]
 
 _PICTURES = (".png", ".svg", ".pdf")
-
-
-def note(text: str) -> None:
-    """Write a remark to standard error."""
-    sys.stderr.write(f"note: {text}\n")
 
 
 class Output:

@@ -133,7 +133,7 @@ def _limits(name: str, text: str) -> tuple[float, float]:
 
 
 def _show(result: TrimResult, out: Output) -> None:
-    from workbench.cli.output import note
+    from workbench.cli.notes import note
 
     console = out.console
     console.print(f"{result.model} ({result.interface}), by {result.method}: {result.message}", markup=False)

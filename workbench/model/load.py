@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.binding import INTERFACES
 from workbench.fmi.description import Description, read_description
@@ -214,7 +214,7 @@ def _biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dic
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
     for name, value in bias.items():
         if name not in inputs:
-            what = f"is a {variables[name].causality}" if name in variables else "is unknown"
+            what = f"is {article(variables[name].causality)}" if name in variables else "is unknown"
             raise InputError(f"bias: '{name}' {what}, but an input is needed; {suggest(name, inputs)}")
         if inputs[name].type not in FLOAT_TYPES:
             raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
