@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu, sparse_system
 from workbench.analysis.lin import LinearModel, LinResult, lin
@@ -45,6 +48,15 @@ equation
   fixedOutput = 3;
 end Smooth;
 """
+
+
+def test_fmi_1_does_not_name_its_states(tmp_path: Path) -> None:
+    with load(build_fmi1(tmp_path, "FirstOrderLag", "me"), "me") as model:
+        result = lin(model, x0={"state[1]": 0.5}, u0={"u": 2.0}).result
+    assert result.state_names == ("state[1]",)
+    assert result.point.x == {"state[1]": 0.5}
+    found = [m[0, 0] for m in (result.A, result.B, result.C, result.D)]
+    assert found == pytest.approx([-1.0, 1.0, 1.0, 0.0], abs=1e-9)
 
 
 @needs_gemseo

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["lin"]
 
 _POINTS_FAILED = 1
+_AT_REST = 1e-6  # [rad/s]: what rounding makes of an integrator
 _WIDEST = 12  # so many states are printed; more belong into a file
 
 _Names = list[str] | None
@@ -308,6 +309,7 @@ def _poles(result: LinResult, console: Console) -> None:
     for pole in sorted(result.poles.tolist(), key=abs):
         s = _as_continuous(pole, result.dt)
         size = abs(s) if s is not None else float("nan")
+        size = 0.0 if size < _AT_REST else size
         damping = f"{-s.real / size:.4g}" if s is not None and size > 0.0 else "-"
         table.add_row(f"{pole.real:.6g} {pole.imag:+.6g}j", f"{size / 6.283185307179586:.6g}", damping)
     console.print(table)

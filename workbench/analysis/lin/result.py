@@ -181,7 +181,8 @@ class LinResult:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
 
         For a continuous model this is `response`. For a discrete one the output between the samples is taken into
-        account, and what a sine that is not held does between them: known by `nodes`, else estimated by taking the hold out.
+        account, and what a sine that is not held does between them: known by `nodes`, else estimated by taking the
+        hold out.
 
         Args:
             frequency_hz: shape (k,) [Hz].
