@@ -163,7 +163,7 @@ def test_fmi_3_scalars_and_arrays() -> None:
         ({"tolerance": 2.0}, "tolerance must be positive and below 1"),
         ({"start_values": {"sprung.c": 1.0}}, "did you mean spring.c"),
         ({"start_values": {"spring.c": "much"}}, "'much' is not"),
-        ({"bias": {"y": 1.0}}, "'y' is a output, but an input is needed"),
+        ({"bias": {"y": 1.0}}, "'y' is an output, but an input is needed"),
         ({"bias": {"f": math.nan}}, "finite"),
     ],
 )
