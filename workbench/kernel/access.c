@@ -1,7 +1,6 @@
 #include "access.h"
 
 #include <math.h>
-#include <string.h>
 
 typedef int (*Plain)(void *, const uint32_t *, size_t, void *);
 typedef int (*Sized)(void *, const uint32_t *, size_t, void *, size_t);
@@ -62,14 +61,14 @@ static void encode(const Block *block, size_t slot, double value) {
     }
 }
 
+/* FMI's setters take a pointer to const; one signature serves getters and setters here. */
 static bool block_call(const Block *block, const Component *component, Function function, const char *name,
-                       Failure *failure) {
+                       void *buffer, Failure *failure) {
     int status = NOT_EXPORTED;
     if (function && component->calls->sized) {
-        status = ((Sized)function)(component->handle, block->references, block->n_references, block->buffer,
-                                   block->n_values);
+        status = ((Sized)function)(component->handle, block->references, block->n_references, buffer, block->n_values);
     } else if (function) {
-        status = ((Plain)function)(component->handle, block->references, block->n_references, block->buffer);
+        status = ((Plain)function)(component->handle, block->references, block->n_references, buffer);
     }
     if (status >= 0 && status <= FMI_WARNING) {
         return true;
@@ -84,11 +83,11 @@ static bool block_call(const Block *block, const Component *component, Function 
 }
 
 bool block_read(const Block *block, Component *components, double *values, Failure *failure) {
-    if (!block_call(block, &components[block->component], block->get, block->get_name, failure)) {
+    void *buffer = block->plain ? values + block->columns[0] : block->buffer;
+    if (!block_call(block, &components[block->component], block->get, block->get_name, buffer, failure)) {
         return false;
     }
     if (block->plain) {
-        memcpy(values + block->columns[0], block->buffer, block->n * sizeof(double));
         return true;
     }
     for (size_t i = 0; i < block->n; i++) {
@@ -98,7 +97,8 @@ bool block_read(const Block *block, Component *components, double *values, Failu
 }
 
 static bool complete(Block *block, const Component *component, Failure *failure) {
-    if (block->partial && !block_call(block, component, block->get, block->get_name, failure)) {
+    if (block->partial &&
+        !block_call(block, component, block->get, block->get_name, block->buffer, failure)) {
         return false;
     }
     block->partial = 0;
@@ -110,17 +110,17 @@ bool block_write(Block *block, Component *components, const double *values, Fail
     if (!block->set_name) {
         return fail_at(failure, FAILED_READ_ONLY, component->time);
     }
+    if (block->plain) {
+        double *own = (double *)values + block->columns[0];
+        return block_call(block, component, block->set, block->set_name, own, failure);
+    }
     if (!complete(block, component, failure)) {
         return false;
     }
-    if (block->plain) {
-        memcpy(block->buffer, values + block->columns[0], block->n * sizeof(double));
-    } else {
-        for (size_t i = 0; i < block->n; i++) {
-            encode(block, block->slots[i], values[block->columns[i]]);
-        }
+    for (size_t i = 0; i < block->n; i++) {
+        encode(block, block->slots[i], values[block->columns[i]]);
     }
-    return block_call(block, component, block->set, block->set_name, failure);
+    return block_call(block, component, block->set, block->set_name, block->buffer, failure);
 }
 
 bool access_read(const Access *access, Component *components, double *values, Failure *failure) {

@@ -5,6 +5,8 @@
 #ifndef WORKBENCH_KERNEL_ACCESS_H
 #define WORKBENCH_KERNEL_ACCESS_H
 
+#include <string.h>
+
 #include "component.h"
 
 /* C type of one value. The order is that of TYPES in workbench/kernel/structs.py. */
@@ -36,13 +38,22 @@ typedef struct {
     size_t n;
     int32_t type, component;
     int32_t partial; /* the buffer holds array elements that are not ours: read before the first write */
-    int32_t plain;   /* doubles in the caller's order from `columns[0]` on: no conversion */
+    int32_t plain;   /* doubles in the caller's order from `columns[0]` on: no conversion, the buffer is not used */
 } Block;
 
 typedef struct {
     Block *blocks;
     size_t n_blocks;
 } Access;
+
+/* Copy a few values: usually one, for which a call of the library takes longer than the copy. */
+static inline void copy_values(double *to, const double *from, size_t n) {
+    if (n == 1) {
+        to[0] = from[0];
+    } else {
+        memcpy(to, from, n * sizeof *to);
+    }
+}
 
 /* What the FMU would see if it were given `value`: integers are rounded, Booleans are value >= 0.5. */
 double value_as_type(ValueType type, double value);

@@ -35,9 +35,7 @@ static bool communicate(Cs *cs, double end, bool last) {
         return false;
     }
     system->steps++;
-    for (size_t i = 0; i < forcing->n; i++) {
-        forcing->written[i] = forcing->seen[i];
-    }
+    copy_values(forcing->written, forcing->seen, forcing->n);
     if (!add_row(cs, forcing->seen, last ? ROW_ALWAYS : ROW_POINT)) {
         return false;
     }

@@ -116,6 +116,11 @@ static bool handle(Cs *cs, int32_t who, const Answer *answer) {
     return enter_event_mode(cs, who) && leave_event_mode(cs, who);
 }
 
+/* Whether the FMU stopped before the end by more than rounding. */
+static bool is_early(double reached, double start, double end) {
+    return reached < end && end - reached > 1e-12 * fmax(fabs(end), end - start);
+}
+
 static bool step_component(Cs *cs, int32_t who, double start, double end) {
     Component *component = &cs->system->components[who];
     cs->time = start;
@@ -126,7 +131,7 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         if (!component_checked(component, DO_STEP, status, who, failure_of(cs))) {
             return false;
         }
-        const bool early = answer.time < end - 1e-12 * fmax(fabs(end), end - cs->time);
+        const bool early = is_early(answer.time, cs->time, end);
         if (early) {
             cs->time = answer.time;
         }

@@ -1,7 +1,6 @@
 #include "forcing.h"
 
 #include <math.h>
-#include <string.h>
 
 double forcing_next_break(Forcing *forcing, double t) {
     if (forcing->has_break && t >= forcing->break_from && t < forcing->break_at) {
@@ -67,7 +66,7 @@ bool forcing_write_wanted(Forcing *forcing, Component *components, Failure *fail
         !access_write(&forcing->slow, components, forcing->wanted, failure)) {
         return false;
     }
-    memcpy(forcing->written, forcing->wanted, forcing->n * sizeof(double));
+    copy_values(forcing->written, forcing->wanted, forcing->n);
     return true;
 }
 
@@ -93,7 +92,7 @@ static bool block_slopes(Forcing *forcing, const Block *block, Component *compon
 }
 
 void forcing_give_slopes(Forcing *forcing, Component *components, double t, double end) {
-    memcpy(forcing->seen, forcing->written, forcing->n * sizeof(double));
+    copy_values(forcing->seen, forcing->written, forcing->n);
     bool usable = false;
     for (size_t b = 0; b < forcing->fast.n_blocks; b++) {
         const Component *component = &components[forcing->fast.blocks[b].component];

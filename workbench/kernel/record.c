@@ -88,7 +88,7 @@ bool record_add(Record *record, System *system, double time, const double *input
     const size_t n = system->forcing->n;
     double *row = record->data + record->rows * record->width;
     row[0] = time;
-    memcpy(row + 1, inputs, n * sizeof(double));
+    copy_values(row + 1, inputs, n);
     double *values = row + 1 + n;
     /* The row before this one was kept if this one is; else it still stands where this one goes. */
     const double *left = values - (kept ? record->width : 0);
