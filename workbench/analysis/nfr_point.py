@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -144,8 +145,7 @@ def run_point(session: Session, task: PointTask) -> NfrPoint:
 def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
     """Run the k-th period; return its harmonics and the largest distance of two rows [s]."""
     # Times are computed from the first period's begin, not added up, so that they do not drift.
-    fractions = k + np.arange(1, task.rows + 1) / task.rows
-    points = sine.start + fractions / task.frequency
+    points = sine.start + (k + _fractions(task.rows)) / task.frequency
     orders = max(1, min(ORDERS, task.rows // 4))
     if isinstance(session, CompiledSession):
         period, longest = _summed(session, task, sine, points, orders)
@@ -157,6 +157,13 @@ def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[
         words = f"{task.input} does not move under an amplitude of {task.amplitude:g}"
         raise SimulationError(words, time=float(points[-1]))
     return period, longest
+
+
+@lru_cache(maxsize=8)
+def _fractions(rows: int) -> Floats:
+    """Return the parts of a period at which it is recorded, shape (rows,)."""
+    fractions: Floats = np.arange(1, rows + 1) / rows
+    return fractions
 
 
 def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:

@@ -29,6 +29,8 @@ _SLACK = 1.3
 # Differences smaller than this part of the response do not steer the prediction.
 _RIDGE = 1e-6
 
+_ALONE = np.ones(1)
+
 
 @dataclass(frozen=True, eq=False)
 class Limit:
@@ -127,7 +129,7 @@ def _size(values: Floats) -> float:
 
 def _candidates(periods: Floats) -> Iterator[Limit]:
     differences = periods[1:] - periods[:-1]
-    yield _limit(periods, differences, np.ones(1), checks=1)
+    yield _last(periods, differences)
     newest = _size(differences[-1])
     if newest == 0.0:
         return
@@ -156,6 +158,13 @@ def _prediction_of_one(newest: Floats, before: Floats, ridge: float) -> Floats:
     return np.array([1.0, -float(before @ newest) / square if square > 0.0 else 0.0])
 
 
+def _last(periods: Floats, differences: Floats) -> Limit:
+    """The last period itself."""
+    harmonics = _without_ramp(periods[-1].copy(), float(differences[-1, 0]))
+    scale = abs(fundamental(harmonics))
+    return Limit(harmonics, _size(differences[-1, 1:]) / scale if scale > 0.0 else math.inf, 0, _ALONE)
+
+
 def _limit(periods: Floats, differences: Floats, weights: Floats, *, checks: int) -> Limit:
     """Weigh the last periods, newest first, and see how well the same weights cancel the last `checks` changes."""
     n = weights.size
@@ -173,6 +182,11 @@ def _weigh(periods: Floats, weights: Floats) -> Floats:
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
     ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
+    return _without_ramp(harmonics, ramp)
+
+
+def _without_ramp(harmonics: Floats, ramp: float) -> Floats:
+    """Take out what a ramp, which rises by so much in a period, leaves in the in-phase parts; in place."""
     harmonics[1::2] += ramp * _ramp_parts((harmonics.size - 1) // 2)
     return harmonics
 

@@ -6,6 +6,8 @@ import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from ctypes import byref
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +23,11 @@ __all__ = ["Instance2"]
 
 _INTEGER = TypeCalls("fmi2GetInteger", "fmi2SetInteger", ctypes.c_int, int, int)
 _KINDS = {"me": 0, "cs": 1}
+
+
+@lru_cache(maxsize=16)
+def _resources(folder: Path) -> bytes:
+    return (folder / "resources").as_uri().encode()
 
 
 class Instance2(Instance):
@@ -54,7 +61,7 @@ class Instance2(Instance):
             self.log.key.encode(),
             _KINDS[self.interface],
             self.description.token.encode(),
-            (self.folder / "resources").as_uri().encode(),
+            _resources(self.folder),
             byref(callbacks2),
             0,
             int(logging),

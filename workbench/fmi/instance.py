@@ -99,7 +99,7 @@ class Instance(ABC):
             library = load_library(path, version=description.major, interface=interface, identifier=name)
         self._setup(description, library, interface=interface)
         self.source = source
-        self.folder = folder.resolve()
+        self.folder = folder if folder.is_absolute() else folder.resolve()
         self.component: Any = self._instantiate(logging=False)
         if not self.component:
             # Many FMUs say why only if logging is on; only then is the noise wanted.

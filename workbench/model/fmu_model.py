@@ -76,6 +76,7 @@ class FmuModel(Model):
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
         self._unpacked = unpacked
+        self._folder = unpacked.folder.resolve()
         self._setup = dataclasses.replace(setup, open_instance=self._open_instance, state_works=self._state_works)
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe = recipe
@@ -153,7 +154,7 @@ class FmuModel(Model):
         return any(s.instance.healthy for s in self._sessions)
 
     def _open_instance(self) -> Instance:
-        folder, source = self._unpacked.folder, self.source
+        folder, source = self._folder, self.source
         loaded = None if self._binary is None else self._binary.held()
         instance = instantiate(self.description, folder, interface=self.interface, source=source, library=loaded)
         if self._binary is None:  # stays loaded between sessions

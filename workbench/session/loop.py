@@ -56,15 +56,17 @@ class Loop:
         self._sums: dict[tuple[int, int], NativeFourier] = {}
         self._native: NativeForcing | None = None
         self._signals: Mapping[str, Signal] = {}
+        self._forcing: Forcing | None = None
 
     def force(self, forcing: Forcing) -> NativeForcing:
         """Put `forcing` in force, with what the FMU sees now."""
         native = self._native
-        if native is None or self._signals != forcing.signals:
+        if native is None or (self._forcing is not forcing and self._signals != forcing.signals):
             inputs = [(v, s, b, 0) for v, s, b in forcing.inputs()]
             native = self._native = NativeForcing(self.system, inputs, longest_step=forcing.longest_step)
             self._signals = forcing.signals
             native.apply()
+        self._forcing = forcing
         native.written[: native.n] = forcing.written
         return native
 
@@ -119,11 +121,16 @@ class Loop:
     @staticmethod
     def rows(record: NativeRecord, forcing: Forcing) -> Record:
         """Return what the last run recorded."""
+        if not record.structure.keep:
+            return _NO_ROWS
         columns = record.columns()
         n = len(forcing.names)
         inputs = dict(zip(forcing.names, columns[1 : 1 + n], strict=True))
         values = {v.name: c for v, c in zip(record.variables, columns[1 + n :], strict=True)}
         return Record(time=columns[0], values=values, inputs=inputs)
+
+
+_NO_ROWS = Record(time=np.empty(0), values={}, inputs={})
 
 
 def closed() -> SimulationError:
