@@ -1,0 +1,374 @@
+"""The elementary models of chapter 3: published slopes on their equations, and FMUs that do what the equations say."""
+
+from __future__ import annotations
+
+import math
+import platform
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from fmpy.validation import validate_fmu
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from workbench.analysis.simulate import simulate
+from workbench.model.load import load
+from workbench.session.point import Point
+from workbench.signals import Constant, Step
+
+pytest.importorskip("rumoca")
+pytest.importorskip("ziglang")
+
+Vector = npt.NDArray[np.float64]
+
+SOURCES = Path(__file__).resolve().parents[1] / "modelica_src"
+_SYSTEMS = {"linux": "linux", "win32": "windows", "darwin": "darwin"}
+_MACHINES = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+HOST = f"{_MACHINES[platform.machine()]}-{_SYSTEMS[sys.platform]}"
+
+A = np.array([[-0.51, -0.42], [0.5, 0.0]])
+B = np.array([1.0, 0.0])
+C = np.array([0.6407, 0.6794])
+D = 0.43
+
+
+# ── The blocks ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def saturation(v: float, *, lower: float = -1.0, upper: float = 1.0) -> float:
+    return min(max(v, lower), upper)
+
+
+def polynomial(v: float) -> float:
+    return 0.1 * v**3 + v**2 + v + 3.0
+
+
+def dead_band(v: float, *, half: float = 0.25) -> float:
+    return math.copysign(max(abs(v) - half, 0.0), v)
+
+
+def quantiser(v: float, *, resolution: float = 0.5) -> float:
+    return resolution * math.floor(v / resolution + 0.5)
+
+
+def scheduled(v: float) -> float:
+    gain = {-2.0: 0.0, -1.0: 1.0, 0.0: 0.0, 1.0: 3.0}
+    at = max((b for b in gain if b <= v), default=-2.0)
+    return gain[at] * v
+
+
+BLOCKS: Mapping[str, Callable[[float], float]] = {
+    "Saturation": saturation,
+    "AlgebraicExpression": polynomial,
+    "DeadBand": dead_band,
+    "Quantizer": quantiser,
+    "GainScheduler": scheduled,
+}
+OWN_DYNAMICS = ("Hysteresis", "SmallNonlinear")
+MODELS = (*BLOCKS, *OWN_DYNAMICS)
+
+
+# ── Published slopes, on the equations ───────────────────────────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True)
+class Example:
+    """One linearisation of the source report.
+
+    Attributes:
+        x0, u0: where.
+        widths: total widths of the central differences, states then input.
+        expected: linearised C and D, states then input.
+        digits: decimal places printed.
+    """
+
+    model: str
+    x0: tuple[float, float]
+    u0: float
+    widths: tuple[float, float, float]
+    expected: tuple[float, float, float]
+    digits: tuple[int, int, int]
+
+
+# What reaches the block is 0.1 wide in examples 2-2. With the printed u0 = 1.5811 the block would stand at
+# 1.99997 and its slope be 6.2002; the printed 6.2003 belongs to exactly 2.
+AT_TWO = (2 - 0.6407 - 0.6794) / 0.43
+TENTH = (0.1 / 0.6407, 0.1 / 0.6794, 0.1 / 0.43)
+
+
+def times_output_row(slope: float) -> tuple[float, float, float]:
+    return (slope * 0.6407, slope * 0.6794, slope * 0.43)
+
+
+EXAMPLES = {
+    "2-1": Example("Saturation", (1, 1), 1, (4, 2, 1), (0.132825, 0, 0), (6, 9, 9)),
+    "2-1b": Example("Saturation", (0, 0), 0, (1, 1, 1), (0.6407, 0.6794, 0.43), (12, 12, 12)),
+    "2-2": Example("AlgebraicExpression", (1, 1), AT_TWO, TENTH, times_output_row(6.2003), (4, 4, 4)),
+    "2-2b": Example("AlgebraicExpression", (1, 1), 0.5974, TENTH, times_output_row(4.9003), (4, 4, 4)),
+    "2-3": Example("DeadBand", (0.5, 0.3), -2.5, (1, 2, 3), (0.62118, 0.490115, 0.315277), (5, 6, 6)),
+    "2-4": Example("Quantizer", (0, 0), 0, (5, 5, 5), (0.6, 0.6, 0.4), (12, 12, 12)),
+    "2-5": Example("GainScheduler", (1, 1), 1, (2, 3, 10), (1.9221, 2.7692, 1.21002), (4, 4, 5)),
+}
+
+
+def agrees(found: Vector, example: Example) -> None:
+    for value, expected, digits in zip(found, example.expected, example.digits, strict=True):
+        assert value == pytest.approx(expected, abs=0.5000001 * 10.0**-digits, rel=0)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_central_differences_with_total_widths_give_every_published_digit(name: str) -> None:
+    example = EXAMPLES[name]
+    block = BLOCKS[example.model]
+    point = float(C @ example.x0 + D * example.u0)
+    halves = 0.5 * np.array(example.widths) * np.append(C, D)
+    differences = [block(point + half) - block(point - half) for half in halves]
+    agrees(np.array(differences) / np.array(example.widths), example)
+
+
+@pytest.mark.parametrize(("u0", "slope"), [(AT_TWO, 6.2003), (0.5974, 4.9003)])
+def test_slope_of_the_polynomial_is_the_published_one(u0: float, slope: float) -> None:
+    point = float(C.sum() + D * u0)
+    found = (polynomial(point + 0.05) - polynomial(point - 0.05)) / 0.1
+    assert found == pytest.approx(slope, abs=5e-5)
+    assert found - (0.3 * point**2 + 2 * point + 1) == pytest.approx(0.00025, abs=1e-10)
+
+
+def test_perturbation_of_the_published_size_makes_the_small_system_linear() -> None:
+    """Both ends of the quantiser's perturbation lie exactly halfway between two levels."""
+    ends = [0.1 * math.floor(x / 0.1 + 0.5 + 1e-9) for x in (0.45 + 0.1, 0.45 - 0.1)]
+    assert (ends[0] - ends[1]) / 0.2 == pytest.approx(1.0, abs=1e-12)
+    assert (saturation(0.45 + 0.55) - saturation(0.45 - 0.55)) / 1.1 == pytest.approx(1.0, abs=1e-12)
+
+
+# ── The FMUs ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
+STOP, SWITCH, FIRST, SECOND = 8.0, 2.0, 3.0, -4.0
+# Points that no event falls on: there left and right limit differ and either is right.
+GRID = np.arange(0.0371, STOP, 0.0371)
+
+WRAPPER = """
+model Wrapper
+  Real u;
+{components}
+equation
+  u = if time < {switch} then {first} else {second};
+{connections}
+end Wrapper;
+"""
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from workbench.build import build_all
+
+    folder = tmp_path_factory.mktemp("fmus")
+    build_all([SOURCES / model for model in MODELS], out=folder, platforms=[HOST])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def oracle() -> dict[str, Vector]:
+    """The front end's own simulator on all models at once, forced by a step up and a step down."""
+    from rumoca import Session, SimConfig
+
+    sources = "\n".join((SOURCES / m / f"{m}.mo").read_text(encoding="utf-8") for m in MODELS)
+    wrapper = WRAPPER.format(
+        components="\n".join(f"  {m} m{m};" for m in MODELS),
+        connections="\n".join(f"  m{m}.u = u;" for m in MODELS),
+        switch=SWITCH,
+        first=FIRST,
+        second=SECOND,
+    )
+    compiled = Session().loads(sources + wrapper, model="Wrapper", filename="Wrapper.mo")
+    config = SimConfig(solver="rk-like", rtol=1e-10, atol=1e-12)
+    result = compiled.simulate(t=float(GRID[-1]) + 0.0371, dt=0.0371, config=config)
+    times = np.asarray(result.time, dtype=float)
+    rows = [int(np.argmin(np.abs(times - t))) for t in GRID]
+    assert np.abs(times[rows] - GRID).max() < 1e-9
+    return {str(name)[1:]: np.asarray(result[name], dtype=float)[rows] for name in result.names if name != "u"}
+
+
+def run(folder: Path, model: str, *, fmi: int, interface: str) -> dict[str, Vector]:
+    """Every state, local and output of a model on the grid, under the two steps."""
+    step = Step(time=SWITCH, value=SECOND, initial=FIRST)
+    solver = "vkm" if interface == "me" else "auto"
+    with load(folder / f"fmi{fmi}" / f"{model}.fmu", interface, solver, tolerance=1e-10) as opened:
+        names = [v.name for v in opened.description.variables if v.causality in {"output", "local"}]
+        result = simulate(
+            opened, stop=float(GRID[-1]), inputs={"u": step}, outputs=names, points=GRID, verify_step=False
+        )
+    rows = np.searchsorted(result.time, GRID, side="right") - 1
+    return {name: result.signals[name][rows] for name in names}
+
+
+def forced_states() -> Vector:
+    """Closed form of the common dynamics under the two steps, shape (n, 2)."""
+
+    def after(t: float, x: Vector, u: float) -> Vector:
+        rest: Vector = -np.linalg.solve(A, B * u)
+        moved: Vector = rest + expm(A * t) @ (x - rest)
+        return moved
+
+    at_switch = after(SWITCH, np.zeros(2), FIRST)
+    return np.array(
+        [after(t, np.zeros(2), FIRST) if t < SWITCH else after(t - SWITCH, at_switch, SECOND) for t in GRID]
+    )
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("model", MODELS)
+def test_fmus_are_valid_and_named_as_promised(fmus: Path, model: str, fmi: int) -> None:
+    file = fmus / f"fmi{fmi}" / f"{model}.fmu"
+    assert validate_fmu(str(file)) == []
+    with load(file) as opened:
+        assert [v.name for v in opened.inputs] == ["u"]
+        assert [v.name for v in opened.outputs] == ["y"]
+        assert [v.name for v in opened.states] == (["x[1]"] if model == "Hysteresis" else ["x[1]", "x[2]"])
+        assert {v.variability for v in opened.parameters} == {"tunable"}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("model", [m for m in MODELS if m != "SmallNonlinear"])
+def test_trajectories_equal_the_oracle(
+    fmus: Path, oracle: dict[str, Vector], model: str, interface: str, fmi: int
+) -> None:
+    found = run(fmus, model, fmi=fmi, interface=interface)
+    names = [n for n in found if f"{model}.{n}" in oracle]
+    assert {"y", "x[1]"} <= set(names)
+    for name in names:
+        expected = oracle[f"{model}.{name}"]
+        scale = max(1.0, float(np.abs(expected).max()))
+        assert np.abs(found[name] - expected).max() < 1e-6 * scale, name
+
+
+def small_nonlinear_states(u: float) -> Vector:
+    """States of SmallNonlinear under a constant input on the grid, event by event, shape (n, 2).
+
+    The front end's simulator is no oracle here: the model is unstable, and what each of its quantiser's
+    switchings is late by grows to 3e-5.
+    """
+    step, level, t = 0.1, 0, 0.0
+    x = np.zeros(2)
+    rows: list[Vector] = []
+
+    def rates(_t: float, x: Vector) -> list[float]:
+        return [saturation(x[0]) + step * level + u, x[0]]
+
+    def above(_t: float, x: Vector) -> float:
+        return float(x[1] / step + 0.5 + 1e-9 - (level + 1))
+
+    above.terminal = True  # type: ignore[attr-defined]
+    above.direction = 1.0  # type: ignore[attr-defined]
+    while len(rows) < len(GRID):
+        piece = solve_ivp(
+            rates, (t, GRID[-1] + 0.1), x, method="DOP853", rtol=1e-12, atol=1e-13, events=above,
+            dense_output=True, max_step=0.05,
+        )  # fmt: skip
+        rows += [piece.sol(g) for g in GRID[len(rows) :] if g <= piece.t[-1]]
+        t, x, level = piece.t[-1], piece.y[:, -1], level + 1
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_small_nonlinear_follows_its_equations_from_event_to_event(fmus: Path, interface: str) -> None:
+    expected = small_nonlinear_states(0.5)
+    with load(
+        fmus / "fmi2" / "SmallNonlinear.fmu", interface, "vkm" if interface == "me" else "auto", tolerance=1e-10
+    ) as m:
+        inputs = {"u": Constant(0.5)}
+        names = ["x[1]", "x[2]"]
+        result = simulate(m, stop=float(GRID[-1]), inputs=inputs, outputs=names, points=GRID, verify_step=False)
+    rows = np.searchsorted(result.time, GRID, side="right") - 1
+    found = np.column_stack([result.signals[n][rows] for n in names])
+    assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("model", BLOCKS)
+def test_states_follow_the_closed_form_and_the_output_the_block(fmus: Path, model: str) -> None:
+    found = run(fmus, model, fmi=3, interface="me")
+    states = np.column_stack([found["x[1]"], found["x[2]"]])
+    assert np.abs(states - forced_states()).max() < 1e-7
+    forcing = np.where(GRID < SWITCH, FIRST, SECOND)
+    assert found["v"] == pytest.approx(states @ C + D * forcing, abs=1e-12)
+    assert found["y"] == pytest.approx([BLOCKS[model](v) for v in found["v"]], abs=1e-12)
+    assert found["v"].min() < -2
+    assert found["v"].max() > 2  # every piece of every block was met
+
+
+def test_hysteresis_holds_within_its_play_and_follows_at_its_edge(fmus: Path) -> None:
+    found = run(fmus, "Hysteresis", fmi=3, interface="me")
+    up = GRID < SWITCH
+    reached = (FIRST - 0.5) * -np.expm1(-10 * GRID)
+    assert found["x[1]"][up] == pytest.approx(reached[up], abs=1e-7)
+    at_switch = (FIRST - 0.5) * -math.expm1(-10 * SWITCH)
+    down = SECOND + 0.5 + (at_switch - SECOND - 0.5) * np.exp(-10 * (GRID - SWITCH))
+    assert found["x[1]"][~up] == pytest.approx(down[~up], abs=1e-7)
+    assert found["y"] == pytest.approx(2 * found["x[1]"])
+    with load(fmus / "fmi3" / "Hysteresis.fmu", start_values={"x[1]": 1.3}) as model:
+        inside = simulate(model, stop=1.0, inputs={"u": Step(time=0.5, value=1.7, initial=0.9)}, outputs=["x[1]"])
+    assert set(inside.signals["x[1]"]) == {1.3}
+
+
+def test_a_parameter_of_a_block_can_be_set(fmus: Path) -> None:
+    with (
+        load(fmus / "fmi2" / "DeadBand.fmu", start_values={"upper": 0.1, "u": 1.0}) as model,
+        model.open_session() as session,
+    ):
+        assert session.values(["y"])["y"] == pytest.approx(0.33)
+
+
+# ── Published slopes, on the FMUs ────────────────────────────────────────────────────────────────────────────────
+
+
+def differences(point: Point, x0: Vector, u0: float, widths: Vector) -> Vector:
+    """Central differences of (dx/dt, y) by (x, u) with total widths, shape (n + 1, n + 1)."""
+    base, n = np.append(x0, u0), len(x0)
+    point.move(x0, np.array([u0]))
+    columns = []
+    for offset in np.diag(widths / 2):
+        ends = [point.at((base + s * offset)[:n], (base + s * offset)[n:]) for s in (1.0, -1.0)]
+        columns.append(np.append(ends[0].dx - ends[1].dx, ends[0].y - ends[1].y))
+    result: Vector = np.array(columns).T / widths
+    return result
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_fmus_give_every_published_digit(fmus: Path, name: str, fmi: int) -> None:
+    example = EXAMPLES[name]
+    with load(fmus / f"fmi{fmi}" / f"{example.model}.fmu", "me") as model, model.open_point() as point:
+        found = differences(point, np.array(example.x0, float), example.u0, np.array(example.widths, float))
+    agrees(found[2], example)
+    assert found[:2] == pytest.approx(np.column_stack([A, B]), abs=1e-12)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_small_system_becomes_exactly_linear(fmus: Path, fmi: int) -> None:
+    with load(fmus / f"fmi{fmi}" / "SmallNonlinear.fmu", "me") as model, model.open_point() as point:
+        found = differences(point, np.array([0.45, 0.45]), 0.0, np.array([1.1, 0.2, 1.0]))
+    assert found == pytest.approx(np.array([[1, 1, 1], [1, 0, 0], [0, 1, 0]], float), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("x2", "quantised", "y"), [(-0.5, -0.5, -0.1), (0.26, 0.3, 0.26), (0.35, 0.4, 0.35), (3.0, 3.0, 1)]
+)
+def test_small_system_quantises_and_limits_its_second_state(fmus: Path, x2: float, quantised: float, y: float) -> None:
+    starts = {"x[1]": -7.0, "x[2]": x2}
+    with load(fmus / "fmi2" / "SmallNonlinear.fmu", start_values=starts) as model, model.open_session() as session:
+        found = session.values(["saturated", "quantised", "y", "der(x[1])", "der(x[2])"])
+    assert list(found.values()) == pytest.approx([-1.0, quantised, y, quantised - 1.0, -7.0])
+
+
+@pytest.mark.parametrize(("x0", "width", "share"), [(1.5, 2.0, 1.0), (-0.8, 0.6, 1.0), (0.0, 4.0, 0.75), (0.0, 1.0, 0)])
+def test_hysteresis_is_a_lag_of_its_cut_off_where_it_follows(fmus: Path, x0: float, width: float, share: float) -> None:
+    """Beyond the play all of it, across the play 1 − 2·halfWidth/width, within it nothing."""
+    with load(fmus / "fmi3" / "Hysteresis.fmu", "me") as model, model.open_point() as point:
+        found = differences(point, np.array([x0]), 0.0, np.array([width, width]))
+    assert found == pytest.approx(np.array([[-10 * share, 10 * share], [2, 0]]), abs=1e-12)
