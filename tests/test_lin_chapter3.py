@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from scripts.chapter3 import Entry, Example, entries, examples, main
+from scripts.chapter3 import linearised as linearised_as_published
 from tests.lin_fmus import fmu
 from workbench.analysis.lin import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
 from workbench.model import load
 
-C, D = (0.6407, 0.6794), 0.43
-SUM = sum(C)
-# 0.1 wide where it reaches the block
-DX, DU = [0.1 / c for c in C], 0.1 / D
+DYNAMICS, EXAMPLES = examples()
+C, D = DYNAMICS["C"], DYNAMICS["D"]
 
 
 def linearised(name: str, x0: list[float], u0: float, dx: Width, du: Width, method: str = "difference") -> LinResult:
@@ -22,42 +23,43 @@ def linearised(name: str, x0: list[float], u0: float, dx: Width, du: Width, meth
         return lin(model, x0=states, u0={"u": u0}, dx=dx, du=du, method=method).result
 
 
-@pytest.mark.parametrize(
-    ("name", "x0", "u0", "dx", "du", "c", "d", "digits"),
-    [
-        ("Saturation", [1, 1], 1, [4, 2], 1, (0.132825, 0.0), 0.0, 6),
-        ("Saturation", [0, 0], 0, [1, 1], 1, (0.6407, 0.6794), 0.43, 12),
-        ("DeadBand", [0.5, 0.3], -2.5, [1, 2], 3, (0.62118, 0.490115), 0.315277, 6),
-        ("Quantizer", [0, 0], 0, [5, 5], 5, (0.6, 0.6), 0.4, 12),
-        ("GainScheduler", [1, 1], 1, [2, 3], 10, (1.9221, 2.7692), 1.21002, 5),
-    ],
-    ids=["2-1", "2-1b", "2-3", "2-4", "2-5"],
-)
-def test_blocks(
-    name: str, x0: list[float], u0: float, dx: list[float], du: float, c: tuple[float, ...], d: float, digits: int
-) -> None:
-    result = linearised(name, x0, u0, dx, du)
-    assert result.C[0] == pytest.approx(c, abs=0.51 * 10.0**-digits)
-    assert result.D[0, 0] == pytest.approx(d, abs=0.51 * 10.0**-digits)
-    assert result.A.tolist() == [pytest.approx([-0.51, -0.42]), pytest.approx([0.5, 0.0])]
-    assert result.B.ravel() == pytest.approx([1.0, 0.0])
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda e: e.name)
+def test_published_digits(example: Example) -> None:
+    result = linearised_as_published(example)
+    found = list(entries(example, result, DYNAMICS))
+    assert len(found) >= 3
+    assert [e for e in found if not e.agrees] == []
     assert (result.dt, result.method) == (0.0, "difference")
+    if example.A is None:  # the common dynamics, in front of the block, are linear
+        assert result.A.tolist() == [pytest.approx([-0.51, -0.42]), pytest.approx([0.5, 0.0])]
+        assert result.B.ravel() == pytest.approx([1.0, 0.0])
 
 
-@pytest.mark.parametrize(("middle", "slope"), [(2.0, 6.20025), (1.577, 4.9003287)], ids=["2-2", "2-2b"])
-def test_algebraic_expression(middle: float, slope: float) -> None:
-    result = linearised("AlgebraicExpression", [1, 1], (middle - SUM) / D, DX, DU)
-    assert result.C[0] / C == pytest.approx([slope, slope], rel=1e-9)
-    assert result.D[0, 0] / D == pytest.approx(slope, rel=1e-9)
+def test_every_example_is_there() -> None:
+    names = ["2-1", "2-1b", "2-2", "2-2b", "2-3", "2-4", "2-5", "3.3.6", "3.3.7"]
+    assert [e.name for e in EXAMPLES] == names
 
 
-def test_hysteresis_becomes_a_lag() -> None:
-    with load(fmu("Hysteresis"), "me") as model:
-        start = {v.name: float(v.start or 0) for v in model.parameters}
-    result = linearised("Hysteresis", [2], 1, 0.1, 0.1)
-    omega, k = start["omegaC"], start["k"]
-    found = [result.A[0, 0], result.B[0, 0], result.C[0, 0], result.D[0, 0]]
-    assert found == pytest.approx([-omega, omega, k, 0.0], rel=1e-12)
+@pytest.mark.parametrize("example", [e for e in EXAMPLES if e.slope is not None], ids=lambda e: e.name)
+def test_slope_of_the_polynomial_in_closed_form(example: Example) -> None:
+    """The derivative, and a tenth of the half width squared for the cubic term."""
+    v = float(np.dot(C, example.x0) + D * example.u0)
+    slope = 0.3 * v**2 + 2.0 * v + 1.0 + 0.1 * 0.05**2
+    found = [e.measured for e in entries(example, linearised_as_published(example), DYNAMICS)]
+    assert found == pytest.approx([slope] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize("digits", [6, 7])
+def test_a_number_off_its_digits_is_told(digits: int) -> None:
+    off = Entry("D[1,1]", 0.315277, 0.3152766667, digits)
+    assert off.agrees == (digits == 6)
+
+
+def test_the_table_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    printed = capsys.readouterr().out
+    assert "every published digit is met" in printed
+    assert "0.490115" in printed
 
 
 @pytest.mark.parametrize("x2", [0.45, 0.5])
