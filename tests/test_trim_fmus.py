@@ -103,10 +103,7 @@ def test_two_rates_and_their_common_period(name: str) -> None:
 
 
 def elevator() -> wb.FmuModel:
-    try:
-        return wb.load("fmu:ElevatorLaw")
-    except wb.WorkbenchError:
-        pytest.skip("ElevatorLaw is not built")
+    return wb.load("fmu:ElevatorLaw")
 
 
 def test_elevator_law_has_infinitely_many_equilibria() -> None:
