@@ -242,6 +242,14 @@ def sessions(size: Size) -> Iterator[Row]:
     yield Row("sessions open at once", str(opened), "", opened, str(size.sessions), met, None, problem)
 
 
+def lin(size: Size) -> Iterator[Row]:
+    """Linearise a model of 71 states and 2 inputs."""
+    with wb.load(bench_fmpy.seventy_one(), "me") as model:
+        for method in ("exact", "difference"):
+            took = alternate({"lin": partial(wb.lin, model, method=method)}, size.repeats)["lin"]
+            yield Row(f"lin of 71 states, {method}", f"{1e3 * took:.1f} ms", "", took, "< 0.2 s", took < 0.2)
+
+
 def start(size: Size) -> Iterator[Row]:
     """Wall time of the command line."""
     for words, goal in ((["--help"], 0.4), (["info", "fmu:Rudder"], 0.7)):
@@ -258,7 +266,7 @@ def kernel(_: Size) -> Iterator[Row]:
 
 BENCHES: dict[str, Callable[[Size], Iterator[Row]]] = {
     "cs": cs, "me": me, "sweep": sweep, "workers": workers, "cycles": cycles, "sessions": sessions, "start": start,
-    "kernel": kernel,
+    "lin": lin, "kernel": kernel,
 }  # fmt: skip
 
 

@@ -31,6 +31,17 @@ def _folder() -> Path:
 
 
 @lru_cache(maxsize=1)
+def seventy_one() -> Path:
+    """Build a model of 71 states and 2 inputs; return the FMU (FMI 2.0)."""
+    couplings = [f"  der(x[{i}]) = -{i}*x[{i}] + 0.1*x[{i % 71 + 1}] + u[{i % 2 + 1}];" for i in range(1, 72)]
+    source = _folder() / "SeventyOne.mo"
+    head = (
+        "model SeventyOne\n  input Real u[2];\n  output Real y = sum(x);\n  Real x[71](each fixed = true);\nequation\n"
+    )
+    source.write_text(head + "\n".join(couplings) + "\nend SeventyOne;\n", encoding="utf-8")
+    return build_fmu([source], out=_folder() / "SeventyOne.fmu", platforms=[host()]).files[0]
+
+
 def gain() -> Path:
     """Return a static gain, the FMU whose step costs nothing."""
     return build_fmu([DATA / "Gain.mo"], out=_folder() / "Gain.fmu", platforms=[host()]).files[0]
