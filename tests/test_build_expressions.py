@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from workbench.build.differentiate import partial, tangent
@@ -33,6 +33,12 @@ trees = st.recursive(
     max_leaves=12,
 )
 points = st.lists(st.floats(-2.0, 2.0), min_size=N, max_size=N)
+
+
+# That a machine is busy is no defect of what is tested.
+PROPERTY = settings(
+    max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)  # fmt: skip
 
 
 def build(graph: ExpressionGraph, tree: Tree) -> int:
@@ -82,7 +88,7 @@ def value(graph: ExpressionGraph, expression: int, v: list[float], d: Mapping[in
     return evaluate(graph, expression, leaf)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@PROPERTY
 @given(trees, points)
 def test_folding_keeps_the_value(tree: Tree, v: list[float]) -> None:
     try:
@@ -94,7 +100,7 @@ def test_folding_keeps_the_value(tree: Tree, v: list[float]) -> None:
     assert value(graph, build(graph, tree), v) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@PROPERTY
 @given(trees, points, points)
 def test_tangent_equals_a_central_difference(tree: Tree, v: list[float], direction: list[float]) -> None:
     graph = ExpressionGraph()

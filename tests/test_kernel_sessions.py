@@ -31,7 +31,10 @@ USUAL = 1e-7
 EVENTS = {"gear": 1e-7}  # [s] by how much the times of an event may differ; else 1e-9
 SPAN = 1.0
 RANDOM = settings(
-    max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=8,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 

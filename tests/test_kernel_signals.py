@@ -31,7 +31,7 @@ def in_c(signal: Signal, t: float) -> tuple[float, float]:
     return kernel().kernel_signal_value(address, t), kernel().kernel_signal_next_break(address, t)
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=400, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(signals(), TIMES)
 @example(Prbs(hold=0.1, order=3), 0.30000000000000004)
 @example(Table([0.0, 1.0, 1.0, 2.0], [0.0, 1.0, 5.0, 2.0]), 1.0)
