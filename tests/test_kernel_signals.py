@@ -6,7 +6,7 @@ import ctypes
 import math
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tests.drivers import needs_kernel
