@@ -1,0 +1,354 @@
+"""Recorded input and output data: what identification works on."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.analysis.data_table import DataTable, read_table
+from workbench.analysis.experiment_checks import (
+    EXACT,
+    check_choice,
+    check_finite,
+    columns,
+    names_of,
+    times,
+    units_of,
+)
+from workbench.errors import InputError, suggest
+from workbench.session.base import Floats
+
+__all__ = ["Experiment", "make_experiment", "read_experiment"]
+
+Indices = NDArray[np.intp]
+
+_TIME_NAMES = ("time", "t", "times", "zeit")
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """Equidistant samples of inputs and outputs.
+
+    u[k] is held over [time[k], time[k+1]); y[k] is the output at time[k], right after u[k] took
+    effect. Make one with `make_experiment` or `read_experiment`, which check the numbers.
+
+    Attributes:
+        time: shape (n,) [s].
+        u: inputs, shape (n, m).
+        y: outputs, shape (n, p).
+        input_names, output_names: of the columns.
+        input_units, output_units: None where there is none.
+        name: model or file the data come from.
+        notes: what was bent or decided on the way.
+    """
+
+    time: Floats
+    u: Floats
+    y: Floats
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str | None, ...]
+    output_units: tuple[str | None, ...]
+    name: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def dt(self) -> float:
+        """The sampling interval [s]."""
+        return float(f"{(self.time[-1] - self.time[0]) / (self.n_samples - 1):.12g}")
+
+    @property
+    def n_samples(self) -> int:
+        """How many samples."""
+        return len(self.time)
+
+    @property
+    def n_inputs(self) -> int:
+        """How many inputs."""
+        return int(self.u.shape[1])
+
+    @property
+    def n_outputs(self) -> int:
+        """How many outputs."""
+        return int(self.y.shape[1])
+
+    @property
+    def units(self) -> dict[str, str | None]:
+        """Name of a column → unit."""
+        return dict(zip(self._names, (*self.input_units, *self.output_units), strict=True))
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (*self.input_names, *self.output_names)
+
+    def part(self, first: int, last: int | None = None) -> Experiment:
+        """Return the samples [first, last).
+
+        Args:
+            first: of the samples that are kept, counted from 0.
+            last: the first one after them; None: to the end.
+
+        Raises:
+            InputError: outside the data, or fewer than two samples left.
+        """
+        end = self.n_samples if last is None else last
+        if not 0 <= first < end <= self.n_samples:
+            raise InputError(f"{self.name}: there is no part {first} … {end} of {self.n_samples} samples")
+        if end - first < 2:
+            raise InputError(f"{self.name}: a part needs two samples at least, not {end - first}")
+        chosen = slice(first, end)
+        return replace(self, time=self.time[chosen], u=self.u[chosen], y=self.y[chosen])
+
+    def select(self, inputs: Sequence[str], outputs: Sequence[str]) -> Experiment:
+        """Return the experiment with these columns, in this order.
+
+        A measured output may serve as the input of what comes behind it, and the other way round.
+
+        Args:
+            inputs: names of the columns that force.
+            outputs: names of the columns that follow.
+
+        Raises:
+            InputError: no such column, none at all, a column both input and output.
+        """
+        check_choice(self.name, inputs, outputs, self._names)
+        every = dict(zip(self._names, np.hstack([self.u, self.y]).T, strict=True))
+        units = self.units
+        return replace(
+            self,
+            u=np.column_stack([every[n] for n in inputs]),
+            y=np.column_stack([every[n] for n in outputs]),
+            input_names=tuple(inputs),
+            output_names=tuple(outputs),
+            input_units=tuple(units[n] for n in inputs),
+            output_units=tuple(units[n] for n in outputs),
+        )
+
+    def with_data(
+        self, *, u: Floats | None = None, y: Floats | None = None, time: Floats | None = None, note: str | None = None
+    ) -> Experiment:
+        """Return the experiment with other numbers under the same names.
+
+        Args:
+            u: shape (n, m).
+            y: shape (n, p).
+            time: shape (n,) [s].
+            note: what was done, added to the notes.
+
+        Raises:
+            InputError: as `make_experiment`.
+        """
+        return make_experiment(
+            self.time if time is None else time,
+            self.u if u is None else u,
+            self.y if y is None else y,
+            input_names=self.input_names,
+            output_names=self.output_names,
+            input_units=self.input_units,
+            output_units=self.output_units,
+            name=self.name,
+            notes=self.notes if note is None else (*self.notes, note),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists, as the command line writes them to JSON."""
+        return {
+            "name": self.name,
+            "dt": self.dt,
+            "time": self.time.tolist(),
+            "u": {name: column.tolist() for name, column in zip(self.input_names, self.u.T, strict=True)},
+            "y": {name: column.tolist() for name, column in zip(self.output_names, self.y.T, strict=True)},
+            "units": self.units,
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write time, inputs and outputs as columns headed "name [unit]".
+
+        Args:
+            path: of the file, or an open stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        if not isinstance(path, str | Path):
+            self._write(path)
+            return
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                self._write(file)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def _write(self, stream: TextIO) -> None:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())])
+        writer.writerows(np.column_stack([self.time, self.u, self.y]).tolist())
+
+
+def make_experiment(
+    time_or_dt: ArrayLike | float,
+    u: ArrayLike,
+    y: ArrayLike,
+    *,
+    input_names: Sequence[str] | None = None,
+    output_names: Sequence[str] | None = None,
+    input_units: Sequence[str | None] | None = None,
+    output_units: Sequence[str | None] | None = None,
+    name: str = "data",
+    notes: Sequence[str] = (),
+) -> Experiment:
+    """Return checked data; nothing of the caller's is changed or kept.
+
+    Args:
+        time_or_dt: sampling interval [s], or the times themselves, shape (n,) [s].
+        u: inputs, shape (n, m) or (n,).
+        y: outputs, shape (n, p) or (n,).
+        input_names: None: u1, u2, …; u alone where there is one.
+        output_names: None: y1, y2, …; y alone where there is one.
+        input_units: None: none.
+        output_units: None: none.
+        name: what the data come from, for messages.
+        notes: remarks to keep with the data.
+
+    Raises:
+        InputError: unequal lengths, fewer than two samples, a number that is not finite, times
+            that are not equidistant, names or units not as many as columns, a name given twice.
+    """
+    inputs, outputs = columns("u", u), columns("y", y)
+    if len(inputs) != len(outputs):
+        raise InputError(f"{name}: u has {len(inputs)} samples and y {len(outputs)}; they must be equally many")
+    if len(inputs) < 2:
+        raise InputError(f"{name}: {len(inputs)} samples are too few; two are the least")
+    u_names = names_of("u", input_names, inputs.shape[1])
+    y_names = names_of("y", output_names, outputs.shape[1])
+    twice = sorted({n for n in (*u_names, *y_names) if (*u_names, *y_names).count(n) > 1})
+    if twice:
+        raise InputError(f"{name}: the name '{twice[0]}' is given twice")
+    time, remark = times(name, time_or_dt, len(inputs))
+    for kind, names, values in (("input", u_names, inputs), ("output", y_names, outputs)):
+        check_finite(name, kind, names, values, time)
+    return Experiment(
+        time=time,
+        u=inputs,
+        y=outputs,
+        input_names=u_names,
+        output_names=y_names,
+        input_units=units_of("input", input_units, inputs.shape[1]),
+        output_units=units_of("output", output_units, outputs.shape[1]),
+        name=name,
+        notes=(*notes, *remark),
+    )
+
+
+def read_experiment(
+    path: str | Path,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    dt: float | None = None,
+) -> Experiment:
+    """Read recorded data from a CSV file.
+
+    Its first line names the columns, each with its unit: "time [s],stick [1],elevator [deg]".
+    Files of other tools are read too: see `data_table.read_table`; what was bent is in `notes`.
+
+    Args:
+        path: of the file.
+        inputs: columns that force; None: all that are no outputs.
+        outputs: columns that follow; None: all that are no inputs. Without both, the file must have
+            two columns besides time: the first one is the input.
+        dt: sampling interval [s]; needed where there is no time column. Where there is one with
+            another spacing, the data are put on this grid: inputs held, outputs linear.
+
+    Raises:
+        InputError: no such file or column, no table, no time, not equidistant, a cell that is no number.
+    """
+    table = read_table(path)
+    name = Path(path).name
+    notes = list(table.notes)
+    clock = next((i for i, n in enumerate(table.names) if n.casefold() in _TIME_NAMES), None)
+    signals = [n for i, n in enumerate(table.names) if i != clock]
+    chosen = _choose(name, signals, inputs, outputs, notes)
+    if clock is None and dt is None:
+        raise InputError(f"{name}: has no time column; give the sampling interval dt, or name a column 'time [s]'")
+    time, keep = _clock(name, table, clock, notes)
+    u, y = (_take(table, names)[keep] for names in chosen)
+    if dt is not None and clock is not None and not _lies_on(name, time, dt):
+        notes.append(f"{name}: put on a grid of {dt:g} s, inputs held and outputs linear between the samples")
+        time, u, y = _on_grid(time, u, y, dt)
+    units = dict(zip(table.names, table.units, strict=True))
+    return make_experiment(
+        time if clock is not None else float(dt or 0.0),
+        u,
+        y,
+        input_names=chosen[0],
+        output_names=chosen[1],
+        input_units=[units[n] for n in chosen[0]],
+        output_units=[units[n] for n in chosen[1]],
+        name=name,
+        notes=notes,
+    )
+
+
+def _choose(
+    name: str, known: Sequence[str], inputs: Sequence[str] | None, outputs: Sequence[str] | None, notes: list[str]
+) -> tuple[list[str], list[str]]:
+    if inputs is None and outputs is None:
+        if len(known) != 2:
+            listed = ", ".join(known[:8]) or "none"
+            raise InputError(f"{name}: which columns are inputs? Name inputs and outputs; columns: {listed}")
+        notes.append(f"{name}: '{known[0]}' is taken as the input and '{known[1]}' as the output")
+        return [known[0]], [known[1]]
+    for column in (*(inputs or ()), *(outputs or ())):
+        if column not in known:
+            raise InputError(f"{name}: there is no column '{column}'; {suggest(column, known)}")
+    forcing = [c for c in known if c not in (outputs or ())] if inputs is None else list(inputs)
+    following = [c for c in known if c not in forcing] if outputs is None else list(outputs)
+    check_choice(name, forcing, following, known)
+    return forcing, following
+
+
+def _take(table: DataTable, names: Sequence[str]) -> Floats:
+    return table.values[:, [table.names.index(n) for n in names]]
+
+
+def _clock(name: str, table: DataTable, clock: int | None, notes: list[str]) -> tuple[Floats, Indices]:
+    """Return the times [s] and the rows to keep: of two rows at one time (an event), the second."""
+    if clock is None:
+        return np.arange(len(table.values), dtype=np.float64), np.arange(len(table.values))
+    unit = table.units[clock]
+    factor = 1.0 if unit is None else _SECONDS.get(unit.casefold(), 0.0)
+    if not factor:
+        raise InputError(f"{name}: time is in '{unit}'; known: {', '.join(_SECONDS)}")
+    if factor != 1.0:
+        notes.append(f"{name}: time was converted from {unit} to s")
+    time = factor * table.values[:, clock]
+    keep = np.flatnonzero(np.append(np.diff(time) != 0.0, True))
+    if len(keep) < len(time):
+        notes.append(f"{name}: {len(time) - len(keep)} times stand there twice (events); the later rows count")
+    return time[keep], keep
+
+
+def _lies_on(name: str, time: Floats, dt: float) -> bool:
+    """Return whether the data have this spacing, or none that could be changed."""
+    if not (math.isfinite(dt) and dt > 0.0):
+        raise InputError(f"{name}: the sampling interval must be positive, not {dt:g} s")
+    if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0.0):
+        return True  # refused with its place where times are checked
+    return bool(np.max(np.abs(time - time[0] - dt * np.arange(len(time)))) <= EXACT * dt)
+
+
+def _on_grid(time: Floats, u: Floats, y: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
+    count = math.floor((time[-1] - time[0]) / dt + 1e-9) + 1
+    grid = time[0] + dt * np.arange(count)
+    last = np.clip(np.searchsorted(time, grid + 1e-9 * dt, side="right") - 1, 0, len(time) - 1)
+    return grid, u[last], np.column_stack([np.interp(grid, time, column) for column in y.T])
