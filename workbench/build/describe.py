@@ -32,6 +32,7 @@ class Description:
     tool: str
     experiment: Experiment
     sources: Sequence[str]
+    naming: str = "structured"  # FMI's variable naming convention
 
     @property
     def identifier(self) -> str:
@@ -141,7 +142,7 @@ def _root(description: Description, version: str, token: dict[str, str]) -> ET.E
     if description.model.description:
         attributes["description"] = description.model.description
     attributes["generationTool"] = description.tool
-    attributes["variableNamingConvention"] = "structured"
+    attributes["variableNamingConvention"] = description.naming
     return ET.Element("fmiModelDescription", attributes)
 
 

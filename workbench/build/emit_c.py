@@ -343,7 +343,15 @@ def emit_equations(model: ScalarModel, order: Sequence[Assignment]) -> str:
     )
 
 
-def emit_model(model: ScalarModel, equations: str, token: str, *, stiff: bool, tolerance: float) -> str:
+def emit_model(
+    model: ScalarModel,
+    equations: str,
+    token: str,
+    *,
+    stiff: bool,
+    tolerance: float,
+    origin: str = "its Modelica source",
+) -> str:
     """Return the whole of model.c.
 
     Args:
@@ -352,7 +360,8 @@ def emit_model(model: ScalarModel, equations: str, token: str, *, stiff: bool, t
         token: FMI 2 GUID and FMI 3 instantiation token.
         stiff: Whether Co-Simulation integrates with the implicit method.
         tolerance: Relative tolerance of Co-Simulation when the environment gives none.
+        origin: What the model was generated from.
     """
-    head = f"/* model.c: {_comment(model.name)}, generated from its Modelica source. */\n"
+    head = f"/* model.c: {_comment(model.name)}, generated from {origin}. */\n"
     constants = tables(model, token, stiff=stiff, tolerance=tolerance)
     return f'{head}#include "model.h"\n\n{constants}\n{equations}'

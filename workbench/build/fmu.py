@@ -22,6 +22,7 @@ from workbench.build.describe import (
 from workbench.build.emit_c import emit_equations, emit_model
 from workbench.build.frontend import Checked, check, models_in
 from workbench.build.pack import pack
+from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
 from workbench.errors import BuildError, suggest
@@ -136,23 +137,49 @@ def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
     """
     checked = check(file, model)
     scalar = scalarise(checked.dae, checked.name, checked.description)
+    return assemble(scalar, _experiment(checked), stiff=stiff)
+
+
+def assemble(
+    scalar: ScalarModel,
+    experiment: Experiment,
+    *,
+    stiff: bool | None = None,
+    origin: str = "its Modelica source",
+    naming: str = "structured",
+) -> Sources:
+    """Generate all C and XML of a model without arrays.
+
+    Args:
+        scalar: The model; its name becomes the model identifier, dots as underscores.
+        experiment: FMI's default experiment; its tolerance is Co-Simulation's where the environment gives none.
+        stiff: Integrator of Co-Simulation: implicit where True, explicit where False; default: chosen from the
+            eigenvalues at the start values.
+        origin: What the model was generated from, for a comment in the C code.
+        naming: FMI's variable naming convention, "structured" or "flat".
+
+    Raises:
+        BuildError: The equations cannot be sorted.
+    """
     order = causalise(scalar)
     implicit = is_stiff(scalar, order) if stiff is None else stiff
     equations = emit_equations(scalar, order)
     runtime = _runtime()
-    tolerance = checked.tolerance or DEFAULT_TOLERANCE
+
+    def c_model(token: str) -> str:
+        return emit_model(scalar, equations, token, stiff=implicit, tolerance=experiment.tolerance, origin=origin)
+
     # The token names the equations and the runtime, so a changed model never passes for the old one.
-    draft = emit_model(scalar, equations, "", stiff=implicit, tolerance=tolerance)
     digest = hashlib.sha256()
     for name in sorted(runtime):
         digest.update(name.encode() + b"\0" + runtime[name] + b"\0")
-    digest.update(draft.encode())
+    digest.update(c_model("").encode())
     token = "{" + digest.hexdigest()[:32] + "}"
-    c_files = {**runtime, "model.c": emit_model(scalar, equations, token, stiff=implicit, tolerance=tolerance).encode()}
+    c_files = {**runtime, "model.c": c_model(token).encode()}
     compiled = tuple(sorted(n for n in c_files if n.endswith(".c")))
-    description = Description(scalar, order, token, TOOL, _experiment(checked, tolerance), compiled)
+    description = Description(scalar, order, token, TOOL, experiment, compiled, naming)
     return Sources(
-        name=model,
+        name=scalar.name,
         identifier=description.identifier,
         c_files=c_files,
         descriptions={2: model_description_2(description), 3: model_description_3(description)},
@@ -163,8 +190,8 @@ def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
     )
 
 
-def _experiment(checked: Checked, tolerance: float) -> Experiment:
-    return Experiment(checked.stop_time, tolerance, checked.interval)
+def _experiment(checked: Checked) -> Experiment:
+    return Experiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
 
 
 def _runtime() -> dict[str, bytes]:
@@ -202,7 +229,12 @@ def _choose(found: Mapping[str, Path], model: str | None) -> str:
     return matches[0]
 
 
-def _platforms(names: Sequence[str] | None) -> list[Platform]:
+def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
+    """Return the platforms of these names, all where there is none given.
+
+    Raises:
+        BuildError: An unknown name.
+    """
     if names is None:
         return list(PLATFORMS)
     known = {p.name: p for p in PLATFORMS}
@@ -215,23 +247,39 @@ def _platforms(names: Sequence[str] | None) -> list[Platform]:
 def _build(
     file: Path, model: str, targets: Mapping[int, Path], platforms: Sequence[str] | None, *, stiff: bool | None
 ) -> BuildResult:
+    _check_versions(targets)
+    chosen = choose_platforms(platforms)
+    return compile_and_pack(generate(file, model, stiff=stiff), targets, chosen)
+
+
+def _check_versions(targets: Mapping[int, Path]) -> None:
     for version in targets:
         if version not in FMI_VERSIONS:
             raise BuildError(f"FMI {version} cannot be built; choose 2 or 3")
-    chosen = _platforms(platforms)
-    generated = generate(file, model, stiff=stiff)
+
+
+def compile_and_pack(generated: Sources, targets: Mapping[int, Path], platforms: Sequence[Platform]) -> BuildResult:
+    """Compile generated sources and write the FMUs.
+
+    Args:
+        generated: What :func:`generate` or :func:`assemble` returned.
+        targets: FMI version → FMU to write.
+        platforms: What to compile for.
+
+    Raises:
+        BuildError: The compiler failed.
+    """
     with tempfile.TemporaryDirectory(prefix="workbench-build-") as temporary:
         folder = Path(temporary) / "sources"
         folder.mkdir()
         for name, contents in generated.c_files.items():
             (folder / name).write_bytes(contents)
-        libraries = compile_all(folder, generated.compiled, chosen, Path(temporary) / "lib", generated.identifier)
+        libraries = compile_all(folder, generated.compiled, platforms, Path(temporary) / "lib", generated.identifier)
         binaries = {name: library.read_bytes() for name, library in libraries.items()}
     for version, target in targets.items():
-        pack(target, _contents(generated, version, chosen, binaries))
-    return BuildResult(
-        model, tuple(targets.values()), tuple(p.name for p in chosen), generated.stiff, generated.n_states
-    )
+        pack(target, _contents(generated, version, platforms, binaries))
+    names = tuple(p.name for p in platforms)
+    return BuildResult(generated.name, tuple(targets.values()), names, generated.stiff, generated.n_states)
 
 
 def _contents(

@@ -21,6 +21,7 @@ from workbench.build.scalar_model import (
     ScalarVariable,
 )
 from workbench.build.translate import ADVICE, Array, Scope, Translator, refuse
+from workbench.build.units import rate_unit
 from workbench.errors import BuildError
 
 _KINDS = {
@@ -171,7 +172,7 @@ class _Scalariser:
                     kind="derivative",
                     output=False,
                     start=self.graph.number(0.0),
-                    unit=_rate_unit(unit),
+                    unit=rate_unit(unit),
                     description=f"Time derivative of {variable.name}{element}",
                     derivative_of=self.layout[number] + offset,
                     place=variable.place,
@@ -431,11 +432,3 @@ def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     if array.shape == () and shape != ():
         return Array(shape, array.elements * math.prod(shape))
     return Array(shape, array.elements)
-
-
-def _rate_unit(unit: str | None) -> str | None:
-    if not unit:
-        return None
-    if unit == "1":
-        return "1/s"
-    return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"

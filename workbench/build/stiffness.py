@@ -110,7 +110,11 @@ def is_stiff(model: ScalarModel, order: Sequence[Assignment]) -> bool:
     """Return whether the fastest decay is :data:`STIFF_RATIO` times faster than the slowest motion."""
     if not model.states:
         return False
-    matrix = jacobian(model, order)
+    return is_stiff_matrix(jacobian(model, order))
+
+
+def is_stiff_matrix(matrix: NDArray[np.float64]) -> bool:
+    """Return the same for ∂ẋ/∂x = `matrix` [1/s], shape (n, n)."""
     if not np.isfinite(matrix).all():
         return True
     eigenvalues = np.linalg.eigvals(matrix)

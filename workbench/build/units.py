@@ -55,3 +55,12 @@ def base_unit(unit: str) -> dict[str, str] | None:
     if factor != 1.0:
         attributes["factor"] = repr(factor)
     return attributes
+
+
+def rate_unit(unit: str | None) -> str | None:
+    """Return the unit of the time derivative of something in `unit`, or None where that is not known."""
+    if not unit:
+        return None
+    if unit == "1":
+        return "1/s"
+    return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
