@@ -323,7 +323,7 @@ def parameter_order(model: ScalarModel) -> list[int]:
 
 
 def _comment(text: str) -> str:
-    return text.replace("*/", "* /")
+    return text.replace("*/", "* /").replace("/*", "/ *")
 
 
 def emit_equations(model: ScalarModel, order: Sequence[Assignment]) -> str:

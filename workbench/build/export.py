@@ -1,0 +1,150 @@
+"""A linear state-space model as an FMU."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.build.fmu import FMI_VERSIONS, assemble, choose_platforms, compile_and_pack
+from workbench.build.matrices import Matrices, matrices_of, read_matrices
+from workbench.build.state_space import naming, state_space
+from workbench.build.stiffness import is_stiff_matrix
+from workbench.build.time_scale import default_experiment
+from workbench.errors import InputError
+
+__all__ = ["ExportResult", "export"]
+
+
+@dataclass(frozen=True, slots=True)
+class ExportResult:
+    """What was exported.
+
+    Attributes:
+        model: name of the model in the FMU.
+        file: the FMU.
+        fmi: its FMI version, 2 or 3.
+        dt: sample period [s], 0 for a continuous model.
+        n_states, n_inputs, n_outputs: sizes.
+        platforms: FMI 3 platform tuples of the binaries inside.
+        stiff: whether co-simulation integrates with the implicit method.
+        renamed: name in the model → name in the FMU, for states whose name an input or output has.
+        notes: what of the model is not in the FMU, one line each.
+    """
+
+    model: str
+    file: Path
+    fmi: int
+    dt: float
+    n_states: int
+    n_inputs: int
+    n_outputs: int
+    platforms: tuple[str, ...]
+    stiff: bool
+    renamed: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "model": self.model,
+            "file": str(self.file),
+            "fmi": self.fmi,
+            "dt": self.dt,
+            "states": self.n_states,
+            "inputs": self.n_inputs,
+            "outputs": self.n_outputs,
+            "platforms": list(self.platforms),
+            "stiff": self.stiff,
+            "renamed": dict(self.renamed),
+            "notes": list(self.notes),
+        }
+
+
+def export(
+    model: object,
+    out: str | Path,
+    *,
+    fmi: int = 2,
+    name: str | None = None,
+    platforms: Sequence[str] | None = None,
+    stiff: bool | None = None,
+) -> ExportResult:
+    """Write a linear model as an FMU that serves model exchange and co-simulation.
+
+    A continuous model (dt = 0) is der(x) = dx0 + A x + B (u − u0), y = y0 + C x + D (u − u0). A discrete one is sampled
+    at multiples of dt; its outputs are held in between, and y[k] holds the effect of u[k]. The inputs start at u0 and
+    the state, a deviation, at x0; so the FMU stands where the model was found. Matrix entries are numbers in the code,
+    no parameters: to vary them, export again.
+
+    Args:
+        model: a JSON file that `workbench identify` or `workbench lin` wrote, or a model as
+            :func:`workbench.build.matrices.matrices_of` takes it: a mapping, a result of `lin`, an identified model, a
+            python-control StateSpace.
+        out: the FMU to write.
+        fmi: FMI version, 2 or 3.
+        name: of the model in the FMU, a C identifier; by default made from the file's name.
+        platforms: FMI 3 platform tuples to build for; default: all five.
+        stiff: integrator of co-simulation: implicit where True, explicit where False; default: chosen from the
+            eigenvalues of A.
+
+    Raises:
+        InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
+        BuildError: the compiler is missing or failed, an unknown platform.
+    """
+    target = _target(out)
+    if fmi not in FMI_VERSIONS:
+        raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
+    chosen = choose_platforms(platforms)
+    matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
+    scalar = state_space(matrices, _identifier(name, target))
+    implicit = _is_stiff(matrices) if stiff is None else stiff
+    experiment = default_experiment(matrices)
+    sources = assemble(scalar, experiment, stiff=implicit, origin="a linear state-space model", naming=naming(scalar))
+    compile_and_pack(sources, {fmi: target}, chosen)
+    kind = "discrete" if matrices.dt > 0.0 else "state"
+    names = [v.name for v in scalar.variables if v.kind == kind and not v.output]
+    renamed = {a: b for a, b in zip(matrices.state_names, names, strict=True) if a != b}
+    return ExportResult(
+        model=scalar.name,
+        file=target,
+        fmi=fmi,
+        dt=matrices.dt,
+        n_states=len(matrices.state_names),
+        n_inputs=len(matrices.input_names),
+        n_outputs=len(matrices.output_names),
+        platforms=tuple(p.name for p in chosen),
+        stiff=implicit,
+        renamed=renamed,
+        notes=(
+            *matrices.notes,
+            *(f"the state '{a}' is '{b}' in the FMU: the name is taken" for a, b in renamed.items()),
+        ),
+    )
+
+
+def _target(out: str | Path) -> Path:
+    target = Path(out)
+    if target.suffix.lower() != ".fmu":
+        raise InputError(f"'{out}' must end in .fmu: it is the file to write")
+    if not target.parent.is_dir():
+        raise InputError(f"the folder '{target.parent}' does not exist")
+    if target.is_dir():
+        raise InputError(f"'{out}' is a folder; name a file")
+    return target
+
+
+def _identifier(name: str | None, target: Path) -> str:
+    """Return the model's name: FMI wants an identifier of C."""
+    if name is None:
+        made = re.sub(r"[^A-Za-z0-9_]", "_", target.stem)
+        return made if made[0].isalpha() else f"Model_{made}"
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+        raise InputError(f"'{name}' cannot be the model's name: letters, digits and underscores, no digit first")
+    return name
+
+
+def _is_stiff(matrices: Matrices) -> bool:
+    return matrices.dt == 0.0 and bool(matrices.A.size) and is_stiff_matrix(matrices.A)
