@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Literal
 
 from workbench.errors import InputError, suggest
+from workbench.shift_register import TAPS, register_bits
 
 __all__ = ["Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"]
 
@@ -133,27 +134,13 @@ class Step(Signal):
         return self.time if t < self.time else math.inf
 
 
-# Feedback taps of maximum-length shift registers (P. Alfke, Xilinx XAPP 052, 1996, table 3).
-_TAPS: Mapping[int, tuple[int, ...]] = {
-    2: (2, 1), 3: (3, 2), 4: (4, 3), 5: (5, 3), 6: (6, 5), 7: (7, 6), 8: (8, 6, 5, 4),
-    9: (9, 5), 10: (10, 7), 11: (11, 9), 12: (12, 6, 4, 1), 13: (13, 4, 3, 1),
-    14: (14, 5, 3, 1), 15: (15, 14), 16: (16, 15, 13, 4), 17: (17, 14), 18: (18, 11),
-}  # fmt: skip
+_LONGEST_ORDER = 18  # a signal keeps all bits of its period; `excite` takes longer registers
 
 
 @lru_cache(maxsize=16)
 def _register_bits(order: int, seed: int) -> tuple[bool, ...]:
     """One period, 2^order − 1 bits, of the shift register that starts with `seed`."""
-    mask = (1 << order) - 1
-    register = seed & mask
-    bits = []
-    for _ in range(mask):
-        bits.append(bool(register & 1))
-        feedback = 0
-        for tap in _TAPS[order]:
-            feedback ^= register >> (order - tap)
-        register = (register >> 1) | ((feedback & 1) << (order - 1))
-    return tuple(bits)
+    return tuple(register_bits(order, (1 << order) - 1, state=seed).astype(bool).tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,8 +168,8 @@ class Prbs(Signal):
     def __post_init__(self) -> None:
         _positive("prbs", hold=self.hold)
         _finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
-        if self.order not in _TAPS:
-            raise InputError(f"prbs: order must be {min(_TAPS)} … {max(_TAPS)}, not {self.order}")
+        if not min(TAPS) <= self.order <= _LONGEST_ORDER:
+            raise InputError(f"prbs: order must be {min(TAPS)} … {_LONGEST_ORDER}, not {self.order}")
         if self.seed & ((1 << self.order) - 1) == 0:
             raise InputError(f"prbs: seed {self.seed} leaves the register empty; use 1")
 
