@@ -1,0 +1,318 @@
+"""A linear model that was identified from recorded data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.march import march, march_one
+from workbench.analysis.matrix_log import continuous_matrices
+from workbench.analysis.numden import NumDen, numden, transmission_zeros
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["IdentifiedModel"]
+
+Complex = NDArray[np.complex128]
+_MATRICES = ("A", "B", "C", "D", "K", "covariance")
+_VECTORS = ("x0", "u0", "y0")
+_NAMES = ("input_names", "output_names", "input_units", "output_units", "notes")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedModel:
+    """A discrete state-space model in innovation form.
+
+    x(k + 1) = A x(k) + B (u(k) − u0) + K e(k), y(k) = y0 + C x(k) + D (u(k) − u0) + e(k), u held from sample to sample.
+
+    Attributes:
+        A: shape (n, n).
+        B: shape (n, m).
+        C: shape (p, n).
+        D: shape (p, m).
+        K: shape (n, p), gain of the one-step predictor; zero where the data hold no noise.
+        x0: shape (n,), state at the first sample of the data it was identified from.
+        dt: sampling interval [s]; 0 for what `continuous` returns.
+        u0, y0: shape (m,), (p,), operating point that was taken off the data [units of the channels].
+        covariance: shape (p, p), of the innovations e.
+        input_names, output_names: of columns and rows.
+        input_units, output_units: None where not known.
+        delay: samples per input, shape (m,); the last sum(delay) states are these delays, so that A, B, C, D are the
+            whole model.
+        name: of the model or file the data come from.
+        notes: what else should be known, one line each.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    K: Floats
+    x0: Floats
+    dt: float
+    u0: Floats
+    y0: Floats
+    covariance: Floats
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str | None, ...]
+    output_units: tuple[str | None, ...]
+    delay: tuple[int, ...] = ()
+    name: str = "identified"
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return len(self.A)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, which have no meaning of their own (x1, x2, …)."""
+        return tuple(f"x{k + 1}" for k in range(self.order))
+
+    @property
+    def poles(self) -> Complex:
+        """Eigenvalues of A, shape (n,); [1/s] where dt is 0."""
+        return np.linalg.eigvals(self.A).astype(np.complex128)
+
+    @property
+    def zeros(self) -> Complex:
+        """Transmission zeros, finite ones, shape (k,); a model with more outputs than inputs has mostly none."""
+        return transmission_zeros(self.A, self.B, self.C, self.D)
+
+    @property
+    def continuous_poles(self) -> Complex:
+        """Poles [1/s], log(z)/dt; those of delays (z = 0) are left out."""
+        poles = self.poles
+        if self.dt == 0.0:
+            return poles
+        return np.asarray(np.log(poles[np.abs(poles) > 1e-6]) / self.dt, dtype=np.complex128)
+
+    @property
+    def is_stable(self) -> bool:
+        """All poles lie inside the unit circle (left of the imaginary axis where dt is 0)."""
+        poles = self.poles
+        return bool(np.all(np.abs(poles) < 1.0)) if self.dt > 0.0 else bool(np.all(poles.real < 0.0))
+
+    def numden(self) -> NumDen:
+        """Return numerators and the common denominator in falling powers of z (of s where dt is 0).
+
+        High orders are better kept as a state space: the coefficients of a polynomial lose digits as its order grows.
+        """
+        return numden(self.A, self.B, self.C, self.D)
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """Return the frequency response, shape (k, p, m).
+
+        Args:
+            frequency_hz: shape (k,) [Hz].
+        """
+        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+        points = np.exp(s * self.dt) if self.dt > 0.0 else s
+        unit = np.eye(self.order)
+        return np.array([self.C @ np.linalg.solve(z * unit - self.A, self.B) + self.D for z in points])
+
+    def to_ss(self) -> control.StateSpace:
+        """Return the model for python-control; dots in names, which it forbids, become underscores."""
+        return control.StateSpace(
+            self.A, self.B, self.C, self.D, self.dt,
+            inputs=[_plain(n) for n in self.input_names], outputs=[_plain(n) for n in self.output_names],
+            states=list(self.state_names), name=_plain(self.name),
+        )  # fmt: skip
+
+    def continuous(self) -> IdentifiedModel:
+        """Return the continuous model that gives the same samples under a held input (dt = 0).
+
+        The principal logarithm of [A B; 0 I] / dt (Van Loan 1978). A delay is left out and noted, and there is no
+        gain K: the noise of a sampled model has no unique continuous counterpart.
+
+        Raises:
+            InputError: a pole at 0 or on the negative real axis has no real logarithm; the model is continuous already.
+        """
+        if self.dt == 0.0:
+            raise InputError("the model is continuous already")
+        core = self.undelayed()
+        A, B = continuous_matrices(core.A, core.B, self.dt)
+        gone = [f"{n}: {d * self.dt:g} s" for n, d in zip(self.input_names, self.delay, strict=False) if d]
+        note = (f"the continuous model leaves out the delay of {', '.join(gone)}",) if gone else ()
+        return replace(core, A=A, B=B, K=np.zeros_like(core.K), dt=0.0, notes=(*self.notes, *note))
+
+    def undelayed(self) -> IdentifiedModel:
+        """Return the model without its delays, which are its last states."""
+        chain = sum(self.delay)
+        if chain == 0:
+            return self
+        n = self.order - chain
+        last, B, D = n, self.B[:n].copy(), self.D.copy()
+        for j, d in enumerate(self.delay):
+            if d:  # the oldest sample of the chain drives the model
+                B[:, j], D[:, j] = self.A[:n, last + d - 1], self.C[:, last + d - 1]
+                last += d
+        return replace(self, A=self.A[:n, :n], B=B, C=self.C[:, :n], D=D, K=self.K[:n], x0=self.x0[:n], delay=())
+
+    def simulate(self, u: Floats, x0: Floats | None = None) -> Floats:
+        """Return the output without noise, shape (N, p).
+
+        Args:
+            u: shape (N, m), [units of the inputs].
+            x0: shape (n,), state at the first sample; None: at rest at the operating point. `initial_state` finds
+                the one that fits a record best; the field x0 is that of the record identified from.
+
+        Raises:
+            InputError: wrong number of columns, or the model is continuous.
+        """
+        du = self._inputs(u)
+        start = np.zeros(self.order) if x0 is None else np.asarray(x0, dtype=np.float64)
+        states, _ = march_one(du @ self.B.T, self.A, start)
+        output: Floats = self.y0 + states @ self.C.T + du @ self.D.T
+        return output
+
+    def predict(self, u: Floats, y: Floats, steps: int = 1, x0: Floats | None = None) -> Floats:
+        """Return the output predicted from what was measured up to `steps` samples before, shape (N, p).
+
+        Inputs are known up to the sample itself. The first samples rest on the initial state only.
+
+        Args:
+            u: shape (N, m), [units of the inputs].
+            y: shape (N, p), [units of the outputs].
+            steps: ≥ 1.
+            x0: shape (n,); None: the one that makes the one-step prediction fit best.
+
+        Raises:
+            InputError: wrong number of columns or rows, steps < 1, or the model is continuous.
+        """
+        if steps < 1:
+            raise InputError(f"steps must be 1 or more, not {steps}")
+        du, dy = self._inputs(u), self._outputs(y, len(u))
+        start = self.initial_state(u, y, predicting=True) if x0 is None else np.asarray(x0, dtype=np.float64)
+        driven = du @ (self.B - self.K @ self.D).T + dy @ self.K.T
+        states, _ = march_one(driven, self.A - self.K @ self.C, start)
+        for _ in range(steps - 1):
+            states[1:] = states[:-1] @ self.A.T + du[:-1] @ self.B.T
+            states[0] = start
+        output: Floats = self.y0 + states @ self.C.T + du @ self.D.T
+        return output
+
+    def initial_state(self, u: Floats, y: Floats, *, predicting: bool = False) -> Floats:
+        """Return the state at the first sample with which the model fits a record best, shape (n,).
+
+        Args:
+            u: shape (N, m).
+            y: shape (N, p).
+            predicting: fit the one-step prediction instead of the simulation.
+
+        Raises:
+            InputError: wrong number of columns or rows, or the model is continuous.
+        """
+        dy = self._outputs(y, len(u))
+        zero = np.zeros(self.order)
+        rest = self.predict(u, y, x0=zero) if predicting else self.simulate(u, x0=zero)
+        A = self.A - self.K @ self.C if predicting else self.A
+        free, _ = march(np.zeros((len(dy), len(self.C), self.order)), A, self.C)
+        left = dy + self.y0 - rest
+        rows = free.reshape(-1, self.order)
+        good = np.isfinite(rows).all(axis=1) & np.isfinite(left).reshape(-1)
+        found: Floats = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
+        return found
+
+    def named(
+        self,
+        *,
+        input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None,
+        input_units: Sequence[str | None] | None = None,
+        output_units: Sequence[str | None] | None = None,
+        name: str | None = None,
+        u0: Floats | None = None,
+        y0: Floats | None = None,
+    ) -> IdentifiedModel:
+        """Return the model with names, units or an operating point; what is None stays.
+
+        Args:
+            input_names: shape (m,).
+            output_names: shape (p,).
+            input_units: shape (m,).
+            output_units: shape (p,).
+            name: of the model.
+            u0: shape (m,), what was taken off the inputs before.
+            y0: shape (p,), what was taken off the outputs before.
+
+        Raises:
+            InputError: another number of names than channels.
+        """
+        given: dict[str, Any] = {
+            "input_names": input_names, "output_names": output_names, "input_units": input_units,
+            "output_units": output_units,
+        }  # fmt: skip
+        given = {key: tuple(value) for key, value in given.items() if value is not None}
+        points = {key: np.asarray(v, dtype=np.float64) for key, v in (("u0", u0), ("y0", y0)) if v is not None}
+        for key, value in {**given, **points}.items():
+            wanted = len(getattr(self, key))
+            if len(value) != wanted:
+                raise InputError(f"{key}: {wanted} are needed, not {len(value)}")
+        return replace(self, name=self.name if name is None else name, **given, **points)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON and `workbench export`."""
+        arrays = {key: np.asarray(getattr(self, key)).tolist() for key in (*_MATRICES, *_VECTORS)}
+        names = {key: list(getattr(self, key)) for key in _NAMES}
+        poles = [[p.real, p.imag] for p in self.poles.tolist()]
+        plain = {"name": self.name, "dt": self.dt, "delay": list(self.delay), "state_names": list(self.state_names)}
+        return {**plain, **arrays, **names, "poles": poles}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> IdentifiedModel:
+        """Return the model that `to_dict` describes.
+
+        Args:
+            data: may hold more than the keys needed.
+
+        Raises:
+            InputError: a key is missing or holds something else.
+        """
+        try:
+            return cls._from_dict(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"this is no identified model: {type(error).__name__}: {error}") from None
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any]) -> IdentifiedModel:
+        n, m, p = len(data["A"]), len(data["input_names"]), len(data["output_names"])
+        shapes = {
+            "A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "K": (n, p), "covariance": (p, p),
+            "x0": (n,), "u0": (m,), "y0": (p,),
+        }  # fmt: skip
+        arrays = {key: np.array(data[key], dtype=np.float64).reshape(shape) for key, shape in shapes.items()}
+        given: dict[str, Any] = {key: tuple(data[key]) for key in (*_NAMES, "delay")}
+        known = {f.name for f in fields(cls)}
+        plain = {"name": str(data["name"]), "dt": float(data["dt"])}
+        return cls(**{key: v for key, v in {**arrays, **given, **plain}.items() if key in known})
+
+    def _inputs(self, u: Floats) -> Floats:
+        if self.dt == 0.0:
+            raise InputError("a continuous model is not simulated sample by sample; use the discrete one")
+        given = np.asarray(u, dtype=np.float64)
+        return _columns(given, len(self.u0), "u") - self.u0
+
+    def _outputs(self, y: Floats, samples: int) -> Floats:
+        given = _columns(np.asarray(y, dtype=np.float64), len(self.y0), "y")
+        if len(given) != samples:
+            raise InputError(f"u has {samples} samples, y {len(given)}")
+        return given - self.y0
+
+
+def _columns(given: Floats, wanted: int, what: str) -> Floats:
+    columns = given[:, None] if given.ndim == 1 and wanted == 1 else given
+    if columns.ndim != 2 or columns.shape[1] != wanted:
+        raise InputError(f"{what} must have shape (N, {wanted}), not {given.shape}")
+    return columns
+
+
+def _plain(name: str) -> str:
+    return name.replace(".", "_")

@@ -1,0 +1,111 @@
+"""B, D and the initial state by linear least squares on the simulated output.
+
+With A and C given, the output y = C (qI − A)⁻¹ (B u + x0 δ) + D u is linear in B, D and x0 (Verhaegen & Verdult 2007,
+section 9.2.4.2; Ljung 1999, section 10.6). Noise at the output does not correlate with the regressors in open
+loop, so the estimate has no bias, whatever the colour of the noise.
+
+A model that is not stable cannot be simulated over a long record. With a gain K for which A − K C is stable the same
+holds for the one-step prediction, with A − K C in place of A, B − K D in place of B and K y added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.march import march, march_one
+from workbench.analysis.subspace.hankel import ROUNDING
+from workbench.session.base import Floats
+
+__all__ = ["InputFit", "fit_inputs"]
+
+_STRIPE = 1024  # samples
+_CHUNK_BYTES = 2.0**26  # of regressors held at a time
+
+
+@dataclass(frozen=True, eq=False)
+class InputFit:
+    """What the regression gives.
+
+    Attributes:
+        B: shape (n, m).
+        D: shape (p, m).
+        x0: shape (n,), state at the first sample.
+        covariance: shape (p, p), of what the regression leaves.
+    """
+
+    B: Floats
+    D: Floats
+    x0: Floats
+    covariance: Floats
+
+
+def fit_inputs(
+    u: Floats,
+    y: Floats,
+    A: Floats,
+    C: Floats,
+    *,
+    feedthrough: bool,
+    K: Floats | None = None,
+    weight: Floats | None = None,
+) -> InputFit:
+    """Return B, D and x0 that fit the output best.
+
+    Args:
+        u: shape (N, m).
+        y: shape (N, p).
+        A: shape (n, n).
+        C: shape (p, n).
+        feedthrough: D is estimated; else it is zero.
+        K: shape (n, p), fit the one-step prediction with this gain; None: the simulation.
+        weight: shape (p, p), residuals are multiplied by it; None: all outputs count the same.
+    """
+    (_, m), (p, n) = u.shape, C.shape
+    gain = np.zeros((n, p)) if K is None else K
+    size = n * (m + 1) + (p * m if feedthrough else 0)
+    triangle = np.zeros((0, size + 1))
+    for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough):
+        weighted = rows if weight is None else weight @ rows
+        triangle = np.linalg.qr(np.vstack([triangle, weighted.reshape(-1, size + 1)]), mode="r")
+    solution = _solve(triangle)
+    parts = solution[: n * (m + 1)].reshape(m + 1, n)
+    D = solution[n * (m + 1) :].reshape(p, m) if feedthrough else np.zeros((p, m))
+    left = triangle[size:, size:] if len(triangle) > size else np.zeros((1, 1))
+    return InputFit(parts[:m].T + gain @ D, D, parts[m], left.T @ left / len(u))
+
+
+def _solve(triangle: Floats) -> Floats:
+    """Solve the triangular least-squares problem; columns are brought to one length before rank is judged."""
+    matrix, right = triangle[:, :-1], triangle[:, -1]
+    length = np.linalg.norm(matrix, axis=0)
+    length[length == 0.0] = 1.0
+    found: Floats = np.linalg.lstsq(matrix / length, right, rcond=10.0 * len(length) * ROUNDING)[0]
+    return found / length
+
+
+def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, feedthrough: bool) -> Iterator[Floats]:
+    """Yield stretches of [regressors, output], shape (samples, p, columns + 1).
+
+    Row block l of the state is p × n and follows R(k + 1) = R(k) A + u_l(k) C, so that R(k) vec of column l of B is
+    that column's part in y(k); the last block belongs to x0. What K feeds back is one more such block, summed over
+    the outputs with K already in it: x(k + 1) = A x(k) + K y(k).
+    """
+    (samples, m), (p, n) = u.shape, C.shape
+    chunk = max(_STRIPE, int(_CHUNK_BYTES / (16.0 * p * (n * (m + 1) + p * m + 1))))
+    state, known = np.vstack([np.zeros((m * p, n)), C]), np.zeros(n)
+    for first in range(0, samples, chunk):
+        part = slice(first, min(first + chunk, samples))
+        driven = (u[part, :, None, None] * C).reshape(-1, m * p, n)
+        driven = np.concatenate([driven, np.zeros((len(driven), p, n))], axis=1)
+        states, state = march(driven, A, state)
+        columns = [states.reshape(-1, m + 1, p, n).transpose(0, 2, 1, 3).reshape(-1, p, (m + 1) * n)]
+        if feedthrough:
+            columns.append(np.einsum("km,pq->kpqm", u[part], np.eye(p)).reshape(-1, p, p * m))
+        right = y[part]
+        if K.any():
+            fed, known = march_one(y[part] @ K.T, A, known)
+            right = right - fed @ C.T
+        yield np.concatenate([*columns, right[:, :, None]], axis=2)
