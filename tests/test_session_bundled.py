@@ -47,6 +47,28 @@ def test_lag_matches_the_closed_form(
 
 
 @BOTH
+def test_held_inputs_follow_the_recursion_of_a_held_lag(version: str) -> None:
+    h, points = 0.05, 0.05 * np.arange(1, 61)
+    with (
+        load(f"fmu:FirstOrderLag{version}", "cs", step=h, tolerance=1e-10, hold_inputs=True) as model,
+        model.open_session() as session,
+    ):
+        record = session.advance(3.0, signals={"u": Sine(frequency=1.0)}, record=["y"], points=points)
+    held, expected = 0.0, []
+    for k in range(60):
+        u = math.sin(2.0 * math.pi * h * k)
+        held = u + (held - u) * math.exp(-h)
+        expected.append(held)
+    left = np.searchsorted(record.time, points - 1e-9)
+    assert np.max(np.abs(record.values["y"][left] - expected)) < 1e-9
+
+
+def test_model_exchange_holds_no_inputs() -> None:
+    with pytest.raises(InputError, match="hold_inputs: only co-simulation"):
+        load("fmu:FirstOrderLag", "me", hold_inputs=True)
+
+
+@BOTH
 def test_start_time_and_a_parameter(version: str) -> None:
     with (
         load(f"fmu:FirstOrderLag{version}", start_values={"tau": 0.1}, tolerance=1e-9) as model,

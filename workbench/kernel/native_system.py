@@ -125,6 +125,11 @@ class NativeSystem:
         self._kept.append(kept)
         return access
 
+    def hold_inputs(self) -> None:
+        """Give no slopes of inputs, also to FMUs that take them."""
+        for component in self._components:
+            component.slopes_work = False
+
     def sync_times(self) -> None:
         """Tell the façade how far the kernel brought each FMU."""
         for instance, component in zip(self.instances, self._components, strict=True):

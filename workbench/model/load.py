@@ -33,6 +33,7 @@ def load(
     tolerance: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
+    hold_inputs: bool = False,
     driver: str = "auto",
 ) -> FmuModel:
     """Load an FMU.
@@ -46,6 +47,8 @@ def load(
         tolerance: relative tolerance of the integration; None: 1e-6.
         start_values: parameters and start values to set, by name.
         bias: constants added to inputs, by name, whether forced or not.
+        hold_inputs: co-simulation: hold inputs between communication points, as most masters do, also where the FMU
+            takes their slopes. For comparisons with such masters; less accurate at the same step.
         driver: what advances sessions: "compiled", "python" (the readable reference, about 20 times slower), or
             "auto", which takes the compiled one where it is installed.
 
@@ -70,6 +73,7 @@ def load(
             tolerance=tolerance,
             start_values=dict(start_values or {}),
             bias=dict(bias or {}),
+            hold_inputs=hold_inputs,
             driver=driver,
         )
         return open_unpacked(unpacked, recipe)
@@ -91,6 +95,8 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     source = str(unpacked.source)
     description = read_description(unpacked.folder, source=source)
     chosen = _choose_interface(recipe.interface, description, source)
+    if recipe.hold_inputs and chosen != "cs":
+        raise InputError("hold_inputs: only co-simulation holds inputs between points; use interface cs")
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
     driver, remark = _choose_driver(recipe.driver)
@@ -103,6 +109,7 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         rtol=recipe.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
         step=recipe.step,
+        hold_inputs=recipe.hold_inputs,
         solver=name,
     )
     choices = [*_notes(recipe.interface, chosen, description, recipe.step), *filter(None, [note, remark])]

@@ -72,7 +72,7 @@ class FmuRecipe(Recipe):
         source: what the user named, for messages and for `identity`.
         folder: where it is unpacked; the loading process owns it.
         owned: whether that folder is temporary.
-        interface, solver, driver, step, tolerance, start_values, bias: see `load`.
+        interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
         archive: the unpacked files as a zip archive, in place of `folder`; None: use the folder.
     """
 
@@ -86,6 +86,7 @@ class FmuRecipe(Recipe):
     tolerance: float | None = None
     start_values: Mapping[str, Value] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
+    hold_inputs: bool = False
     archive: bytes | None = field(default=None, repr=False)
 
     def open(self) -> FmuModel:
@@ -117,6 +118,7 @@ class FmuRecipe(Recipe):
             "tolerance": self.tolerance,
             "start_values": dict(self.start_values),
             "bias": dict(self.bias),
+            "hold_inputs": self.hold_inputs,
         }
 
     def tighter(self, factor: float) -> FmuRecipe:

@@ -127,6 +127,8 @@ class CompiledCsSession(CompiledSession, CsSession):
     def _started(self) -> None:
         CsSession._started(self)  # noqa: SLF001  its own
         self._native = Cs(system=self._make_loop().system.address)
+        if self.setup.hold_inputs:
+            self.loop.system.hold_inputs()
 
     def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
         native = self._native

@@ -94,7 +94,8 @@ class CsSession(FmuSession):
 
     def _give_slopes(self, end: float) -> list[float]:
         """Tell the FMU how its inputs go on, if it can; returns what it sees just before `end`."""
-        usable = self.instance.capabilities.interpolates_inputs and self._slopes_work
+        interpolates = self.instance.capabilities.interpolates_inputs and not self.setup.hold_inputs
+        usable = interpolates and self._slopes_work
         if not usable or not self.forcing.continuous.variables:
             return list(self.forcing.written)
         slopes, ends = self.forcing.ramp(self.time, end)

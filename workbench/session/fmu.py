@@ -35,6 +35,7 @@ class Setup:
         start_time: [s].
         step: communication step [s]; None: derived from signals and points.
         signals: what forces the inputs during initialisation.
+        hold_inputs: co-simulation: inputs stand still between communication points, also where the FMU interpolates.
         solver: name in `SOLVERS`, or "fmu".
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
     """
@@ -48,6 +49,7 @@ class Setup:
     start_time: float = 0.0
     step: float | None = None
     signals: Mapping[str, Signal] = field(default_factory=dict)
+    hold_inputs: bool = False
     solver: str = "gear"
     state_works: Callable[[], bool] = lambda: False
 
