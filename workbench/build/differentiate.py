@@ -10,7 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from workbench.build.expressions import COMPARISONS, DOT, DOT_TANGENT, TANGENT, VARIABLE, ExpressionGraph, Node, Row
+from workbench.build.expressions import (
+    COMPARISONS,
+    DOT,
+    DOT_TANGENT,
+    MATRIX,
+    MATRIX_TANGENT,
+    TANGENT,
+    VARIABLE,
+    ExpressionGraph,
+    Node,
+    Row,
+)
 
 _ZERO_DERIVATIVE = {*COMPARISONS, "not", "and", "or", "sign", "floor", "ceil", "truncate"}
 
@@ -123,7 +134,21 @@ def _leaf_tangent(graph: ExpressionGraph, node: Node, tangents: Mapping[int, int
         return tangents.get(node.reference, graph.number(0.0))
     if node.operation == DOT:
         return _dot_tangent(graph, node.row, tangents)
+    if node.operation == MATRIX:
+        return _matrix_tangent(graph, node.row, tangents)
     return graph.number(0.0)
+
+
+def _matrix_tangent(graph: ExpressionGraph, row: Row, tangents: Mapping[int, int]) -> int:
+    start, _, x, _, length = row
+    moving = range(x, x + length)
+    if all(k in tangents and graph[tangents[k]] == Node(TANGENT, reference=k) for k in moving):
+        return graph.row(MATRIX_TANGENT, row)
+    total = graph.number(0.0)
+    for factor, k in zip(graph.table[start : start + length], moving, strict=True):
+        if k in tangents:
+            total = graph.add(total, graph.multiply(graph.number(factor), tangents[k]))
+    return total
 
 
 def _dot_tangent(graph: ExpressionGraph, row: Row, tangents: Mapping[int, int]) -> int:

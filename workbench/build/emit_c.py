@@ -15,6 +15,9 @@ from workbench.build.expressions import (
     DOT,
     DOT_TANGENT,
     INITIAL,
+    MATRIX,
+    MATRIX_PRE,
+    MATRIX_TANGENT,
     NUMBER,
     PRE,
     QUOTIENT,
@@ -97,6 +100,9 @@ class _Writer:
             a, stride_a, x, stride_x, length = node.row
             other = "d" if operation == DOT_TANGENT else "f->v"
             return f"dot(f->v + {a}, {stride_a}, {other} + {x}, {stride_x}, {length})"
+        if operation in _MATRIX_ROWS:
+            start, _, x, _, length = node.row
+            return f"dot(matrix_rows + {start}, 1, {_MATRIX_ROWS[operation]} + {x}, 1, {length})"
         if operation == QUOTIENT:
             return f"f->frozen[{self.n_relations + node.reference}]"
         if operation == INITIAL:
@@ -104,6 +110,7 @@ class _Writer:
         return _LEAVES[operation].format(node.reference)
 
 
+_MATRIX_ROWS = {MATRIX: "f->v", MATRIX_PRE: "f->pre", MATRIX_TANGENT: "d"}
 _LEAVES = {
     VARIABLE: "f->v[{}]",
     PRE: "f->pre[{}]",
@@ -326,11 +333,19 @@ def _comment(text: str) -> str:
     return text.replace("*/", "* /").replace("/*", "/ *")
 
 
+def _matrix_rows(numbers: Sequence[float]) -> list[str]:
+    if not numbers:
+        return []
+    lines = [", ".join(map(c_number, numbers[i : i + 4])) for i in range(0, len(numbers), 4)]
+    return ["static const double matrix_rows[] = {\n" + "".join(f"    {line},\n" for line in lines) + "};\n"]
+
+
 def emit_equations(model: ScalarModel, order: Sequence[Assignment]) -> str:
     """Return all functions of model.h as C text."""
     emitter = _Emitter(model, order)
     return "\n".join(
         [
+            *_matrix_rows(model.graph.table),
             emitter.start_values(),
             emitter.parameters(),
             emitter.start_expressions(),

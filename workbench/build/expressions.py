@@ -25,6 +25,9 @@ TICK = "tick"  # refers to: number of a clock that ticks in this event iteration
 INITIAL = "initial"  # true while the model is initialised
 DOT_TANGENT = "dot_tangent"  # as DOT, with the tangents of x
 DOT = "dot"  # a row: (first value reference of a, stride of a, first of x, stride of x, length)
+MATRIX = "matrix"  # a row of numbers times variables: as DOT, but a counts in the graph's table
+MATRIX_PRE = "matrix_pre"  # ... times their values before this event iteration
+MATRIX_TANGENT = "matrix_tangent"  # ... times their tangents
 
 # (first value reference of a, stride of a, first value reference of x, stride of x, length)
 Row = tuple[int, int, int, int, int]
@@ -60,6 +63,7 @@ class ExpressionGraph:
     def __init__(self) -> None:
         self._nodes: list[Node] = []
         self._numbers: dict[tuple[object, ...], int] = {}
+        self.table: list[float] = []  # numbers of all matrix rows
 
     def __getitem__(self, expression: int) -> Node:
         return self._nodes[expression]
@@ -198,6 +202,15 @@ class ExpressionGraph:
         """Return Σ v[a + i·stride]·v[x + i·stride]; `a` and `x` are (first value reference, stride)."""
         return self.row(DOT, (*a, *x, length))
 
+    def matrix_row(self, operation: str, numbers: Sequence[float], first: int) -> int:
+        """Return Σ numbers[i]·v[first + i]; `operation` is MATRIX or, for values of pre(), MATRIX_PRE.
+
+        A loop over a table, where a sum of products would be long: dense rows of large linear models.
+        """
+        start = len(self.table)
+        self.table.extend(numbers)
+        return self.row(operation, (start, 1, first, 1, len(numbers)))
+
     def apply(self, operation: str, *operands: int) -> int:
         """Return any other operation of :data:`FUNCTIONS` or :data:`COMPARISONS`, folding constants."""
         arithmetic = {
@@ -235,6 +248,8 @@ class ExpressionGraph:
                 new[number] = replacement[node.reference]
             elif node.operation == DOT:
                 new[number] = self._substitute_dot(number, node.row, replacement)
+            elif node.operation == MATRIX:
+                new[number] = self._substitute_matrix(number, node.row, replacement)
             elif not node.operands or all(new[o] == o for o in node.operands):
                 new[number] = number
             else:
@@ -250,6 +265,14 @@ class ExpressionGraph:
         for pair in pairs:
             left, right = (replacement.get(k, self.leaf(VARIABLE, k)) for k in pair)
             total = self.add(total, self.multiply(left, right))
+        return total
+
+    def _substitute_matrix(self, number: int, row: Row, replacement: dict[int, int]) -> int:
+        if not any(k in replacement for k in _factors(row)):
+            return number
+        total = self.number(0.0)
+        for factor, k in zip(self.table[row[0] : row[0] + row[4]], _factors(row), strict=True):
+            total = self.add(total, self.multiply(self.number(factor), replacement.get(k, self.leaf(VARIABLE, k))))
         return total
 
     def rebuild(self, operation: str, operands: Sequence[int]) -> int:
@@ -282,6 +305,8 @@ class ExpressionGraph:
             node = self._nodes[number]
             if node.operation == operation:
                 yield node.reference
+            elif node.operation == MATRIX_PRE and operation == PRE:
+                yield from _factors(node.row)
 
     def variables(self, expression: int) -> set[int]:
         """Return the value references that `expression` reads now (not those it reads as pre)."""
@@ -292,7 +317,15 @@ class ExpressionGraph:
                 a, stride_a, x, stride_x, length = node.row
                 found.update(a + i * stride_a for i in range(length))
                 found.update(x + i * stride_x for i in range(length))
+            elif node.operation == MATRIX:
+                found.update(_factors(node.row))
         return found
+
+
+def _factors(row: Row) -> range:
+    """Return the value references of x in a row."""
+    _, _, x, stride, length = row
+    return range(x, x + stride * length, stride)
 
 
 def _power(a: float, b: float) -> float:

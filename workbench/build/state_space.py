@@ -12,14 +12,14 @@ the value x[k + 1] that the next tick will use.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.build.expressions import CONDITION, PRE, TICK, VARIABLE, ExpressionGraph
+from workbench.build.expressions import CONDITION, MATRIX, MATRIX_PRE, PRE, TICK, VARIABLE, ExpressionGraph
 from workbench.build.ir import Place
 from workbench.build.matrices import Matrices
 from workbench.build.scalar_model import Branch, Clock, DiscreteEquation, Residual, ScalarModel, ScalarVariable
@@ -35,6 +35,7 @@ _NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
 _IDENTIFIER = rf"{_NAME}(\.{_NAME})*"
 _STRUCTURED = re.compile(rf"({_IDENTIFIER}|der\({_IDENTIFIER}\))", flags=re.ASCII)
 
+_LONG = 16  # a row of so many numbers becomes a loop
 # A period is written as a quotient of whole numbers, the simplest that is this close.
 _SAME_PERIOD = Fraction(1, 10**15)
 _MOST_DENOMINATOR = 10**15  # the runtime counts in 64 bits
@@ -162,45 +163,49 @@ class _Builder:
     # Equations
 
     def _continuous_equations(self) -> None:
-        m, leaf = self.matrices, self._leaf
+        m = self.matrices
         for i, rate in enumerate(self.rates):
-            self._residual(rate, self._row(float(m.dx0[i]), m.A[i], m.B[i], leaf), "der(x) = A x + B (u - u0)", i)
+            self._residual(rate, self._row(float(m.dx0[i]), m.A[i], m.B[i]), "der(x) = A x + B (u - u0)", i)
         for i, output in enumerate(self.outputs):
-            self._residual(output, self._row(float(m.y0[i]), m.C[i], m.D[i], leaf), "y = C x + D (u - u0)", i)
+            self._residual(output, self._row(float(m.y0[i]), m.C[i], m.D[i]), "y = C x + D (u - u0)", i)
 
     def _residual(self, target: int, value: int, text: str, row: int) -> None:
         expression = self.graph.subtract(self.graph.leaf(VARIABLE, target), value)
         self.model.residuals.append(Residual(expression, _place(text, row)))
 
     def _discrete_equations(self) -> None:
-        m, pre = self.matrices, self._pre
+        m = self.matrices
         self.model.clocks.append(Clock(_quotient(m.dt), (0, 1)))
         self.model.conditions.append(self.graph.leaf(TICK, 0))
         for i, state in enumerate(self.states):
-            self._at_tick(state, self._row(0.0, m.A[i], m.B[i], pre), "x = A pre(x) + B (u - u0)", i)
+            self._at_tick(state, self._row(0.0, m.A[i], m.B[i]), "x = A pre(x) + B (u - u0)", i)
         for i, output in enumerate(self.outputs):
-            self._at_tick(output, self._row(float(m.y0[i]), m.C[i], m.D[i], pre), "y = C pre(x) + D (u - u0)", i)
+            self._at_tick(output, self._row(float(m.y0[i]), m.C[i], m.D[i]), "y = C pre(x) + D (u - u0)", i)
 
     def _at_tick(self, target: int, value: int, text: str, row: int) -> None:
         branch = Branch(self.graph.leaf(CONDITION, 0), value)
         self.model.discrete.append(DiscreteEquation(target, _place(text, row), [branch]))
 
-    def _row(self, constant: float, by_state: Floats, by_input: Floats, state: Callable[[int], int]) -> int:
+    def _row(self, constant: float, by_state: Floats, by_input: Floats) -> int:
         """Return the expression constant + Σ by_state·x + Σ by_input·(u − u0)."""
         graph = self.graph
-        total = graph.number(0.0)
-        for factor, reference in zip(by_state.tolist(), self.states, strict=True):
-            total = graph.add(total, graph.multiply(graph.number(factor), state(reference)))
+        total = self._by_state(by_state)
         for factor, reference, rest in zip(by_input.tolist(), self.inputs, self.matrices.u0.tolist(), strict=True):
-            moved = graph.subtract(self._leaf(reference), graph.number(rest))
+            moved = graph.subtract(graph.leaf(VARIABLE, reference), graph.number(rest))
             total = graph.add(total, graph.multiply(graph.number(factor), moved))
         return graph.add(total, graph.number(constant))
 
-    def _leaf(self, reference: int) -> int:
-        return self.graph.leaf(VARIABLE, reference)
-
-    def _pre(self, reference: int) -> int:
-        return self.graph.leaf(PRE, reference)
+    def _by_state(self, factors: Floats) -> int:
+        graph = self.graph
+        # A loop over a table compiles faster and is smaller; a row with zeros in it would tell wrong dependencies.
+        if len(factors) >= _LONG and np.all(factors != 0.0):
+            operation = MATRIX_PRE if self.sampled else MATRIX
+            return graph.matrix_row(operation, factors.tolist(), self.states[0])
+        leaf = PRE if self.sampled else VARIABLE
+        total = graph.number(0.0)
+        for factor, reference in zip(factors.tolist(), self.states, strict=True):
+            total = graph.add(total, graph.multiply(graph.number(factor), graph.leaf(leaf, reference)))
+        return total
 
 
 def _place(text: str, row: int) -> Place:

@@ -19,6 +19,9 @@ from workbench.build.emit_c import parameter_order
 from workbench.build.expressions import (
     DOT,
     DOT_TANGENT,
+    MATRIX,
+    MATRIX_PRE,
+    MATRIX_TANGENT,
     PRE,
     QUOTIENT,
     RELATION,
@@ -30,6 +33,7 @@ from workbench.build.expressions import (
 from workbench.build.scalar_model import ScalarModel
 
 STIFF_RATIO = 1.0e3
+_ROWS = {DOT, DOT_TANGENT, MATRIX, MATRIX_PRE, MATRIX_TANGENT}
 
 
 class _Point:
@@ -58,12 +62,8 @@ class _Point:
         return evaluate(self.model.graph, expression, self._leaf)
 
     def _leaf(self, node: Node) -> float:
-        if node.operation in {DOT, DOT_TANGENT}:
-            a, stride_a, x, stride_x, length = node.row
-            pairs = [(a + i * stride_a, x + i * stride_x) for i in range(length)]
-            if node.operation == DOT:
-                return sum(self.values[i] * self.values[j] for i, j in pairs)
-            return sum(self.values[i] * self.tangents.get(j, 0.0) for i, j in pairs)
+        if node.operation in _ROWS:
+            return self._row(node)
         reference = node.reference
         if node.operation in {VARIABLE, PRE}:
             return self.values[reference]
@@ -72,6 +72,14 @@ class _Point:
         if node.operation in {RELATION, QUOTIENT}:
             return self.frozen.get((node.operation, reference), 0.0)
         return 0.0
+
+    def _row(self, node: Node) -> float:
+        a, stride_a, x, stride_x, length = node.row
+        factors = self.values if node.operation in {DOT, DOT_TANGENT} else self.model.graph.table
+        pairs = [(a + i * stride_a, x + i * stride_x) for i in range(length)]
+        if node.operation in {DOT_TANGENT, MATRIX_TANGENT}:
+            return sum(factors[i] * self.tangents.get(j, 0.0) for i, j in pairs)
+        return sum(factors[i] * self.values[j] for i, j in pairs)
 
     def _evaluate(self, step: Assignment) -> None:
         if step.kind == "variable" and step.expression is not None:
