@@ -84,7 +84,9 @@ void me_close(Me *me) {
 }
 
 bool me_restart(Me *me) {
-    me->crowd = 0;
+    me->crowd = me->dwindling = 0;
+    me->counted = -(double)INFINITY;
+    me->last_gap = (double)INFINITY;
     me->last_event = -(double)INFINITY;
     me->cautious = (double)INFINITY;
     return system_vectors(me->system, GET_STATES, me->x, false) && me_restart_solver(me, me->x);

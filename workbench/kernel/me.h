@@ -16,7 +16,9 @@ typedef struct {
     /* Where the session stands. */
     double time, next_time; /* [s] */
     double last_event, cautious, span;
-    int32_t crowd; /* events in a row without time passing */
+    double counted, last_gap; /* of the events that count for `dwindling`: the last one, and its distance [s] */
+    int32_t crowd;     /* events in a row without time passing */
+    int32_t dwindling; /* events in a row, each sooner after the last than the one before */
     int32_t resumed; /* the run goes on after a pause */
     int32_t steps; /* since the last recorded point or event */
     int32_t told; /* some FMU wants to be told of completed steps */

@@ -3,8 +3,9 @@
 #include <math.h>
 #include <stdio.h>
 
-enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20 };
-static const double ZENO_GAP = 1e-8;
+enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20, DWINDLING_EVENTS = 8 };
+static const double ZENO_GAP = 1e-8, DWINDLING_REST = 1e-6; /* of the time scale */
+static const double SAME_EVENT = 1e-3;                      /* a gap of less than this part of the one before is none */
 
 static Failure *failure_of(Me *me) {
     return &me->system->failure;
@@ -35,6 +36,21 @@ static double spacing(double t) {
     return nextafter(fabs(t), (double)INFINITY) - fabs(t);
 }
 
+/* Whether the gaps between events shrink so that infinitely many of them, as a geometric series, end right here.
+ *
+ * Told before the events drown in rounding: from then on the next one is missed, and a ball falls through. */
+static bool dwindles(Me *me) {
+    const double gap = me->time - me->counted;
+    const double before = me->last_gap;
+    if (gap < SAME_EVENT * before && isfinite(before)) {
+        return false; /* the indicator leaves its zero again */
+    }
+    me->counted = me->time;
+    me->last_gap = gap;
+    me->dwindling = gap < before && isfinite(before) ? me->dwindling + 1 : 0;
+    return me->dwindling >= DWINDLING_EVENTS && gap * gap <= DWINDLING_REST * me->span * (before - gap);
+}
+
 /* Refuse to go on when events follow each other without time passing. */
 static bool guard_zeno(Me *me) {
     const double gap = me->time - me->last_event;
@@ -45,7 +61,7 @@ static bool guard_zeno(Me *me) {
     }
     me->crowd = close ? me->crowd + 1 : 0;
     me->last_event = me->time;
-    return me->crowd > ZENO_EVENTS ? fail_at(failure_of(me), FAILED_ZENO, me->time) : true;
+    return me->crowd > ZENO_EVENTS || dwindles(me) ? fail_at(failure_of(me), FAILED_ZENO, me->time) : true;
 }
 
 /* One round: every component evaluates the event once. */

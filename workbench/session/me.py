@@ -23,6 +23,9 @@ __all__ = ["MeSession", "too_many_events", "too_many_steps"]
 MAX_STEPS = 20_000  # between two recorded points or events
 ZENO_EVENTS = 20  # in a row, each closer to the last than ZENO_GAP of the time scale
 ZENO_GAP = 1e-8
+DWINDLING_EVENTS = 8  # in a row, each closer to the last than the one before ...
+SAME_EVENT = 1e-3  # a gap of less than this part of the one before is none
+DWINDLING_REST = 1e-6  # ... whose gaps add up, as a geometric series, to this part of the time scale
 CAUTION_GROWS = 8.0
 
 
@@ -53,7 +56,8 @@ class MeSession(FmuSession):
     def _started(self) -> None:
         instance = self.instance
         self._next_time = math.inf
-        self._crowd = 0
+        self._crowd = self._dwindling = 0
+        self._counted, self._last_gap = -math.inf, math.inf
         self._cautious = math.inf
         self._last_event = -math.inf
         self._span = 1.0
@@ -238,8 +242,20 @@ class MeSession(FmuSession):
             self._cautious = max(0.25 * gap, 64.0 * math.ulp(self.time))
         self._crowd = self._crowd + 1 if close else 0
         self._last_event = self.time
-        if self._crowd > ZENO_EVENTS:
+        if self._crowd > ZENO_EVENTS or self._dwindles():
             raise too_many_events(self.time)
+
+    def _dwindles(self) -> bool:
+        """Whether the gaps between events shrink so that infinitely many of them end right here.
+
+        Told before the events drown in rounding: from then on the next one is missed, and a ball falls through.
+        """
+        gap, before = self.time - self._counted, self._last_gap
+        if gap < SAME_EVENT * before < math.inf:
+            return False  # the indicator leaves its zero again
+        self._counted, self._last_gap = self.time, gap
+        self._dwindling = self._dwindling + 1 if gap < before < math.inf else 0
+        return self._dwindling >= DWINDLING_EVENTS and gap * gap <= DWINDLING_REST * self._span * (before - gap)
 
     # -- snapshots ------------------------------------------------------------------------
 
@@ -257,6 +273,7 @@ class MeSession(FmuSession):
 
     def _forget(self) -> None:
         self._crowd, self._last_event, self._cautious = 0, -math.inf, math.inf
+        self._dwindling, self._counted, self._last_gap = 0, -math.inf, math.inf
         self.solver.restart(self.time, self.instance.x.copy())
 
     def _close_solver(self) -> None:
@@ -279,5 +296,5 @@ def too_many_steps(solver: str, time: float) -> SimulationError:
 
 def too_many_events(time: float) -> SimulationError:
     """Return the error for events that follow each other without time passing."""
-    words = f"more than {ZENO_EVENTS} events without time passing (chattering or Zeno behaviour)"
+    words = "more and more events without time passing (chattering or Zeno behaviour)"
     return SimulationError(words, time=time)
