@@ -1,0 +1,137 @@
+"""What `excite` returns."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.analysis.experiment import Experiment
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["ExciteResult", "SignalFacts", "validation_path"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalFacts:
+    """How good a signal is.
+
+    Attributes:
+        kind: "prbs" or "multisine".
+        dt: sampling interval [s].
+        period: after which the signal repeats [s].
+        clock: how often the value may change [Hz]; None for a multisine.
+        order: of the shift register; None for a multisine.
+        lines: excited frequencies of an input; None for a PRBS, which has all.
+        band: lowest and highest frequency between which the spectrum of the sampled signal holds −3 dB [Hz].
+        amplitude: half the range that each input covers in the identification part.
+        crest_factor: peak over root mean square of each input about its mean.
+        cross_correlation: largest correlation coefficient between two inputs over lags up to a quarter of the record;
+            None for one input.
+        cross_correlation_lag: where that is [s].
+    """
+
+    kind: str
+    dt: float
+    period: float
+    clock: float | None
+    order: int | None
+    lines: int | None
+    band: tuple[float, float]
+    amplitude: tuple[float, ...]
+    crest_factor: tuple[float, ...]
+    cross_correlation: float | None
+    cross_correlation_lag: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExciteResult:
+    """Recorded experiments.
+
+    Attributes:
+        model, interface, solver: what ran.
+        identification: the data to fit.
+        validation: the data to test with, from later in the same session; None: none were asked for.
+        design: facts about the signal.
+        u0: input → its middle.
+        y0: output → its value before the first sample.
+        notes: what was chosen, and doubts.
+    """
+
+    model: str
+    interface: str
+    solver: str
+    identification: Experiment
+    validation: Experiment | None
+    design: SignalFacts
+    u0: dict[str, float]
+    y0: dict[str, float]
+    notes: tuple[str, ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture of inputs, their spectra, and outputs.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.excite import plot_excite  # noqa: PLC0415  matplotlib is slow
+
+        return plot_excite(self, path)
+
+    def to_csv(self, path: str | Path) -> tuple[Path, ...]:
+        """Write the identification part to `path`, the validation part beside it as NAME_validation.
+
+        Args:
+            path: of the first file.
+
+        Returns:
+            The files written.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        first = Path(path)
+        self.identification.to_csv(first)
+        if self.validation is None:
+            return (first,)
+        second = validation_path(first)
+        self.validation.to_csv(second)
+        return (first, second)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as the command line writes them to JSON."""
+        first = self.identification.to_dict()
+        second = None if self.validation is None else self.validation.to_dict()
+        return {
+            "model": self.model,
+            "interface": self.interface,
+            "solver": self.solver,
+            "dt": self.design.dt,
+            "time": first["time"],
+            "u": first["u"],
+            "y": first["y"],
+            "units": first["units"],
+            "validation": None if second is None else {key: second[key] for key in ("time", "u", "y")},
+            "design": asdict(self.design),
+            "u0": dict(self.u0),
+            "y0": dict(self.y0),
+            "notes": list(self.notes),
+        }
+
+
+def validation_path(path: Path) -> Path:
+    """Return where the validation part is written beside the identification part at `path`.
+
+    Raises:
+        InputError: a folder is in its place.
+    """
+    second = path.with_name(f"{path.stem}_validation{path.suffix}")
+    if second.is_dir():
+        raise InputError(f"{second}: is a folder, but the validation data are written there; take another name")
+    return second

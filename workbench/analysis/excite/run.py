@@ -1,0 +1,269 @@
+"""Play sequences into one resumed session and record what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.excite.design import Design, Sequences, each
+from workbench.analysis.excite.sampling import Sampling, point_values, sampling_of
+from workbench.analysis.lin.response import communication_step
+from workbench.analysis.lin.task import check_names
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError
+from workbench.model import FmuModel, Model
+from workbench.session.base import Floats, Record, Session
+from workbench.signals import Constant, Signal, Table
+
+__all__ = ["Begin", "ExciteTask", "Rows", "measure"]
+
+CHUNKS = 50  # pieces in which a run is reported
+_SHORTEST_CHUNK = 100
+_LOOKS = 100  # at the outputs while they settle
+_SAME = 1e-9  # of an interval: two times closer than that are one
+_OFF = 1e-3  # relative: by how much an output may miss the operating point without a word
+_REST = 0.01  # of its magnitude: by how much an output may still move after settling
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExciteTask:
+    """One experiment.
+
+    Attributes:
+        inputs, outputs: names.
+        design: of the signals.
+        dt: sampling interval [s]; None: the model's own.
+        samples, validation: lengths of the two parts.
+        at: operating point; None: the model's start values.
+        settle: so long the inputs rest before [s].
+        step: longest communication step of a co-simulation [s]; None: the FMU's own, or dt.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    design: Design
+    dt: float | None
+    samples: int
+    validation: int
+    at: OperatingPoint | None = None
+    settle: float = 0.0
+    step: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Begin:
+    """What is known before the first sample.
+
+    Attributes:
+        sampling: the grid.
+        sequences: what will be played.
+        u0: middles of the inputs as the model sees them, shape (m,).
+        y0: outputs before the first sample, shape (p,).
+        time: of the first sample [s].
+        total: samples that will be run.
+        step: communication step of a co-simulation [s].
+        notes: doubts about the point.
+    """
+
+    sampling: Sampling
+    sequences: Sequences
+    u0: Floats
+    y0: Floats
+    time: float
+    total: int
+    step: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Some samples.
+
+    Attributes:
+        first: which one the first of them is, counted from the first one that is run.
+        u, y: shapes (n, m) and (n, p); the inputs as the model saw them.
+    """
+
+    first: int
+    u: Floats
+    y: Floats
+
+
+def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
+    """Run the experiment; yields `Begin`, then the samples in their order.
+
+    Args:
+        model: what to run; it stays open.
+        task: the experiment.
+
+    Raises:
+        InputError: unknown name, a design that does not fit, an operating point of another model.
+        FmuError: the FMU cannot be instantiated.
+        SimulationError: the model failed while running.
+    """
+    _check(model, task)
+    sampling = sampling_of(model, task.at, task.dt)
+    sequences = task.design.sequences(
+        len(task.inputs), dt=sampling.dt, samples=task.samples, validation=task.validation
+    )
+    step = communication_step(model, sampling.dt) if task.step is None else task.step
+    with _open(model, task.at, step) as session:
+        notes = [*_misses(session, task.at), *_bias_note(model, task)]
+        start = np.array(list(session.values(task.inputs).values()))
+        bias = _bias(model, task)
+        middle = start - bias if task.design.offset is None else each("offset", task.design.offset, len(task.inputs))
+        time = sampling.begin(session.time + task.settle)
+        notes += _settle(session, task, middle, time - sampling.lead)
+        if task.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
+            notes.append("the signal's middle is not the operating point's input: let it settle first")
+        y0 = np.array(list(session.values(task.outputs).values()))
+        played = _Played.of(task, sampling, sequences, middle=middle, time=time)
+        total = len(played.reads)
+        yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes))
+        yield from played.run(session)
+
+
+def _check(model: Model, task: ExciteTask) -> None:
+    if not task.inputs or not task.outputs:
+        raise InputError("an input to force and an output to record are needed; name them")
+    check_names("inputs", task.inputs, [v.name for v in model.inputs])
+    for name in task.inputs:
+        if name in task.outputs:
+            raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
+    if task.samples < 2:
+        raise InputError(f"samples: {task.samples} are too few; 2 are the least")
+    if task.validation < 0 or task.validation == 1:
+        raise InputError(f"validation: {task.validation} samples are too few; 2 are the least, 0 for none")
+    if not (np.isfinite(task.settle) and task.settle >= 0.0):
+        raise InputError(f"settle must be 0 s or more, not {task.settle:g} s")
+
+
+def _open(model: Model, at: OperatingPoint | None, step: float | None) -> Session:
+    """Return a session at the operating point."""
+    if at is None:
+        return model.open_session(step=step)
+    values = point_values(at)
+    check_names("operating point", at.u, [v.name for v in model.inputs])
+    if isinstance(model, FmuModel):
+        check_names("operating point", values, [v.name for v in model.description.variables])
+    if model.interface != "cs":
+        return model.open_at(time=at.time, values=values, step=step)
+    # Its states cannot be set: it is led there by running under the point's inputs.
+    session = model.open_at(values=values, step=step)
+    try:
+        if at.time > session.time:
+            session.advance(at.time, signals={name: Constant(value) for name, value in at.u.items()})
+    except BaseException:
+        session.close()
+        raise
+    return session
+
+
+def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
+    """Return a remark where the session does not stand at the operating point."""
+    if at is None or not at.y:
+        return ()
+    found = session.values(list(at.y))
+    far = [n for n, y in at.y.items() if abs(found[n] - y) > _OFF * max(abs(y), abs(found[n]), _OFF)]
+    if not far:
+        return ()
+    where = f"{far[0]} is {found[far[0]]:.6g} at the start, but {at.y[far[0]]:.6g} at the operating point"
+    return (f"{where}: the model cannot be started there in full; let it settle first",)
+
+
+def _settle(session: Session, task: ExciteTask, middle: Floats, until: float) -> tuple[str, ...]:
+    """Let the inputs rest at their middles; return a remark where outputs still move at the end."""
+    if not until > session.time:
+        return ()
+    points = np.linspace(session.time, until, _LOOKS + 1)[1:]
+    held = {name: Constant(value) for name, value in zip(task.inputs, middle.tolist(), strict=True)}
+    record = session.advance(until, signals=held, record=task.outputs, points=points)
+    if task.settle <= 0.0:
+        return ()
+    late = record.time >= points[-_LOOKS // 5]
+    for name in task.outputs:
+        values = record.values[name][late]
+        if np.ptp(values) > _REST * max(float(np.max(np.abs(values))), 1e-300):
+            return (f"{name} still moves by {np.ptp(values):.3g} at the end of settling; settle longer, or trim first",)
+    return ()
+
+
+def _bias(model: Model, task: ExciteTask) -> Floats:
+    """Return what the session adds to each forced input of its own accord, shape (m,)."""
+    if not isinstance(model, FmuModel):
+        return np.zeros(len(task.inputs))
+    led = point_values(task.at)
+    return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in task.inputs])
+
+
+def _bias_note(model: Model, task: ExciteTask) -> tuple[str, ...]:
+    if not isinstance(model, FmuModel) or task.at is None:
+        return ()
+    both = [name for name in model.recipe.bias if name in task.at.u]
+    return tuple(f"bias on {name} is not added: the operating point gives its value" for name in both)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Played:
+    """Sequences laid out in time.
+
+    Attributes:
+        outputs: names.
+        signals: what forces each input.
+        begins: where each sample's interval begins, and the last one ends, shape (n + 1,) [s].
+        reads: when each sample is read, shape (n,) [s].
+        late: read the left limit there, else the right one.
+        tiny: times closer than that are one [s].
+    """
+
+    outputs: tuple[str, ...]
+    signals: Mapping[str, Signal]
+    begins: Floats
+    reads: Floats
+    late: bool
+    tiny: float
+
+    @classmethod
+    def of(cls, task: ExciteTask, sampling: Sampling, sequences: Sequences, *, middle: Floats, time: float) -> _Played:
+        parts = [p for p in (sequences.identification, sequences.validation) if p is not None]
+        values = np.vstack([part.values for part in parts])
+        begins = np.asarray(time - sampling.lead + sampling.dt * np.arange(len(values) + 1), dtype=np.float64)
+        reads = begins[1:] if sampling.late else begins[:-1] + 2.0 * sampling.lead
+        return cls(
+            outputs=task.outputs,
+            signals={n: _staircase(begins, middle[i] + values[:, i]) for i, n in enumerate(task.inputs)},
+            begins=begins,
+            reads=reads,
+            late=sampling.late,
+            tiny=_SAME * sampling.dt,
+        )
+
+    def run(self, session: Session) -> Iterator[Rows]:
+        """Advance to the end, a piece at a time."""
+        count = len(self.reads)
+        size = max(_SHORTEST_CHUNK, -(-count // CHUNKS))
+        for first in range(0, count, size):
+            last = min(first + size, count)
+            reads, end = self.reads[first:last], float(self.begins[last])
+            points = reads[reads > session.time]
+            record = session.advance(end, signals=self.signals, record=self.outputs, points=points)
+            yield self._rows(record, first, reads)
+
+    def _rows(self, record: Record, first: int, reads: Floats) -> Rows:
+        if self.late:
+            rows = np.searchsorted(record.time, reads - self.tiny, side="left")
+        else:
+            rows = np.searchsorted(record.time, reads + self.tiny, side="right") - 1
+        return Rows(
+            first,
+            np.column_stack([record.inputs[n][rows] for n in self.signals]),
+            np.column_stack([record.values[n][rows] for n in self.outputs]),
+        )
+
+
+def _staircase(begins: Floats, values: Floats) -> Table:
+    """Return the held signal; values that stay make no step."""
+    changes = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+    return Table(begins[changes].tolist(), values[changes].tolist(), interpolate="hold")
