@@ -1,0 +1,257 @@
+"""Confidence of the poles by a moving-block bootstrap of the innovations."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.march import march
+from workbench.analysis.validate.matching import match_clouds
+from workbench.analysis.validate.regions import PoleRegion, pole_regions
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Estimator", "PoleBootstrap", "bootstrap_poles"]
+
+Complex = NDArray[np.complex128]
+Estimator = Callable[[Floats, Floats], Complex]
+
+REPLICATES = 200
+LEAST = 20  # replicates that must have worked out
+_AT_ONCE = 4_000_000  # numbers of simulated outputs and states held at a time
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoleBootstrap:
+    """Poles of many models identified from records like the one measured.
+
+    Attributes:
+        regions: of each pole, in the order of the model's poles (without those of delays).
+        replicates: shape (R, n), poles found, in the same order.
+        confidence: of the regions.
+        joint: all regions together hold the true poles with this confidence, else each for itself.
+        block: length of the blocks [samples].
+        failed: replicates without a model.
+        dt: sampling interval [s].
+        seed: of the random numbers.
+    """
+
+    regions: tuple[PoleRegion, ...]
+    replicates: Complex
+    confidence: float
+    joint: bool
+    block: int
+    failed: int
+    dt: float
+    seed: int
+
+    @property
+    def determined(self) -> int:
+        """How many poles the data determine."""
+        return sum(r.determined for r in self.regions)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What was found, one line each."""
+        level = f"{100.0 * self.confidence:g} %"
+        lines = [_words(r, level) for r in self.regions if r.pole.imag >= 0.0]
+        loose = len(self.regions) - self.determined
+        if loose:
+            lines.append(
+                f"order {len(self.regions)} is more than these data determine, {loose} of the poles are found anywhere; "
+                f"try order {max(self.determined, 1)}"
+            )
+        if self.failed:
+            lines.append(f"{self.failed} bootstrap replicates gave no model")
+        return tuple(lines)
+
+    def holds(self, pole: complex, z: complex) -> bool:
+        """Return whether z lies in the region of the estimate nearest to `pole`.
+
+        Args:
+            pole: of the model.
+            z: on the plane of discrete poles.
+        """
+        nearest = min(self.regions, key=lambda r: abs(r.pole - pole))
+        return nearest.contains(z)
+
+    def holds_all(self, poles: Complex) -> bool:
+        """Return whether the poles of a system can be shared out so that each lies in a region of its own.
+
+        Args:
+            poles: shape (n,).
+        """
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to import
+
+        outside = np.array([[not r.contains(complex(z)) for z in poles] for r in self.regions], dtype=np.float64)
+        rows, columns = linear_sum_assignment(outside)
+        return len(poles) == len(self.regions) and not np.any(outside[rows, columns])
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw poles, their replicates and regions on the plane of discrete poles.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.identify import plot_bootstrap  # noqa: PLC0415  matplotlib is slow
+
+        return plot_bootstrap(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return regions and settings as plain lists and numbers, ready for JSON."""
+        plain = {n: getattr(self, n) for n in ("confidence", "joint", "block", "failed", "dt", "seed")}
+        many = {"replicates": len(self.replicates), "words": list(self.words)}
+        return {**plain, **many, "regions": [r.to_dict() for r in self.regions]}
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the poles of every replicate, real and imaginary parts as columns.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        head = [f"{part} {k + 1}" for k in range(len(self.regions)) for part in ("real", "imaginary")]
+        table = np.stack([self.replicates.real, self.replicates.imag], axis=-1).reshape(len(self.replicates), -1)
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                csv.writer(file, lineterminator="\n").writerows([head, *table.tolist()])
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def bootstrap_poles(
+    model: IdentifiedModel,
+    data: Experiment,
+    estimator: Estimator,
+    *,
+    replicates: int = REPLICATES,
+    block: int | None = None,
+    confidence: float = 0.95,
+    joint: bool = True,
+    seed: int = 0,
+) -> PoleBootstrap:
+    """Return confidence regions of a model's poles.
+
+    The one-step prediction errors of the model, put together anew from blocks that begin anywhere in the record,
+    drive the model beside the measured input; from each such record the poles are identified again. What the estimator
+    does to the true system it does to the model, so that the scatter of the replicates about the model's poles is that
+    of the estimate about the true ones. Blocks keep what colour is left in the errors (Künsch, Annals of Statistics 17,
+    1989); the errors are scaled up by √(N/(N − k)) for k fitted numbers for each output: those of a fit are too small.
+
+    Not for: an order above what the data determine (the result says so, see `regions`); unstable models; systems that
+    are not linear, whose errors depend on the input: they are drawn as if they did not.
+
+    Args:
+        model: identified from `data`.
+        data: with the model's channels.
+        estimator: of u (N, m) and y (N, p) → poles, shape (n,); the same settings as the model was made with.
+        replicates: R.
+        block: length of the blocks [samples]; None: N^(1/3), as Künsch's theory has it.
+        confidence: of the regions.
+        joint: all regions together hold the true poles with this confidence; False: each for itself.
+        seed: of the random numbers.
+
+    Raises:
+        InputError: settings out of range, an unstable model, most replicates without a model of the same order.
+    """
+    _check(model, data, replicates, block, confidence)
+    length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
+    poles = _without_delays(model.poles, sum(model.delay))
+    found = []
+    for y in _records(model, data, replicates, length, np.random.default_rng(seed)):
+        one = _estimated(estimator, data.u - model.u0, y, model)
+        if one is not None:
+            found.append(one)
+    if len(found) < max(LEAST, replicates // 2):
+        raise InputError(f"only {len(found)} of {replicates} bootstrap replicates gave a model of order {len(poles)}")
+    matched = match_clouds(poles, np.array(found))
+    return PoleBootstrap(
+        regions=pole_regions(poles, matched, confidence=confidence, joint=joint),
+        replicates=matched,
+        confidence=confidence,
+        joint=joint,
+        block=length,
+        failed=replicates - len(found),
+        dt=model.dt,
+        seed=seed,
+    )
+
+
+def _check(model: IdentifiedModel, data: Experiment, replicates: int, block: int | None, confidence: float) -> None:
+    if replicates < 2 * LEAST:
+        raise InputError(f"replicates: {replicates} are too few, {2 * LEAST} are the least and {REPLICATES} usual")
+    if block is not None and not 1 <= block <= data.n_samples // 2:
+        raise InputError(f"block: {block} is not between 1 and half of the {data.n_samples} samples")
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"confidence must lie between 0 and 1, not {confidence:g}")
+    if not model.is_stable:
+        raise InputError("the model is unstable: its records cannot be simulated again for a bootstrap")
+
+
+def _records(
+    model: IdentifiedModel, data: Experiment, count: int, block: int, random: np.random.Generator
+) -> Iterator[Floats]:
+    """Yield outputs (N, p) like the measured one, without the operating point."""
+    errors = _innovations(model, data)
+    steady = model.simulate(data.u, model.initial_state(data.u, data.y)) - model.y0
+    n = len(errors)
+    at_once = max(1, _AT_ONCE // (n * (model.order + errors.shape[1])))
+    for first in range(0, count, at_once):
+        rows = min(at_once, count - first)
+        begins = random.integers(0, n - block + 1, size=(rows, -(-n // block)))
+        order = (begins[:, :, None] + np.arange(block)).reshape(rows, -1)[:, :n]
+        drawn = errors[order.T]  # (N, rows, p)
+        states, _ = march(drawn @ model.K.T, model.A.T, np.zeros((rows, model.order)))
+        noise = states @ model.C.T + drawn
+        for r in range(rows):
+            yield steady + noise[:, r]
+
+
+def _innovations(model: IdentifiedModel, data: Experiment) -> Floats:
+    """Return the prediction errors without mean, of the size that those of the true system have, shape (N, p)."""
+    errors = data.y - model.predict(data.u, data.y)
+    n, (p, m) = len(errors), model.D.shape
+    fitted = min((model.order * (2 * p + m) + p * m) / p, 0.5 * n)
+    scaled: Floats = (errors - errors.mean(axis=0)) * np.sqrt(n / (n - fitted))
+    return scaled
+
+
+def _estimated(estimator: Estimator, u: Floats, y: Floats, model: IdentifiedModel) -> Complex | None:
+    try:
+        poles = _without_delays(np.asarray(estimator(u, y), dtype=np.complex128), sum(model.delay))
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    wanted = model.order - sum(model.delay)
+    return poles if len(poles) == wanted and np.all(np.isfinite(poles)) else None
+
+
+def _without_delays(poles: Complex, delays: int) -> Complex:
+    """Return the poles without those of known delays, which lie at 0."""
+    order = np.argsort(np.abs(poles), kind="stable")
+    return poles[np.sort(order[delays:])] if delays else poles
+
+
+def _words(region: PoleRegion, level: str) -> str:
+    z = region.pole
+    name = f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g} ± {abs(z.imag):.4g}i"
+    if not region.determined:
+        return f"pole {name}: not determined by the data"
+    long, short = region.half_axes
+    size = f"± {long:.2g}" if region.on_axis else f"half axes {long:.2g} and {short:.2g}"
+    return f"pole {name}: {level} region {size}"

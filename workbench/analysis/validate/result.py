@@ -1,0 +1,162 @@
+"""The result of a validation."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.validate.bootstrap import PoleBootstrap
+from workbench.analysis.validate.pole_zero import NearCancellation
+from workbench.analysis.validate.residuals import Residuals
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Validation"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Validation:
+    """An identified model held against data.
+
+    Attributes:
+        model: what was validated.
+        data: with the model's channels.
+        simulation: output from the input alone.
+        prediction: output corrected by what was measured before.
+        cancellations: poles that a zero nearly cancels, nearest first.
+        bootstrap: regions of the poles; None where they were not asked for.
+        notes: what else should be known, one line each.
+    """
+
+    model: IdentifiedModel
+    data: Experiment
+    simulation: Residuals
+    prediction: Residuals
+    cancellations: tuple[NearCancellation, ...]
+    bootstrap: PoleBootstrap | None
+    notes: tuple[str, ...]
+
+    @property
+    def fit_percent(self) -> dict[str, float]:
+        """Output → fit of the simulation [%]; see `Fit`."""
+        return {f.output: f.fit_percent for f in self.simulation.fits}
+
+    @property
+    def error_percent(self) -> dict[str, float]:
+        """Output → error of the simulation [%]; see `Fit`."""
+        return {f.output: f.error_percent for f in self.simulation.fits}
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The verdict in sentences."""
+        pairs = [c.words for c in self.cancellations] or ["no pole is nearly cancelled by a zero"]
+        poles = [] if self.bootstrap is None else list(self.bootstrap.words)
+        return (*self.simulation.words, *self.prediction.words, *pairs, *poles, *self.notes)
+
+    def plot(self, path: str | Path | None = None, *, seconds: float | None = None) -> Figure:
+        """Draw measured, simulated and predicted outputs over time [s] and the errors below.
+
+        `plot_residuals` and `plot_poles` draw the rest.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+            seconds: show only so much from the start [s]; None: so much that single samples can be told apart.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.validate import plot_fit  # noqa: PLC0415  matplotlib is slow
+
+        return plot_fit(self, path, seconds=seconds)
+
+    def plot_residuals(self, path: str | Path | None = None, *, kind: str = "prediction") -> Figure:
+        """Draw residuals, their autocorrelation and their cross-correlation with the inputs, with 95 % bands.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+            kind: "prediction" or "simulation".
+
+        Raises:
+            InputError: unknown kind or suffix, file cannot be written.
+        """
+        from workbench.plotting.validate import plot_residuals  # noqa: PLC0415  matplotlib is slow
+
+        return plot_residuals(self, self.residuals(kind), path)
+
+    def plot_poles(self, path: str | Path | None = None) -> Figure:
+        """Draw poles and zeros with their near-cancellations and, where known, the poles' 95 % regions.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.identify import plot_poles  # noqa: PLC0415  matplotlib is slow
+
+        return plot_poles(self.model, path, cancellations=self.cancellations, bootstrap=self.bootstrap)
+
+    def residuals(self, kind: str) -> Residuals:
+        """Return one of the two ways of computing the output.
+
+        Args:
+            kind: "prediction" or "simulation".
+
+        Raises:
+            InputError: another kind.
+        """
+        known = {"prediction": self.prediction, "simulation": self.simulation}
+        if kind not in known:
+            raise InputError(f"residuals '{kind}' are unknown; known: {', '.join(known)}")
+        return known[kind]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return figures, tests and verdicts as plain lists and numbers, ready for JSON."""
+        return {
+            "data": self.data.name,
+            "samples": self.data.n_samples,
+            "fit_percent": _nullable(self.fit_percent),
+            "error_percent": _nullable(self.error_percent),
+            "simulation": self.simulation.to_dict(),
+            "prediction": self.prediction.to_dict(),
+            "near_cancellations": [c.to_dict() for c in self.cancellations],
+            "pole_confidence": None if self.bootstrap is None else self.bootstrap.to_dict(),
+            "words": list(self.words),
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write time [s] and, for each output, measured, simulated and predicted values.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        outputs = [(n, k) for n in self.data.output_names for k in ("measured", "simulated", "predicted")]
+        three = np.stack([self.data.y, self.simulation.computed, self.prediction.computed], axis=-1)
+        table = np.column_stack([self.data.time, three.reshape(len(three), -1)])
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(["time [s]", *(_head(n, k, self.data.units.get(n)) for n, k in outputs)])
+                writer.writerows(table.tolist())
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _head(name: str, kind: str, unit: str | None) -> str:
+    return f"{name} {kind}" + (f" [{unit}]" if unit else "")
+
+
+def _nullable(values: dict[str, float]) -> dict[str, float | None]:
+    return {name: value if np.isfinite(value) else None for name, value in values.items()}
