@@ -22,8 +22,13 @@ __all__ = ["plot_excite"]
 
 _SHOWN = 120  # samples of the input: more of them look like a block
 _SEGMENT = 256  # samples of one segment of the estimated spectrum, at most
-_FLOOR = -60.0  # [dB] below the largest value: what is less is not drawn
+_FLOOR = -60.0  # [dB]: what is less is rounding, no line
+_EDGE = 0.999  # rounding of a line on the border of the band
 _VALIDATION = "#777777"
+_STYLES: dict[str, dict[str, Any]] = {
+    "prbs": {"linewidth": 1.2},
+    "multisine": {"linestyle": "", "marker": "o", "markersize": 2.5},
+}
 
 
 def plot_excite(result: ExciteResult, path: str | Path | None = None) -> Figure:
@@ -103,25 +108,23 @@ def _say(ax: Axes, text: str) -> None:
 
 
 def _spectra(ax: Axes, data: Experiment, design: SignalFacts) -> None:
-    top = _FLOOR
+    """Draw the spectra over their own mean within the band: inputs of different units fall together."""
+    low, high = design.band
     for i, name in enumerate(data.input_names):
         frequency, power = _spectrum(data.u[:, i], design)
-        level = 10.0 * np.log10(np.maximum(power, 1e-300))
-        top = max(top, float(level.max()))
-        style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "label": name}
-        if design.kind == "multisine":
-            shown = level > level.max() + _FLOOR
-            ax.plot(frequency[shown], level[shown], linestyle="", marker="o", markersize=2.5, **style)
-        else:
-            ax.plot(frequency, level, linewidth=1.2, **style)
-    ax.axvspan(*design.band, color=COLOURS[4], alpha=0.15, linewidth=0.0)
-    _say(ax, f"−3 dB from {design.band[0]:.3g} to {design.band[1]:.4g} Hz")
+        inside = (frequency >= low * _EDGE) & (frequency <= high / _EDGE) & (power > 0.0)
+        level = 10.0 * np.log10(np.maximum(power / max(float(power[inside].mean()), 1e-300), 1e-30))
+        shown = level > _FLOOR if design.kind == "multisine" else np.ones(len(level), dtype=bool)
+        ax.plot(frequency[shown], level[shown], color=COLOURS[i % len(COLOURS)], label=name, **_STYLES[design.kind])
+    ax.axvspan(low, high, color=COLOURS[4], alpha=0.15, linewidth=0.0)
+    what = "−3 dB" if design.kind == "prbs" else "lines"
+    _say(ax, f"{what} from {low:.3g} to {high:.4g} Hz; 0 dB is the mean there")
     ax.set_xlim(0.0, 0.5 / design.dt)
-    ax.set_ylim(max(ax.get_ylim()[0], top - 40.0), top + 3.0)
+    ax.set_ylim(-40.0, 5.0)
     ax.set_ylabel("spectral density [dB]")
     ax.set_xlabel("frequency [Hz]")
     if data.n_inputs > 1:
-        ax.legend(fontsize=8.5, loc="lower right")
+        ax.legend(fontsize=8.5, loc="lower left")
 
 
 def _spectrum(values: Floats, design: SignalFacts) -> tuple[Floats, Floats]:

@@ -96,7 +96,8 @@ def each(what: str, value: float | tuple[float, ...], count: int) -> Floats:
     if isinstance(value, int | float):
         return np.full(count, float(value))
     if len(value) != count:
-        raise InputError(f"{what}: {len(value)} values for {count} inputs; give one, or one each")
+        inputs = f"{count} input{'s' if count > 1 else ''}"
+        raise InputError(f"{what}: {len(value)} values, but {inputs}; give one, or one each")
     return np.array(value, dtype=np.float64)
 
 

@@ -12,7 +12,7 @@ from workbench.analysis.excite.sampling import Sampling, point_values, sampling_
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.task import check_names
 from workbench.analysis.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.errors import InputError, suggest
 from workbench.model import FmuModel, Model
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Constant, Signal, Table
@@ -128,8 +128,10 @@ def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
 def _check(model: Model, task: ExciteTask) -> None:
     if not task.inputs or not task.outputs:
         raise InputError("an input to force and an output to record are needed; name them")
-    check_names("inputs", task.inputs, [v.name for v in model.inputs])
+    known = [v.name for v in model.inputs]
     for name in task.inputs:
+        if name not in known:
+            raise InputError(f"'{name}' is not an input of the model; {suggest(name, known)}")
         if name in task.outputs:
             raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
     if task.samples < 2:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,7 +62,8 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     if dt is not None and not (np.isfinite(dt) and dt > 0.0):
         raise InputError(f"step: the sampling interval must be positive, not {dt:g} s")
     ticks = _ticks(model, at)
-    period = _period(ticks, at)
+    rates = _rates(ticks, at)
+    period = float(f"{basic_period(rates, _TOGETHER):.12g}") if rates else None
     if dt is None and period is None:
         raise InputError(f"{model.name}: has no sampling period of its own; give the sampling interval (--step, dt)")
     interval = dt or period or 0.0
@@ -75,25 +76,29 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
         first=float(ticks[0]) if len(ticks) else (at.time if at else 0.0) + period,
         lead=0.0 if steady else LEAD * min(interval, period),
         late=steady,
-        notes=_remarks(interval, period, chosen=dt is None),
+        notes=_remarks(interval, period, rates, chosen=dt is None),
     )
 
 
-def _remarks(dt: float, period: float, *, chosen: bool) -> tuple[str, ...]:
+def _remarks(dt: float, period: float, rates: Sequence[float], *, chosen: bool) -> tuple[str, ...]:
+    several = f", in which its samples every {', '.join(f'{r:.6g}' for r in rates)} s repeat" if len(rates) > 1 else ""
     if chosen:
-        return (f"sampled every {period:.6g} s, the model's own period",)
+        return (f"sampled every {period:.6g} s, the model's own period{several}",)
     ratio = dt / period
     if ratio < 1.0 - _MULTIPLE or abs(ratio - round(ratio)) > _MULTIPLE * ratio:
-        what = f"the sampling interval {dt:.6g} s is no multiple of the model's own period {period:.6g} s"
+        what = f"the sampling interval {dt:.6g} s is no multiple of the model's own period {period:.6g} s{several}"
         return (f"{what}: its samples come at changing times within the interval; take a multiple",)
     return ()
 
 
-def _period(ticks: Floats, at: OperatingPoint | None) -> float | None:
+def _rates(ticks: Floats, at: OperatingPoint | None) -> tuple[float, ...]:
+    """Return the model's sample periods [s]; none: it is continuous, or does not show any."""
     try:
-        return float(f"{basic_period(sample_periods(ticks), _TOGETHER):.12g}")
+        found = sample_periods(ticks)
+        basic_period(found, _TOGETHER)
     except InputError:  # too few events, or none that repeat
-        return at.period if at is not None else None
+        return (at.period,) if at is not None and at.period is not None else ()
+    return found
 
 
 def _ticks(model: Model, at: OperatingPoint | None) -> Floats:
