@@ -17,6 +17,7 @@ from workbench.build.expressions import MATRIX, TANGENT, VARIABLE, ExpressionGra
 from workbench.build.matrices import matrices_of, read_matrices
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff, is_stiff_matrix, jacobian
+from workbench.build.structure import dependencies, of_variable
 from workbench.build.time_scale import default_experiment, nominals
 from workbench.errors import InputError
 
@@ -201,6 +202,19 @@ def test_jacobian_and_stiffness_are_those_of_A(n: int) -> None:
     assert bool(scalar.graph.table) == (n == 20)
     np.testing.assert_array_equal(jacobian(scalar, order), matrices.A)
     assert is_stiff(scalar, order) == is_stiff_matrix(matrices.A)
+
+
+def test_zeros_are_no_dependencies() -> None:
+    whole = _full(40)
+    whole["A"][0, [0, 20]] = 0.0  # runs of 19 and 19: two loops
+    whole["A"][1, :30] = 0.0  # a run of 10: a sum
+    scalar = state_space(matrices_of(whole), "M")
+    order = causalise(scalar)
+    np.testing.assert_array_equal(jacobian(scalar, order), whole["A"])
+    found = dependencies(scalar, order)
+    states = scalar.states
+    rates = [of_variable(scalar, found, scalar.derivative(s)) for s in states[:2]]
+    assert [len(set(r) & set(states)) for r in rates] == [38, 10]
 
 
 def test_a_row_of_a_matrix_is_differentiated_and_substituted() -> None:

@@ -196,16 +196,24 @@ class _Builder:
         return graph.add(total, graph.number(constant))
 
     def _by_state(self, factors: Floats) -> int:
+        """Return Σ factors·x; long runs without a zero become loops, which compile faster and are smaller."""
         graph = self.graph
-        # A loop over a table compiles faster and is smaller; a row with zeros in it would tell wrong dependencies.
-        if len(factors) >= _LONG and np.all(factors != 0.0):
-            operation = MATRIX_PRE if self.sampled else MATRIX
-            return graph.matrix_row(operation, factors.tolist(), self.states[0])
-        leaf = PRE if self.sampled else VARIABLE
+        row, leaf = (MATRIX_PRE, PRE) if self.sampled else (MATRIX, VARIABLE)
         total = graph.number(0.0)
-        for factor, reference in zip(factors.tolist(), self.states, strict=True):
-            total = graph.add(total, graph.multiply(graph.number(factor), graph.leaf(leaf, reference)))
+        for first, last in _runs(factors):
+            if last - first >= _LONG:
+                total = graph.add(total, graph.matrix_row(row, factors[first:last].tolist(), self.states[first]))
+                continue
+            for factor, reference in zip(factors[first:last].tolist(), self.states[first:last], strict=True):
+                total = graph.add(total, graph.multiply(graph.number(factor), graph.leaf(leaf, reference)))
         return total
+
+
+def _runs(factors: Floats) -> list[tuple[int, int]]:
+    """Return [first, last) of each run of factors that are not 0: a zero would tell a dependency that is none."""
+    some = np.concatenate([[False], factors != 0.0, [False]])
+    edges = np.flatnonzero(some[1:] != some[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _place(text: str, row: int) -> Place:
