@@ -1,0 +1,1 @@
+"""Systems: several models connected, which are again a model."""

@@ -1,0 +1,240 @@
+"""What a system consists of: components, connections, inputs and outputs, before any FMU is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.fmi.archive import Unpacked
+from workbench.fmi.description import Experiment
+from workbench.fmi.variable import Value, Variable
+from workbench.system.units import Unit
+
+__all__ = [
+    "Component",
+    "Connection",
+    "Floats",
+    "FmuComponent",
+    "FunctionComponent",
+    "GainComponent",
+    "LinearComponent",
+    "Port",
+    "Resolved",
+    "SumComponent",
+    "SystemDescription",
+    "Wire",
+]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmuComponent:
+    """An FMU in a system.
+
+    Attributes:
+        name: of the component; its variables are "name.variable" in the system.
+        file: absolute path of an .fmu or an unpacked one, or `fmu:NAME`.
+        interface: "auto", "me" or "cs".
+        set: parameters and start values, by the FMU's names.
+        step: communication step [s]; None: the FMU's.
+        solver: "auto", "vkm" or "gear".
+        units: variable → unit that the system file declares; counts where the FMU declares none.
+    """
+
+    name: str
+    file: str
+    interface: str = "auto"
+    set: Mapping[str, Value] = field(default_factory=dict)
+    step: float | None = None
+    solver: str = "auto"
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearComponent:
+    """A linear system: dx/dt = A x + B u, or x(k+1) = A x(k) + B u(k) at multiples of dt; y = C x + D u.
+
+    Attributes:
+        name: of the component.
+        A: shape (n, n).
+        B: shape (n, m).
+        C: shape (p, n).
+        D: shape (p, m).
+        dt: sample period [s]; 0: continuous.
+        input_names: of the m columns of B.
+        output_names: of the p rows of C.
+        state_names: of the n states.
+        x0: shape (n,), where the state starts.
+        units: input or output → unit; those left out have none.
+    """
+
+    name: str
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    dt: float
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    state_names: tuple[str, ...]
+    x0: Floats
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainComponent:
+    """y = gain · u, with the input `u` and the output `y`.
+
+    Attributes:
+        name: of the component.
+        gain: the factor.
+        units: "u" and "y" → unit; those left out have none.
+    """
+
+    name: str
+    gain: float = 1.0
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumComponent:
+    """y = Σ signs[k] · u(k+1), with the inputs `u1`, `u2`, … and the output `y`.
+
+    Attributes:
+        name: of the component.
+        signs: +1.0 or -1.0 (any factor works) for each input.
+        unit: of all inputs and the output; None: none.
+    """
+
+    name: str
+    signs: tuple[float, ...] = (1.0, 1.0)
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionComponent:
+    """y = function(u), a static Python function; it lives in this process only and is called at every evaluation.
+
+    Attributes:
+        name: of the component.
+        function: takes shape (m,), returns shape (p,) (a number where p = 1).
+        inputs: names of the m inputs.
+        outputs: names of the p outputs.
+        units: input or output → unit; those left out have none.
+    """
+
+    name: str
+    function: Callable[[Floats], Floats | float]
+    inputs: tuple[str, ...] = ("u",)
+    outputs: tuple[str, ...] = ("y",)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+Component = FmuComponent | LinearComponent | GainComponent | SumComponent | FunctionComponent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connection:
+    """One output that drives one input: destination = gain · source + offset.
+
+    Attributes:
+        source: "component.output".
+        destination: "component.input".
+        gain, offset: applied to the value in `unit` (SSP's LinearTransformation).
+        unit: unit in which the value is handed over; it is converted from the source's and to the destination's, and
+            stands for a unit that is not declared. None: the destination's.
+        convert: False: the number is handed over as it is, whatever the units (SSP's suppressUnitConversion).
+        closes_at: time [s] at which the connection closes; before that the input receives 0. None: closed always.
+    """
+
+    source: str
+    destination: str
+    gain: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+    convert: bool = True
+    closes_at: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemDescription:
+    """A system as it is written down; nothing is opened or checked against FMUs yet (`health.resolve` does that).
+
+    Attributes:
+        name: of the system.
+        components: in the order of the file.
+        connections: in the order of the file.
+        inputs: the system's input → the component inputs it drives.
+        outputs: the system's output → the component variable it shows.
+        default_experiment: what the file suggests.
+        notes: what of the file was bent or ignored, one line each.
+        units: definitions of units in the file, by name.
+        source: the file it comes from, for messages; empty: made in Python.
+        folder: owns the unpacked files of an .ssp; they are removed when it is closed or no longer referred to, so
+            keep it as long as the FMUs are needed. None: nothing was unpacked.
+    """
+
+    name: str
+    components: tuple[Component, ...]
+    connections: tuple[Connection, ...] = ()
+    inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    default_experiment: Experiment = field(default_factory=Experiment)
+    notes: tuple[str, ...] = ()
+    units: Mapping[str, Unit] = field(default_factory=dict)
+    source: str = ""
+    folder: Unpacked | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A connection that was checked: destination = factor · source + offset, units converted.
+
+    Attributes:
+        from_component, to_component: positions in `SystemDescription.components`.
+        source, destination: variables of those.
+        factor, offset: gain, offset and unit conversion together.
+        closes_at: time [s] at which it closes; before that the input receives 0. None: closed always.
+    """
+
+    from_component: int
+    source: Variable
+    to_component: int
+    destination: Variable
+    factor: float = 1.0
+    offset: float = 0.0
+    closes_at: float | None = None
+
+
+@dataclass(frozen=True)
+class Port:
+    """One variable of one component.
+
+    Attributes:
+        component: position in `SystemDescription.components`.
+        variable: of that component.
+    """
+
+    component: int
+    variable: Variable
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A system whose names, types and units were checked.
+
+    Attributes:
+        wires: the connections; those of arrays taken apart.
+        inputs: the system's input → the component inputs it drives (all of one unit, no conversion).
+        outputs: the system's output → the variable it shows.
+        notes: unconnected inputs and units converted on the user's behalf, one line each.
+    """
+
+    wires: tuple[Wire, ...]
+    inputs: Mapping[str, tuple[Port, ...]]
+    outputs: Mapping[str, Port]
+    notes: tuple[str, ...] = ()
