@@ -2,7 +2,18 @@
 
 from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles
 from workbench.analysis.validate.fit import ERROR_FIGURES, Fit, error_figure
+from workbench.analysis.validate.overlay import Overlay, overlay
 from workbench.analysis.validate.result import Validation
 from workbench.analysis.validate.validate import validate
 
-__all__ = ["ERROR_FIGURES", "Fit", "PoleBootstrap", "Validation", "bootstrap_poles", "error_figure", "validate"]
+__all__ = [
+    "ERROR_FIGURES",
+    "Fit",
+    "Overlay",
+    "PoleBootstrap",
+    "Validation",
+    "bootstrap_poles",
+    "error_figure",
+    "overlay",
+    "validate",
+]

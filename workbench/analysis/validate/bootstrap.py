@@ -69,7 +69,7 @@ class PoleBootstrap:
         loose = len(self.regions) - self.determined
         if loose:
             lines.append(
-                f"order {len(self.regions)} is more than these data determine, {loose} of the poles are found anywhere; "
+                f"order {len(self.regions)} is more than these data determine: {loose} of the poles may lie anywhere; "
                 f"try order {max(self.determined, 1)}"
             )
         if self.failed:

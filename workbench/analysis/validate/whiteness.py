@@ -53,8 +53,8 @@ def autocorrelation(residual: Floats, lags: int) -> Autocorrelation:
     """Return autocorrelation and whiteness test.
 
     The band is that of Ljung (1999), section 16.6. The verdict rests on one number over all lags,
-    N² Σ tr(CₖᵀC₀⁻¹CₖC₀⁻¹)/(N − k), which is Ljung and Box's statistic where there is one output (Biometrika 65, 1978) and
-    Hosking's where there are more (J. Am. Stat. Assoc. 75, 1980): χ² with p²·L degrees of freedom. No degrees are taken
+    N² Σ tr(CₖᵀC₀⁻¹CₖC₀⁻¹)/(N − k): Ljung and Box's statistic where there is one output (Biometrika 65, 1978), Hosking's
+    where there are more (J. Am. Stat. Assoc. 75, 1980). It is χ² with p²·L degrees of freedom. No degrees are taken
     off for fitted parameters; on the data of the fit itself the test therefore alarms in less than 5 % of cases.
 
     Not for records shorter than about ten times the lags, nor for residuals that are a function of the input without

@@ -1,0 +1,371 @@
+"""An identified model beside the linearisation and the measured frequency response."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.lin.result import LinearModel, LinResult
+from workbench.analysis.nfr_result import NfrResult
+from workbench.errors import InputError, suggest
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["PLANTS", "Difference", "Overlay", "overlay", "sine_response"]
+
+Complex = NDArray[np.complex128]
+
+IDENTIFIED, LINEAR = "identified", "linearised"
+_POINTS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """One curve less the reference.
+
+    Attributes:
+        curve: its name.
+        frequency_hz: shape (k,) [Hz].
+        gain_db: shape (k,) [dB]; NaN where one of both has no value.
+        phase_deg: shape (k,), within ±180 [deg].
+    """
+
+    curve: str
+    frequency_hz: Floats
+    gain_db: Floats
+    phase_deg: Floats
+
+    def worst(self, up_to_hz: float = np.inf) -> tuple[float, float]:
+        """Return the largest magnitudes of gain [dB] and phase difference [deg]; NaN where nothing is compared.
+
+        Args:
+            up_to_hz: frequencies above are left out [Hz].
+        """
+        chosen = (self.frequency_hz <= up_to_hz) & np.isfinite(self.gain_db)
+        if not chosen.any():
+            return float("nan"), float("nan")
+        return float(np.max(np.abs(self.gain_db[chosen]))), float(np.max(np.abs(self.phase_deg[chosen])))
+
+    def within(self, gain_db: float, phase_deg: float, up_to_hz: float = np.inf) -> bool:
+        """Return whether both differences stay within limits; False where nothing is compared.
+
+        Args:
+            gain_db: limit [dB].
+            phase_deg: limit [deg].
+            up_to_hz: frequencies above are left out [Hz].
+        """
+        gain, phase = self.worst(up_to_hz)
+        return gain <= gain_db and phase <= phase_deg
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Overlay:
+    """Frequency responses from one input to one output, as sines would show them.
+
+    Attributes:
+        name: of the model or file.
+        input, output: names.
+        frequency_hz: shape (k,), of the curves [Hz].
+        curves: name → response, shape (k,); NaN where the curve says nothing (above its Nyquist frequency).
+        measured: frequency response with sines, all amplitudes; None where there is none.
+        amplitude: of the measured response that is the reference [unit of the input]; NaN where there is none.
+        reference: name of what the others are compared with.
+        differences: of the others, at the measured frequencies or at those of the curves.
+        nyquist_hz: half the sampling rate of the identified model [Hz].
+        notes: what else should be known, one line each.
+    """
+
+    name: str
+    input: str
+    output: str
+    frequency_hz: Floats
+    curves: Mapping[str, Complex]
+    measured: NfrResult | None
+    amplitude: float
+    reference: str
+    differences: tuple[Difference, ...]
+    nyquist_hz: float
+    notes: tuple[str, ...]
+
+    def difference(self, curve: str = IDENTIFIED) -> Difference:
+        """Return the difference between a curve and the reference.
+
+        Args:
+            curve: its name.
+
+        Raises:
+            InputError: there is no such curve, or it is the reference.
+        """
+        known = {d.curve: d for d in self.differences}
+        if curve not in known:
+            raise InputError(f"curve '{curve}' is not compared; {suggest(curve, known)}")
+        return known[curve]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The comparison in sentences."""
+        lines = []
+        for d in self.differences:
+            gain, phase = d.worst()
+            high = float(d.frequency_hz[np.isfinite(d.gain_db)].max(initial=0.0))
+            if high > 0.0:
+                far = f"{gain:.2g} dB and {phase:.2g}°"
+                lines.append(f"{d.curve}: within {far} of {self.reference} up to {high:.4g} Hz")
+        return (*lines, *self.notes)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw gain [dB] and phase [deg] of all on one picture, and the differences below.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.overlay import plot_overlay  # noqa: PLC0415  matplotlib is slow
+
+        return plot_overlay(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return curves and differences as plain lists and numbers, ready for JSON; a missing value is None."""
+        curves = {n: {"gain_db": _nullable(_db(h)), "phase_deg": _nullable(_deg(h))} for n, h in self.curves.items()}
+        gaps = [
+            {"curve": d.curve, "frequency_hz": d.frequency_hz.tolist(), "gain_db": _nullable(d.gain_db),
+             "phase_deg": _nullable(d.phase_deg)}
+            for d in self.differences
+        ]  # fmt: skip
+        plain = {n: getattr(self, n) for n in ("name", "input", "output", "reference", "nyquist_hz")}
+        amplitude = self.amplitude if np.isfinite(self.amplitude) else None
+        axis = {"amplitude": amplitude, "frequency_hz": self.frequency_hz.tolist()}
+        return {**plain, **axis, "curves": curves, "differences": gaps, "words": list(self.words)}
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the differences, one line per frequency and curve.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        rows = [
+            (d.curve, *row)
+            for d in self.differences
+            for row in zip(d.frequency_hz.tolist(), _nullable(d.gain_db), _nullable(d.phase_deg), strict=True)
+        ]
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(["curve", "frequency_hz", "difference_db", "difference_deg"])
+                writer.writerows(rows)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def overlay(
+    model: IdentifiedModel,
+    *,
+    lin: LinResult | LinearModel | None = None,
+    nfr: NfrResult | None = None,
+    input: str | None = None,
+    output: str | None = None,
+    amplitude: float | None = None,
+    frequencies: Sequence[float] | Floats | None = None,
+    plant: str | None = None,
+) -> Overlay:
+    """Lay an identified model over the linearisation and the measured frequency response.
+
+    All are shown as sines would show them. The identified model maps held inputs to samples; at 60 % of the Nyquist
+    frequency the hold alone turns the phase by 54°. What a sine shows of the same plant depends on where the hold is:
+    see `plant`. The measured response is the reference where there is one, else the linearisation.
+
+    Args:
+        model: discrete, identified.
+        lin: linearisation.
+        nfr: measured with sines.
+        input: name; may be left out where the model has one.
+        output: name; likewise.
+        amplitude: of `nfr`, that is the reference; may be left out where there is one.
+        frequencies: of the curves [Hz]; None: those of `nfr`, else three decades up to the Nyquist frequency.
+        plant: "continuous": the record's input was held, that of a sine is not; the hold is taken out. "sampled": the
+            plant samples its input and holds its output, as a sampled control law does; the hold is added. "held": the
+            discrete response as it is. None: "sampled" where `lin` says that the plant is, else "continuous".
+
+    Raises:
+        InputError: unknown name, amplitude or plant; nothing to compare with.
+    """
+    source, target = _channel("input", model.input_names, input), _channel("output", model.output_names, output)
+    linear = lin.result if isinstance(lin, LinearModel) else lin
+    if linear is None and nfr is None:
+        raise InputError("overlay: give a linearisation, a measured frequency response or both")
+    kind = plant or ("sampled" if _is_sampled(linear) else "continuous")
+    identified, notes = sine_response(model, kind, source, target)
+    shapes: dict[str, Callable[[Floats], Complex]] = {IDENTIFIED: identified}
+    if linear is not None:
+        shapes[LINEAR] = _linear(linear, source, target)
+    grid = _grid(model, nfr, frequencies)
+    level = float("nan") if nfr is None else _amplitude(nfr, amplitude)
+    reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}"
+    at, truth = _truth(shapes, nfr, level, grid)
+    return Overlay(
+        name=model.name,
+        input=source,
+        output=target,
+        frequency_hz=grid,
+        curves={name: shape(grid) for name, shape in shapes.items()},
+        measured=nfr,
+        amplitude=level,
+        reference=reference,
+        differences=tuple(_difference(n, at, shape(at), truth) for n, shape in shapes.items() if n != reference),
+        nyquist_hz=0.5 / model.dt,
+        notes=notes,
+    )
+
+
+def sine_response(
+    model: IdentifiedModel, plant: str, input: str, output: str
+) -> tuple[Callable[[Floats], Complex], tuple[str, ...]]:
+    """Return the response that a sine would show as a function of frequency [Hz], NaN above Nyquist, and notes.
+
+    The hold is taken out by the continuous model with the same samples; where there is none (poles on the negative
+    real axis) by division by (1 − e^(−sT))/(sT), which leaves what aliasing adds.
+
+    Args:
+        model: discrete.
+        plant: name in `PLANTS`.
+        input: one of its inputs.
+        output: one of its outputs.
+
+    Raises:
+        InputError: unknown plant.
+    """
+    if plant not in PLANTS:
+        raise InputError(f"plant '{plant}' is unknown; {suggest(plant, PLANTS)}")
+    shape, notes = PLANTS[plant](model)
+    i, j = model.output_names.index(output), model.input_names.index(input)
+
+    def response(frequency: Floats) -> Complex:
+        found = np.full(len(frequency), np.nan, dtype=np.complex128)
+        below = frequency < 0.5 / model.dt
+        found[below] = shape(frequency[below])[:, i, j]
+        return found
+
+    return response, notes
+
+
+_Shape = tuple[Callable[[Floats], Complex], tuple[str, ...]]
+
+
+def _hold(frequency: Floats, dt: float) -> Complex:
+    """Return (1 − e^(−sT))/(sT), shape (k, 1, 1)."""
+    x = frequency[:, None, None] * dt
+    return np.asarray(np.sinc(x) * np.exp(-1j * np.pi * x), dtype=np.complex128)
+
+
+def _continuous(model: IdentifiedModel) -> _Shape:
+    try:
+        smooth = model.continuous()
+    except InputError as error:
+        note = f"the hold is taken out by division, aliasing stays: {error}"
+        return lambda f: np.asarray(model.response(f) / _hold(f, model.dt)), (note,)
+    delay = model.dt * np.array(model.delay or (0,) * len(model.input_names), dtype=np.float64)
+    return lambda f: np.asarray(smooth.response(f) * np.exp(-2j * np.pi * f[:, None, None] * delay)), ()
+
+
+# Name → response (k, p, m) over frequency [Hz], and notes.
+PLANTS: Mapping[str, Callable[[IdentifiedModel], _Shape]] = {
+    "continuous": _continuous,
+    "sampled": lambda model: (lambda f: np.asarray(model.response(f) * _hold(f, model.dt)), ()),
+    "held": lambda model: (model.response, ()),
+}
+
+
+def _is_sampled(linear: LinResult | None) -> bool:
+    return linear is not None and linear.intersample is not None and linear.intersample.sampled
+
+
+def _channel(kind: str, names: Sequence[str], chosen: str | None) -> str:
+    if chosen is None and len(names) == 1:
+        return names[0]
+    if chosen not in names:
+        wanted = f"{kind} '{chosen}' is not in the model" if chosen else f"the model has several {kind}s, name one"
+        raise InputError(f"{wanted}; {suggest(chosen or '', names)}")
+    return str(chosen)
+
+
+def _linear(linear: LinResult, source: str, target: str) -> Callable[[Floats], Complex]:
+    """Return the response of the linearisation; it has these names, or one input and one output."""
+    i, j = (
+        names.index(name) if name in names else _only(kind, names, name)
+        for kind, names, name in (("output", linear.output_names, target), ("input", linear.input_names, source))
+    )
+
+    def response(frequency: Floats) -> Complex:
+        found = linear.fundamental(frequency)[:, i, j].copy()
+        if linear.dt > 0.0:
+            found[frequency >= 0.5 / linear.dt] = np.nan
+        return np.asarray(found, dtype=np.complex128)
+
+    return response
+
+
+def _only(kind: str, names: Sequence[str], wanted: str) -> int:
+    if len(names) != 1:
+        raise InputError(f"the linearisation has no {kind} '{wanted}'; {suggest(wanted, names)}")
+    return 0
+
+
+def _amplitude(nfr: NfrResult, amplitude: float | None) -> float:
+    nfr.to_frd(amplitude)  # refuses what was not measured, with the known ones
+    return float(nfr.amplitude[0] if amplitude is None else amplitude)
+
+
+def _grid(model: IdentifiedModel, nfr: NfrResult | None, frequencies: Sequence[float] | Floats | None) -> Floats:
+    if frequencies is not None:
+        return np.sort(np.asarray(frequencies, dtype=np.float64))
+    high = 0.5 / model.dt
+    low, top = (1e-3 * high, high) if nfr is None else (float(nfr.frequency_hz[0]), float(nfr.frequency_hz[-1]))
+    grid: Floats = np.geomspace(low, max(top, low * 1.01) * (1.0 - 1e-9), _POINTS)
+    return grid
+
+
+def _truth(
+    shapes: Mapping[str, Callable[[Floats], Complex]], nfr: NfrResult | None, level: float, grid: Floats
+) -> tuple[Floats, Complex]:
+    """Return the frequencies and values of the reference."""
+    if nfr is None:
+        return grid, shapes[LINEAR](grid)
+    row = int(np.argmin(np.abs(nfr.amplitude - level)))
+    return nfr.frequency_hz, nfr.response[row]
+
+
+def _difference(curve: str, frequency: Floats, response: Complex, truth: Complex) -> Difference:
+    with np.errstate(all="ignore"):
+        ratio = response / truth
+    good = np.isfinite(ratio) & (np.abs(ratio) > 0.0)
+    ratio = np.where(good, ratio, np.nan)
+    return Difference(curve, frequency, _db(ratio), np.degrees(np.angle(ratio)))
+
+
+def _db(response: Complex) -> Floats:
+    with np.errstate(divide="ignore"):
+        gain: Floats = 20.0 * np.log10(np.abs(response))
+    return gain
+
+
+def _deg(response: Complex) -> Floats:
+    angle: Floats = np.degrees(np.angle(response))
+    return angle
+
+
+def _nullable(values: Floats) -> list[float | None]:
+    return [v if np.isfinite(v) else None for v in values.tolist()]

@@ -1,0 +1,261 @@
+"""Pictures of an identified model: bars for the choice of its order, poles and zeros with their confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.panels import LEGEND, panels
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from workbench.analysis.identified import IdentifiedModel
+    from workbench.analysis.subspace.result import SubspaceEstimate
+    from workbench.analysis.validate.bootstrap import PoleBootstrap
+    from workbench.analysis.validate.pole_zero import NearCancellation
+
+__all__ = ["plot_bootstrap", "plot_order", "plot_poles"]
+
+Complex = NDArray[np.complex128]
+
+_BARS = 24
+_GREY = "#b8c4ce"
+_FAR = 1.6  # zeros further out are named instead of drawn
+
+
+def plot_order(result: SubspaceEstimate, path: str | Path | None = None) -> Figure:
+    """Draw singular values and principal angles [deg] as bars, the order taken in colour.
+
+    Args:
+        result: of the subspace identification.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    criterion = len(result.order_criterion) > 0
+    title = f"{result.model.name}: choice of the order ({result.method}), {result.order} taken"
+    figure, grid = panels(3 if criterion else 2, 1, title=title, height=2.1)
+    shown = min(_BARS, max(len(result.singular_values), result.order + 1))
+    _singular(grid[0][0], result, shown)
+    _angles(grid[1][0], result, shown)
+    if criterion:
+        _criterion(grid[2][0], result, shown)
+    for ax in (row[0] for row in grid):
+        ax.set_xlim(0.3 if not criterion else -0.7, shown + 0.7)
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=13))
+        ax.grid(visible=False, axis="x")
+    grid[-1][0].set_xlabel("order")
+    figure.supxlabel(f"order {result.order}: {result.order_reason}", x=0.01, ha="left", fontsize=8.5)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _bars(ax: Axes, values: Floats, order: int) -> None:
+    at = np.arange(1, len(values) + 1)
+    colours = [COLOURS[0] if k <= order else _GREY for k in at]
+    ax.bar(at, values, color=colours, width=0.7)
+    taken = [Line2D([], [], marker="s", linestyle="none", color=c) for c in (COLOURS[0], _GREY)]
+    ax.legend(taken, ["taken", "left out"], **LEGEND)
+
+
+def _singular(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    values = result.singular_values[:shown]
+    positive = values[values > 0.0]
+    ax.set_yscale("log")
+    _bars(ax, values, result.order)
+    if result.floor > 0.0 and positive.size and positive.min() < 1e3 * result.floor:
+        ax.axhline(result.floor, color="#666666", linestyle="--", linewidth=0.9)
+        ax.annotate("rounding", (shown, result.floor), va="bottom", ha="right", fontsize=8.0, color="#555555")
+    if positive.size:
+        ax.set_ylim(0.3 * float(positive.min()), 4.0 * float(positive.max()))
+    ax.set_ylabel("canonical correlation" if result.basis == "combined" else "singular value")
+
+
+def _angles(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    _bars(ax, result.principal_angles_deg[:shown], result.order)
+    ax.axhline(90.0, color="#666666", linestyle="--", linewidth=0.9)
+    ax.set_ylim(0.0, 100.0)
+    ax.set_yticks([0.0, 30.0, 60.0, 90.0])
+    ax.set_ylabel("principal angle [deg]")
+
+
+def _criterion(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    values = result.order_criterion[: shown + 1]
+    best = min(result.order, len(values) - 1)
+    ax.plot(np.arange(len(values)), values, "o-", color=COLOURS[0], markersize=3.5, linewidth=1.0)
+    ax.plot(best, values[best], "o", color=COLOURS[1], markersize=6.5, label="taken")
+    ax.set_ylabel("information criterion")
+    ax.legend(**LEGEND)
+
+
+def plot_poles(
+    model: IdentifiedModel,
+    path: str | Path | None = None,
+    *,
+    cancellations: Sequence[NearCancellation] = (),
+    bootstrap: PoleBootstrap | None = None,
+) -> Figure:
+    """Draw poles and zeros of a discrete model with the unit circle, near-cancellations marked, and 95 % regions.
+
+    A table beside names frequency and damping of each pole.
+
+    Args:
+        model: discrete.
+        path: also write the picture here; png, svg or pdf by suffix.
+        cancellations: pairs to be marked.
+        bootstrap: regions of the poles.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    poles, zeros = model.undelayed().poles, model.undelayed().zeros
+    title = f"{model.name}: poles and zeros of the model of order {len(poles)}"
+    figure, ax, side = _plane(title)
+    if bootstrap is not None:
+        _regions(ax, bootstrap)
+    near = zeros[np.abs(zeros) <= _FAR]
+    ax.plot(near.real, near.imag, "o", color=COLOURS[1], markerfacecolor="none", markersize=7.5, label="zero")
+    ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
+    _mark(ax, cancellations)
+    _legend(ax, bootstrap, cancellations)
+    _table(side, poles, model.dt, bootstrap)
+    far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
+    if far:
+        side.text(0.0, 0.02, "zeros outside the picture: " + ", ".join(_text(z) for z in far), fontsize=8.0, wrap=True)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Figure:
+    """Draw poles, those of all bootstrap replicates and the confidence regions.
+
+    Args:
+        result: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    poles = np.array([r.pole for r in result.regions], dtype=np.complex128)
+    figure, ax, side = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
+    _regions(ax, result)
+    ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
+    _legend(ax, result, ())
+    _table(side, poles, result.dt, result)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _plane(title: str) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with the plane of discrete poles and room for a table."""
+    figure, grid = panels(1, 2, title=title, width=9.6, height=4.6)
+    ax, side = grid[0]
+    ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor="#444444", linewidth=1.0))
+    ax.axhline(0.0, color="#888888", linewidth=0.7)
+    ax.axvline(0.0, color="#888888", linewidth=0.7)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlim(-1.15, 1.15)
+    ax.set_ylim(-1.15, 1.35)
+    ax.set_xlabel("real part [1]")
+    ax.set_ylabel("imaginary part [1]")
+    side.set_axis_off()
+    return figure, ax, side
+
+
+def _regions(ax: Axes, bootstrap: PoleBootstrap) -> None:
+    for column in bootstrap.replicates.T:
+        ax.plot(column.real, column.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
+    for region in bootstrap.regions:
+        if not region.determined:
+            ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.10, zorder=1.0, linewidth=0.0))
+        elif region.on_axis:
+            half = region.half_axes[0]
+            ends = [region.pole.real - half, region.pole.real + half]
+            ax.plot(ends, [0.0, 0.0], "-|", color=COLOURS[2], linewidth=3.0, alpha=0.7, markersize=9.0, zorder=1.8)
+        else:
+            edge = region.outline()
+            corners = np.column_stack([edge.real, edge.imag])
+            ax.add_patch(Polygon(corners, facecolor=COLOURS[2], edgecolor=COLOURS[2], alpha=0.25, zorder=1.7))
+            ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
+
+
+def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
+    for pair in cancellations:
+        middle = 0.5 * (pair.pole + pair.zero)
+        radius = 0.5 * pair.distance + 0.07
+        for sign in (1.0, -1.0) if middle.imag > 1e-9 else (1.0,):
+            at = (middle.real, sign * middle.imag)
+            ax.add_patch(Circle(at, radius, fill=False, edgecolor=COLOURS[3], linewidth=1.4, linestyle="--"))
+
+
+def _legend(ax: Axes, bootstrap: PoleBootstrap | None, cancellations: Sequence[NearCancellation]) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    extra: list[tuple[dict[str, Any], str]] = []
+    if bootstrap is not None:
+        extra.append(({"color": COLOURS[4], "marker": ".", "linestyle": "none"}, "bootstrap replicate"))
+        if bootstrap.determined:
+            wide = {"color": COLOURS[2], "linewidth": 4.0, "alpha": 0.5}
+            extra.append((wide, f"{100.0 * bootstrap.confidence:g} % region"))
+        if bootstrap.determined < len(bootstrap.regions):
+            extra.append(({"color": COLOURS[5], "linewidth": 6.0, "alpha": 0.25}, "region of undetermined poles"))
+    if cancellations:
+        extra.append(({"color": COLOURS[3], "linestyle": "--"}, "nearly cancel"))
+    handles = [*handles, *(Line2D([], [], **style) for style, _ in extra)]
+    ax.legend(handles, [*labels, *(text for _, text in extra)], loc="upper center", ncols=3, **LEGEND)
+
+
+def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None) -> None:
+    """List poles, one line for a pair, with frequency, damping and size of the region."""
+    head = ["pole", "frequency\n[Hz]", "damping\n[1]"]
+    head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
+    upper = sorted((p for p in poles.tolist() if p.imag >= 0.0), key=lambda p: -abs(p))
+    rows = [[_text(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
+    if not rows:
+        ax.text(0.0, 0.9, "no poles: a gain alone")
+        return
+    widths = [0.36, 0.2, 0.16] + ([] if bootstrap is None else [0.34])
+    table = ax.table(cellText=rows, colLabels=head, loc="upper left", cellLoc="left", colWidths=widths)
+    table.auto_set_font_size(False)
+    table.set_fontsize(8.0)
+    for (row, _), cell in table.get_celld().items():
+        cell.set_edgecolor("#cccccc")
+        cell.set_height(0.11 if row == 0 else 0.06)
+        if row == 0:
+            cell.set_facecolor("#eef2f5")
+
+
+def _motion(pole: complex, dt: float) -> list[str]:
+    """Return frequency [Hz] and damping of the continuous pole behind a discrete one."""
+    if abs(pole) < 1e-6:
+        return ["–", "–"]
+    s = np.log(pole) / dt
+    size = float(abs(s))
+    return [f"{size / (2.0 * np.pi):.4g}", f"{-s.real / size:.3g}" if size > 0.0 else "–"]
+
+
+def _size(pole: complex, bootstrap: PoleBootstrap | None) -> list[str]:
+    if bootstrap is None:
+        return []
+    region = min(bootstrap.regions, key=lambda r: abs(r.pole - pole))
+    if not region.determined:
+        return ["not determined"]
+    long, short = region.half_axes
+    return [f"± {long:.2g}" if region.on_axis else f"{long:.2g}, {short:.2g}"]
+
+
+def _text(z: complex) -> str:
+    return f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g} ± {abs(z.imag):.4g}i"

@@ -1,0 +1,88 @@
+"""An identified model, the linearisation and the measured response on one Bode picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.analysis.nfr_result import follow_phase
+from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.lin import bode_labels
+from workbench.plotting.panels import LEGEND, panels
+
+if TYPE_CHECKING:
+    from workbench.analysis.nfr_result import NfrResult
+    from workbench.analysis.validate.overlay import Overlay
+
+__all__ = ["plot_overlay"]
+
+_DASHES = ("-", "--", "-.")
+_MARKS = ("o", "s", "D", "v", "P")
+
+
+def plot_overlay(result: Overlay, path: str | Path | None = None) -> Figure:
+    """Draw gain [dB] and phase [deg] over frequency [Hz], and how far the curves are from the reference.
+
+    Args:
+        result: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    title = f"{result.name}: {result.input} → {result.output}"
+    figure, grid = panels(4, 1, title=title, sharex="all", height=1.75, ratios=[1.35, 1.35, 0.8, 0.8])
+    axes = [row[0] for row in grid]
+    colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(result.curves)}
+    for number, (name, response) in enumerate(result.curves.items()):
+        style: dict[str, Any] = {"color": colours[name], "linestyle": _DASHES[number % 3], "linewidth": 1.6}
+        with np.errstate(divide="ignore"):
+            axes[0].plot(result.frequency_hz, 20.0 * np.log10(np.abs(response)), label=name, **style)
+        axes[1].plot(result.frequency_hz, follow_phase(response), **style)
+    if result.measured is not None:
+        _measured(axes, result, result.measured)
+    for number, d in enumerate(result.differences):
+        style = {"color": colours[d.curve], "marker": ".", "linestyle": _DASHES[number % 3], "linewidth": 1.2}
+        axes[2].plot(d.frequency_hz, d.gain_db, **style)
+        axes[3].plot(d.frequency_hz, d.phase_deg, **style)
+    _finish(axes, result)
+    figure.align_ylabels(axes)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _measured(axes: list[Axes], result: Overlay, nfr: NfrResult) -> None:
+    unit = f" {nfr.input_unit}" if nfr.input_unit and nfr.input_unit != "1" else ""
+    for k, amplitude in enumerate(nfr.amplitude.tolist()):
+        colour = "#222222" if np.isclose(amplitude, result.amplitude) else "#999999"
+        style: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "linestyle": "none", "markersize": 4.5}
+        mark = _MARKS[k % len(_MARKS)]
+        text = f"measured, {amplitude:g}{unit}"
+        axes[0].plot(nfr.frequency_hz, nfr.gain_db[k], mark, label=text, **style)
+        axes[1].plot(nfr.frequency_hz, nfr.phase_deg[k], mark, **style)
+        if nfr.averaged[k].any():
+            at = nfr.frequency_hz[nfr.averaged[k]]
+            axes[0].plot(at, nfr.gain_db[k][nfr.averaged[k]], "^", label="not settled", **{**style, "markersize": 7.0})
+
+
+def _finish(axes: list[Axes], result: Overlay) -> None:
+    bode_labels(axes[:2])
+    axes[1].set_xlabel("")
+    axes[2].set_ylabel("difference [dB]")
+    axes[3].set_ylabel("difference [deg]")
+    axes[3].set_xlabel("frequency [Hz]")
+    axes[2].set_title(f"curves less {result.reference}", loc="left")
+    for ax in axes:
+        ax.axvline(result.nyquist_hz, color="#888888", linestyle=":", linewidth=1.0)
+    for ax in axes[2:]:
+        ax.axhline(0.0, color="#888888", linewidth=0.7)
+    axes[0].plot([], [], color="#888888", linestyle=":", label="Nyquist frequency")
+    axes[0].legend(loc="best", **LEGEND)
+    low = float(result.frequency_hz[0])
+    high = float(result.frequency_hz[-1])
+    axes[0].set_xlim(low / 1.1, high * 1.1)

@@ -1,0 +1,170 @@
+"""Pictures of a validation: outputs over time, residuals and their correlations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.errors import InputError
+from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.panels import LEGEND, panels
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from workbench.analysis.validate.residuals import Residuals
+    from workbench.analysis.validate.result import Validation
+
+__all__ = ["plot_fit", "plot_residuals"]
+
+_SHOWN = 300  # samples that can still be told apart over the width of a page
+_DARK = "#333333"
+_BAND: dict[str, Any] = {"color": COLOURS[4], "alpha": 0.25, "linewidth": 0.0}
+_EDGE: dict[str, Any] = {"color": "#666666", "linewidth": 0.9, "linestyle": "--"}
+
+
+def plot_fit(result: Validation, path: str | Path | None = None, *, seconds: float | None = None) -> Figure:
+    """Draw measured, simulated and predicted outputs over time [s], the errors below each.
+
+    Args:
+        result: what to draw.
+        path: also write the picture here; png, svg or pdf by suffix.
+        seconds: how much to show [s]; None: the first 300 samples.
+
+    Raises:
+        InputError: nothing to show, unknown suffix, file cannot be written.
+    """
+    data = result.data
+    if seconds is not None and not seconds > 0.0:
+        raise InputError(f"seconds must be positive, not {seconds:g}")
+    span = _SHOWN if seconds is None else max(2, round(seconds / data.dt))
+    shown = slice(0, min(span, data.n_samples))
+    title = f"{data.name}: output of the model of order {result.model.order} and measured output"
+    down = 2 * data.n_outputs
+    figure, grid = panels(down, 1, title=title, sharex="all", height=1.6, ratios=[2.0, 1.0] * data.n_outputs)
+    for k, name in enumerate(data.output_names):
+        unit = data.output_units[k]
+        _outputs(grid[2 * k][0], result, k, shown)
+        _errors(grid[2 * k + 1][0], result, k, shown)
+        grid[2 * k][0].set_ylabel(label(name, unit))
+        grid[2 * k + 1][0].set_ylabel(label("error", unit))
+    part = "" if shown.stop >= data.n_samples else f", {shown.stop} of {data.n_samples} samples"
+    grid[-1][0].set_xlabel(f"time [s]{part}")
+    figure.align_ylabels([row[0] for row in grid])
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _outputs(ax: Axes, result: Validation, k: int, shown: slice) -> None:
+    time, y = result.data.time[shown], result.data.y[shown, k]
+    ax.plot(time, y, color=_DARK, linewidth=1.8, label="measured")
+    simulated, predicted = result.simulation, result.prediction
+    for kind, colour, dash in ((simulated, COLOURS[1], "-"), (predicted, COLOURS[0], "--")):
+        fit = kind.fits[k]
+        good = np.all(np.isfinite(kind.computed[shown, k]))
+        text = f"{kind.kind}, fit {fit.fit_percent:.1f} %" if np.isfinite(fit.fit_percent) else f"{kind.kind}: unstable"
+        values = kind.computed[shown, k] if good else np.full(len(time), np.nan)
+        ax.plot(time, values, dash, color=colour, linewidth=1.2, label=text)
+    low, high = float(np.min(y)), float(np.max(y))
+    room = (high - low or 1.0) * 0.35
+    ax.set_ylim(low - room, high + 1.6 * room)
+    ax.legend(loc="upper right", ncols=3, **LEGEND)
+
+
+def _errors(ax: Axes, result: Validation, k: int, shown: slice) -> None:
+    time = result.data.time[shown]
+    for kind, colour, dash in ((result.simulation, COLOURS[1], "-"), (result.prediction, COLOURS[0], "--")):
+        if np.all(np.isfinite(kind.residual[shown, k])):
+            ax.plot(time, kind.residual[shown, k], dash, color=colour, linewidth=1.0)
+    ax.axhline(0.0, color="#888888", linewidth=0.7)
+
+
+def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | None = None) -> Figure:
+    """Draw residuals over time, their autocorrelation and their cross-correlation with each input.
+
+    One column for each output. Shaded: 95 % of the lags of a good model lie within. Dashed: with 95 % all of them do,
+    what lies outside decides the verdict.
+
+    Args:
+        result: of the validation.
+        residuals: one of its two.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: there are no residual tests to draw, unknown suffix, file cannot be written.
+    """
+    if residuals.autocorrelation is None or residuals.cross is None:
+        raise InputError(f"{result.data.name}: {residuals.remark}; there is no residual picture")
+    data, p, m = result.data, result.data.n_outputs, result.data.n_inputs
+    title = f"{data.name}: residuals of the {residuals.kind}"
+    figure, grid = panels(2 + m, p, title=title, width=max(7.2, 4.2 * p), height=2.2)
+    for k, name in enumerate(data.output_names):
+        _residual(grid[0][k], result, residuals, k)
+        _autocorrelation(grid[1][k], residuals, k, data.dt)
+        for j, source in enumerate(data.input_names):
+            _cross(grid[2 + j][k], residuals, k, j)
+            grid[2 + j][k].set_title(f"{source} → residual of {name}", loc="left")
+            grid[2 + j][k].set_xlabel(f"lag [samples of {data.dt:g} s]")
+    _verdicts(figure, residuals)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def _residual(ax: Axes, result: Validation, residuals: Residuals, k: int) -> None:
+    data = result.data
+    ax.plot(data.time, residuals.residual[:, k], color=COLOURS[0], linewidth=0.6)
+    ax.set_ylabel(label(f"residual of {data.output_names[k]}", data.output_units[k]))
+    ax.set_xlabel("time [s]")
+    ax.margins(x=0.01)
+
+
+def _autocorrelation(ax: Axes, residuals: Residuals, k: int, dt: float) -> None:
+    test = residuals.autocorrelation
+    if test is None:
+        return
+    ax.axhspan(-test.band, test.band, label="95 % band of each lag", **_BAND)
+    _stems(ax, test.lags, test.values[:, k], np.abs(test.values[:, k]) > test.band)
+    ax.set_ylabel("autocorrelation")
+    ax.set_xlabel(f"lag [samples of {dt:g} s]")
+    ax.set_ylim(min(-0.15, 1.15 * float(np.min(test.values[:, k]))), 1.05)
+    ax.legend(loc="upper right", **LEGEND)
+
+
+def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
+    test = residuals.cross
+    if test is None:
+        return
+    values, band, (before, after) = test.values[:, k, j], float(test.band[k, j]), test.band_all[k, j]
+    ax.axhspan(-band, band, label="95 % band of each lag", **_BAND)
+    half = float(test.lags[-1])
+    for sign in (-1.0, 1.0):
+        ax.plot([-half - 0.5, -0.5], [sign * before] * 2, **_EDGE)
+        ax.plot([-0.5, half + 0.5], [sign * after] * 2, label="95 % band of all lags" if sign > 0.0 else None, **_EDGE)
+    ax.axvline(-0.5, color="#888888", linewidth=0.7)
+    _stems(ax, test.lags, values, np.abs(values) > np.where(test.lags < 0.0, before, after))
+    top = 1.5 * max(float(np.max(np.abs(values))), float(np.max(test.band_all[k, j])))
+    ax.set_ylim(-top, top)
+    for at, side in ((0.01, "left"), (0.99, "right")):
+        text = "lag < 0: feedback" if side == "left" else "lag ≥ 0: dynamics missed"
+        ax.text(at, 0.03, text, transform=ax.transAxes, ha=side, fontsize=8.0, color="#555555")
+    ax.set_ylabel("cross-correlation")
+    ax.legend(loc="upper right", ncols=2, **LEGEND)
+
+
+def _stems(ax: Axes, lags: Floats, values: Floats, outside: np.ndarray[Any, Any]) -> None:
+    for chosen, colour in ((~outside, COLOURS[0]), (outside, COLOURS[1])):
+        ax.vlines(lags[chosen], 0.0, values[chosen], color=colour, linewidth=1.2)
+        ax.plot(lags[chosen], values[chosen], "o", color=colour, markersize=3.0)
+    ax.axhline(0.0, color="#888888", linewidth=0.7)
+
+
+def _verdicts(figure: Figure, residuals: Residuals) -> None:
+    if residuals.autocorrelation is None or residuals.cross is None:
+        return
+    text = "\n".join((residuals.autocorrelation.words, *residuals.cross.words))
+    figure.supxlabel(text, x=0.01, ha="left", fontsize=8.5)
