@@ -27,8 +27,8 @@ class PrbsDesign(Design):
     """offset ± amplitude by the bits of a maximum-length shift register.
 
     A new bit comes with the first sample after each 1/rate; the rate need not divide the sampling rate.
-    A lower rate puts the power at low frequencies: −3 dB near 0.44·rate. Several inputs get the same
-    sequence, each shifted by an equal share of its period.
+    A lower rate puts the power at low frequencies: −3 dB near 0.44·rate. Several inputs get
+    parts of one sequence that lie far apart in its period.
 
     Not for models whose response to positive and negative deflection differs, if that is to be seen:
     two levels cannot show it; take a multisine.
@@ -61,12 +61,11 @@ class PrbsDesign(Design):
     def sequences(self, inputs: int, *, dt: float, samples: int, validation: int) -> Sequences:
         rate = 1.0 / dt if self.rate is None else min(self.rate, 1.0 / dt)
         index = _bit_of_sample(samples + validation, dt * rate)
-        order = self._order(inputs, int(index[-1]) + 1)
+        count = int(index[-1]) + 1
+        order = self._order(inputs, count)
         length = (1 << order) - 1
-        bits = np.column_stack([
-            register_bits(order, int(index[-1]) + 1, state=state) for state in self._states(order, inputs)
-        ]).astype(np.float64)  # fmt: skip
-        values = (2.0 * bits[index] - 1.0) * each("prbs: amplitude", self.amplitude, inputs)
+        bits = [register_bits(order, count, state=state) for state in self._states(order, inputs, count)]
+        values = (2.0 * np.column_stack(bits)[index] - 1.0) * each("prbs: amplitude", self.amplitude, inputs)
         return Sequences(
             identification=Part(values[:samples]),
             validation=Part(values[samples:]) if validation else None,
@@ -75,7 +74,7 @@ class PrbsDesign(Design):
             clock=rate,
             order=order,
             band=(max(rate / length, 1.0 / (samples * dt)), _upper_edge(rate, dt)),
-            notes=tuple(self._notes(dt, rate, samples + validation, inputs, length, int(index[-1]) + 1)),
+            notes=tuple(self._notes(dt, rate, samples + validation, inputs, length, count)),
         )
 
     def _order(self, inputs: int, bits: int) -> int:
@@ -86,11 +85,19 @@ class PrbsDesign(Design):
             raise InputError(f"prbs: {bits} bits for {inputs} inputs are too many; take fewer samples or a lower rate")
         return fitting[0]
 
-    def _states(self, order: int, inputs: int) -> list[int]:
-        """Return where each input's register starts; all ones but few would begin with long runs."""
+    def _states(self, order: int, inputs: int, bits: int) -> list[int]:
+        """Return where each input's register starts.
+
+        By chance, where the period leaves room: a few ones begin with long runs, and parts that lie a power of two
+        apart are sums of few others, which correlates them.
+        """
         length = (1 << order) - 1
-        first = 1 + int(np.random.default_rng(self.seed).integers(length))
-        return [jump(order, first, i * (length // inputs)) for i in range(inputs)]
+        rng = np.random.default_rng(self.seed)
+        first = 1 + int(rng.integers(length))
+        share = length // inputs
+        room = max(0, share - bits) // 2
+        shifts = [i * share - (int(rng.integers(room + 1)) if i else 0) for i in range(inputs)]
+        return [jump(order, first, shift) for shift in shifts]
 
     def _notes(self, dt: float, rate: float, samples: int, inputs: int, length: int, bits: int) -> list[str]:  # noqa: PLR0917
         notes = []

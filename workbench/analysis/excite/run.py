@@ -19,8 +19,8 @@ from workbench.signals import Constant, Signal, Table
 
 __all__ = ["Begin", "ExciteTask", "Rows", "measure"]
 
-CHUNKS = 50  # pieces in which a run is reported
-_SHORTEST_CHUNK = 100
+CHUNKS = 50  # pieces in which a run is reported, unless they are out of these bounds [samples]
+_SHORTEST_CHUNK, _LONGEST_CHUNK = 100, 2000
 _LOOKS = 100  # at the outputs while they settle
 _SAME = 1e-9  # of an interval: two times closer than that are one
 _OFF = 1e-3  # relative: by how much an output may miss the operating point without a word
@@ -245,7 +245,7 @@ class _Played:
     def run(self, session: Session) -> Iterator[Rows]:
         """Advance to the end, a piece at a time."""
         count = len(self.reads)
-        size = max(_SHORTEST_CHUNK, -(-count // CHUNKS))
+        size = min(max(_SHORTEST_CHUNK, -(-count // CHUNKS)), _LONGEST_CHUNK)
         for first in range(0, count, size):
             last = min(first + size, count)
             reads, end = self.reads[first:last], float(self.begins[last])
