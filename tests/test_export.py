@@ -206,8 +206,8 @@ def test_jacobian_and_stiffness_are_those_of_A(n: int) -> None:
 
 def test_zeros_are_no_dependencies() -> None:
     whole = _full(40)
-    whole["A"][0, [0, 20]] = 0.0  # runs of 19 and 19: two loops
-    whole["A"][1, :30] = 0.0  # a run of 10: a sum
+    whole["A"][0, [0, 20]] = 0.0  # a loop with a zero in it
+    whole["A"][1, :30] = 0.0  # a sum of 10
     scalar = state_space(matrices_of(whole), "M")
     order = causalise(scalar)
     np.testing.assert_array_equal(jacobian(scalar, order), whole["A"])

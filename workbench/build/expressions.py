@@ -268,11 +268,12 @@ class ExpressionGraph:
         return total
 
     def _substitute_matrix(self, number: int, row: Row, replacement: dict[int, int]) -> int:
-        if not any(k in replacement for k in _factors(row)):
+        if not any(k in replacement for k in self._factors(row)):
             return number
         total = self.number(0.0)
-        for factor, k in zip(self.table[row[0] : row[0] + row[4]], _factors(row), strict=True):
-            total = self.add(total, self.multiply(self.number(factor), replacement.get(k, self.leaf(VARIABLE, k))))
+        for k in self._factors(row):
+            factor = self.number(self.table[row[0] + k - row[2]])
+            total = self.add(total, self.multiply(factor, replacement.get(k, self.leaf(VARIABLE, k))))
         return total
 
     def rebuild(self, operation: str, operands: Sequence[int]) -> int:
@@ -306,7 +307,7 @@ class ExpressionGraph:
             if node.operation == operation:
                 yield node.reference
             elif node.operation == MATRIX_PRE and operation == PRE:
-                yield from _factors(node.row)
+                yield from self._factors(node.row)
 
     def variables(self, expression: int) -> set[int]:
         """Return the value references that `expression` reads now (not those it reads as pre)."""
@@ -318,14 +319,13 @@ class ExpressionGraph:
                 found.update(a + i * stride_a for i in range(length))
                 found.update(x + i * stride_x for i in range(length))
             elif node.operation == MATRIX:
-                found.update(_factors(node.row))
+                found.update(self._factors(node.row))
         return found
 
-
-def _factors(row: Row) -> range:
-    """Return the value references of x in a row."""
-    _, _, x, stride, length = row
-    return range(x, x + stride * length, stride)
+    def _factors(self, row: Row) -> list[int]:
+        """Return the value references that a matrix row depends on: zeros in the table are no dependency."""
+        a, _, x, _, length = row
+        return [x + i for i in range(length) if self.table[a + i] != 0.0]
 
 
 def _power(a: float, b: float) -> float:

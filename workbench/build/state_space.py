@@ -35,7 +35,8 @@ _NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
 _IDENTIFIER = rf"{_NAME}(\.{_NAME})*"
 _STRUCTURED = re.compile(rf"({_IDENTIFIER}|der\({_IDENTIFIER}\))", flags=re.ASCII)
 
-_LONG = 16  # a row of so many numbers becomes a loop
+_LONG = 16  # a row of so many numbers becomes a loop,
+_DENSE = 0.25  # where so many of them are not 0
 # A period is written as a quotient of whole numbers, the simplest that is this close.
 _SAME_PERIOD = Fraction(1, 10**15)
 _MOST_DENOMINATOR = 10**15  # the runtime counts in 64 bits
@@ -196,24 +197,19 @@ class _Builder:
         return graph.add(total, graph.number(constant))
 
     def _by_state(self, factors: Floats) -> int:
-        """Return Σ factors·x; long runs without a zero become loops, which compile faster and are smaller."""
+        """Return Σ factors·x; a row with many entries becomes a loop, which compiles faster and is smaller."""
         graph = self.graph
         row, leaf = (MATRIX_PRE, PRE) if self.sampled else (MATRIX, VARIABLE)
+        some = np.flatnonzero(factors)
+        if len(some) >= _LONG:
+            first, last = int(some[0]), int(some[-1])
+            if len(some) >= _DENSE * (last - first + 1):
+                return graph.matrix_row(row, factors[first : last + 1].tolist(), self.states[first])
         total = graph.number(0.0)
-        for first, last in _runs(factors):
-            if last - first >= _LONG:
-                total = graph.add(total, graph.matrix_row(row, factors[first:last].tolist(), self.states[first]))
-                continue
-            for factor, reference in zip(factors[first:last].tolist(), self.states[first:last], strict=True):
-                total = graph.add(total, graph.multiply(graph.number(factor), graph.leaf(leaf, reference)))
+        for i in some.tolist():
+            term = graph.multiply(graph.number(float(factors[i])), graph.leaf(leaf, self.states[i]))
+            total = graph.add(total, term)
         return total
-
-
-def _runs(factors: Floats) -> list[tuple[int, int]]:
-    """Return [first, last) of each run of factors that are not 0: a zero would tell a dependency that is none."""
-    some = np.concatenate([[False], factors != 0.0, [False]])
-    edges = np.flatnonzero(some[1:] != some[:-1]).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _place(text: str, row: int) -> Place:
