@@ -1,0 +1,74 @@
+"""Judge recorded data before fitting a model to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from workbench.analysis.advice.delay import judge_delay
+from workbench.analysis.advice.disturbance import judge_disturbance
+from workbench.analysis.advice.excitation import excited_orders, is_single_sine, judge_excitation
+from workbench.analysis.advice.feedback import judge_feedback
+from workbench.analysis.advice.length import judge_length
+from workbench.analysis.advice.linearity import judge_linearity
+from workbench.analysis.advice.noise import judge_noise
+from workbench.analysis.advice.outliers import judge_outliers
+from workbench.analysis.advice.quantisation import judge_quantisation
+from workbench.analysis.advice.result import Advice, Finding
+from workbench.analysis.advice.sampling import judge_sampling
+from workbench.analysis.advice.saturation import judge_saturation
+from workbench.analysis.advice.settling import judge_settling
+from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.trend import judge_trend
+from workbench.analysis.experiment import Experiment
+from workbench.errors import InputError, suggest
+
+__all__ = ["TOPICS", "advise"]
+
+TOPICS: Mapping[str, Callable[[Study], Finding]] = {
+    "excitation": judge_excitation,
+    "length": judge_length,
+    "settling": judge_settling,
+    "sampling": judge_sampling,
+    "delay": judge_delay,
+    "noise": judge_noise,
+    "linearity": judge_linearity,
+    "feedback": judge_feedback,
+    "saturation": judge_saturation,
+    "outliers": judge_outliers,
+    "quantisation": judge_quantisation,
+    "trend": judge_trend,
+    "disturbance": judge_disturbance,
+}
+
+
+def advise(
+    experiment: Experiment,
+    *,
+    order: int | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> Advice:
+    """Judge data: excitation, length, sampling, delay, noise, linearity, feedback, saturation, outliers and more.
+
+    Nothing is changed. Each finding has a verdict, the evidence in numbers and what to do. Of a long record the
+    first 20 000 samples are judged.
+
+    Args:
+        experiment: recorded data, as they came: not detrended, not scaled.
+        order: of the model they are meant for; None: not known yet.
+        limits: output → lowest and highest value that the system allows, where they are known; two-level inputs
+            leave no other way to tell a limit from a settled response.
+
+    Raises:
+        InputError: fewer than 40 samples, a limit for a column that is no output.
+    """
+    for name in limits or {}:
+        if name not in experiment.output_names:
+            raise InputError(f"limits: '{name}' is no output of the data; {suggest(name, experiment.output_names)}")
+    study = Study(experiment, order=order, limits=limits)
+    return Advice(
+        experiment=experiment,
+        findings=tuple(judge(study) for judge in TOPICS.values()),
+        excited_orders=excited_orders(study),
+        single_sine=is_single_sine(study),
+        order=order,
+    )

@@ -1,0 +1,51 @@
+"""Is an output recorded in coarse steps?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.analysis.advice.result import Finding
+from workbench.analysis.advice.study import Study
+from workbench.session.base import Floats
+
+__all__ = ["judge_quantisation", "resolution"]
+
+_COARSE = 20.0  # steps in a standard deviation; noise of 1.4 % of the signal
+_VERY_COARSE = 5.0
+_EVEN = 1e-3  # of a step
+
+
+def resolution(y: Floats) -> float:
+    """Return the step of which all differences of values are multiples; 0 where there is none to be seen.
+
+    Args:
+        y: shape (n,).
+    """
+    levels = np.unique(y)
+    if not 3 <= len(levels) <= len(y) // 4:
+        return 0.0
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
+    if not steps.size:
+        return 0.0
+    step = float(np.min(steps))
+    multiples = (levels - levels[0]) / step
+    # Even steps by chance are unlikely with many levels only.
+    even = np.max(np.abs(multiples - np.round(multiples))) < _EVEN
+    return step if even and len(levels) > 5 else 0.0
+
+
+def judge_quantisation(study: Study) -> Finding:
+    """Judge the steps of each output against its standard deviation."""
+    data = study.experiment
+    inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))
+    steps = {n: resolution(data.y[:, i]) for i, n in enumerate(data.output_names)}
+    fine = {n: study.spread[i] / steps[n] for i, n in enumerate(data.output_names) if steps[n] > 0.0}
+    # A gain passes the levels of its input on: that is no quantisation.
+    coarse = {n: v for n, v in fine.items() if v < _COARSE and len(np.unique(data.y)) > inputs}
+    if not coarse:
+        return Finding("quantisation", "good", "no coarse steps", "", {"steps": steps})
+    name = min(coarse, key=lambda n: coarse[n])
+    evidence = f"{name} has steps of {steps[name]:.4g}, {coarse[name]:.2g} in a standard deviation"
+    verdict = "poor" if coarse[name] < _VERY_COARSE else "watch"
+    return Finding("quantisation", verdict, evidence, "raise the amplitude or the resolution", {"steps": steps})

@@ -1,0 +1,156 @@
+"""What the judgement of recorded data returns."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.analysis.experiment import Experiment
+from workbench.errors import InputError, suggest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["VERDICTS", "Advice", "Finding"]
+
+# From harmless to serious.
+VERDICTS = ("good", "unknown", "watch", "poor")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The answer to one question about the data.
+
+    Attributes:
+        topic: name of the question, a key of `advise.TOPICS`.
+        verdict: "good", "unknown" (these data cannot tell), "watch" (may harm) or "poor" (will harm).
+        evidence: what was found, with numbers, in one line.
+        advice: what to do, in one line; empty where there is nothing to do.
+        values: the numbers by name, for programs.
+        marks: column → samples that the finding is about.
+    """
+
+    topic: str
+    verdict: str
+    evidence: str
+    advice: str = ""
+    values: dict[str, Any] = field(default_factory=dict)
+    marks: dict[str, tuple[int, ...]] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        tail = f" → {self.advice}" if self.advice else ""
+        return f"{self.topic}: {self.verdict}: {self.evidence}{tail}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        marks = {name: list(samples) for name, samples in self.marks.items()}
+        return {**{n: getattr(self, n) for n in ("topic", "verdict", "evidence", "advice", "values")}, "marks": marks}
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """Findings about one experiment, one for each topic.
+
+    Attributes:
+        experiment: the data.
+        findings: in the order of `advise.TOPICS`.
+        excited_orders: order of persistent excitation of all inputs jointly; None: at least as high as was tested.
+        single_sine: an input whose excitation is one sine, or constant.
+        order: of the model these data are meant for, None where none was given.
+    """
+
+    experiment: Experiment
+    findings: tuple[Finding, ...]
+    excited_orders: int | None
+    single_sine: bool
+    order: int | None = None
+
+    @property
+    def worst(self) -> str:
+        """The most serious verdict."""
+        return max((f.verdict for f in self.findings), key=VERDICTS.index, default=VERDICTS[0])
+
+    @property
+    def concerns(self) -> tuple[Finding, ...]:
+        """What is "watch" or "poor", the serious ones first."""
+        chosen = [f for f in self.findings if f.verdict in VERDICTS[2:]]
+        return tuple(sorted(chosen, key=lambda f: -VERDICTS.index(f.verdict)))
+
+    def finding(self, topic: str) -> Finding:
+        """Return the finding about a topic.
+
+        Args:
+            topic: its name.
+
+        Raises:
+            InputError: no such topic.
+        """
+        for found in self.findings:
+            if found.topic == topic:
+                return found
+        raise InputError(f"advice has no topic '{topic}'; {suggest(topic, [f.topic for f in self.findings])}")
+
+    def refuse(self, order: int) -> None:
+        """Raise where the inputs excite too little for a model of this order.
+
+        A sine of one frequency excites two orders: it shows gain and phase at that frequency, which fix two
+        parameters; whatever else a model of higher order says is made up.
+
+        Args:
+            order: of the model.
+
+        Raises:
+            InputError: the model needs more orders than the inputs excite.
+        """
+        excited = self.excited_orders
+        if excited is None or order <= excited:
+            return
+        names = ", ".join(self.experiment.input_names)
+        what = "are constant" if self.experiment.n_inputs > 1 else "is constant"
+        if excited:
+            what = "is a single sine: it" if self.single_sine else "together" if "," in names else "has few lines: it"
+            what = f"{what} excites {excited} order{'s' if excited > 1 else ''}"
+        raise InputError(
+            f"{self.experiment.name}: {names} {what}, too few for a model of order {order}; "
+            "use a PRBS or a multisine with more lines, or a lower order"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "name": self.experiment.name,
+            "worst": self.worst,
+            "excited_orders": self.excited_orders,
+            "single_sine": self.single_sine,
+            "order": self.order,
+            "findings": [f.to_dict() for f in self.findings],
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write one line for each finding: topic, verdict, evidence, advice.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(["topic", "verdict", "evidence", "advice"])
+                writer.writerows([f.topic, f.verdict, f.evidence, f.advice] for f in self.findings)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the data with what was found in them, and the verdicts.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.advice import plot_advice  # noqa: PLC0415  matplotlib is slow
+
+        return plot_advice(self, path)

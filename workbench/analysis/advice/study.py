@@ -1,0 +1,122 @@
+"""What several questions about the data need, computed once and when first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.long_arx import LongArx, fit_long_arx
+from workbench.analysis.preprocess.settle import settling_samples
+from workbench.analysis.spectra.coherence import Coherence, coherence
+from workbench.analysis.spectra.density import SpectralDensity, sdf
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["Study"]
+
+# More samples than these add nothing to a judgement.
+_MOST_SAMPLES = 20_000
+_FEWEST_SAMPLES = 40
+_LONGEST_MEMORY = 2_000
+
+
+class Study:
+    """The data with their offsets removed, and estimates from them.
+
+    Args:
+        experiment: the data.
+        order: of the model they are meant for; None: unknown.
+        limits: output → lowest and highest value its hardware allows.
+
+    Attributes:
+        experiment: the data; of a long record the beginning, without what is still settling.
+        settling: so many samples were left out at the beginning.
+        order, limits: as given.
+        u: inputs without their means, shape (n, m).
+        y: outputs without their means, shape (n, p).
+        varying_inputs, varying_outputs: columns that are not constant.
+
+    Raises:
+        InputError: too few samples to judge.
+    """
+
+    def __init__(
+        self, experiment: Experiment, *, order: int | None, limits: Mapping[str, tuple[float, float]] | None
+    ) -> None:
+        if experiment.n_samples < _FEWEST_SAMPLES:
+            raise InputError(
+                f"{experiment.name}: {experiment.n_samples} samples are too few to judge; {_FEWEST_SAMPLES} at least"
+            )
+        first = experiment.part(0, min(experiment.n_samples, _MOST_SAMPLES))
+        self.settling = _settled(first)
+        self.experiment = first.part(self.settling)
+        self.order = order
+        self.limits = dict(limits or {})
+        self.u = _centred(self.experiment.u)
+        self.y = _centred(self.experiment.y)
+        self.varying_inputs = _varying(self.u, self.experiment.u)
+        self.varying_outputs = _varying(self.y, self.experiment.y)
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval [s]."""
+        return self.experiment.dt
+
+    @cached_property
+    def spread(self) -> Floats:
+        """Standard deviation of each output, shape (p,), at least the smallest positive number."""
+        return np.asarray(np.maximum(np.std(self.y, axis=0), 1e-300), dtype=np.float64)
+
+    @cached_property
+    def arx(self) -> LongArx:
+        """The long difference equation."""
+        return fit_long_arx(self.u, self.y)
+
+    @cached_property
+    def explained(self) -> Floats:
+        """The outputs as far as the inputs explain them linearly, shape (n, p); zero where the equation is unstable."""
+        simulated = self.arx.simulate(self.u)
+        simulated -= np.nan_to_num(simulated, posinf=0.0, neginf=0.0).mean(axis=0)
+        wild = ~np.isfinite(simulated).all(axis=0) | (np.abs(simulated).max(axis=0) > 1e3 * np.abs(self.y).max(axis=0))
+        return np.where(wild, 0.0, simulated)
+
+    @cached_property
+    def memory(self) -> int:
+        """Samples until less than 0.1 % of the energy of every impulse response is left."""
+        count = min(_LONGEST_MEMORY, len(self.u))
+        energy = np.cumsum(self.arx.impulse(count) ** 2, axis=0)
+        total = energy[-1]
+        if not np.all(np.isfinite(total)):
+            return count
+        over = np.all(energy >= 0.999 * total, axis=(1, 2))
+        return int(np.argmax(over)) + 1
+
+    @cached_property
+    def coherence(self) -> Coherence:
+        """With segments four times as long as the memory where the record allows ten of them, at least 20 × 8."""
+        n = len(self.u)
+        longest = n // max(10, 3 * self.experiment.n_inputs)
+        return coherence(self.experiment, length=max(min(max(4 * self.memory, n // 20), longest), 8))
+
+    @cached_property
+    def density(self) -> SpectralDensity:
+        """Of all columns."""
+        return sdf(self.experiment, length=self.coherence.settings.length)
+
+
+def _settled(experiment: Experiment) -> int:
+    """Return how many samples to leave out: what settles, unless that is most of the record."""
+    count = settling_samples(experiment)
+    return count if count <= 0.3 * experiment.n_samples else 0
+
+
+def _centred(x: Floats) -> Floats:
+    return np.asarray(x - x.mean(axis=0))
+
+
+def _varying(centred: Floats, x: Floats) -> list[int]:
+    size = np.max(np.abs(x), axis=0)
+    return np.flatnonzero(np.max(np.abs(centred), axis=0) > 1e-12 * size).tolist()

@@ -1,0 +1,184 @@
+"""Coherence between inputs and outputs: how much of an output a linear model can explain at each frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import stats
+
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.spectra.cross import Complex, cross_spectra
+from workbench.analysis.spectra.density import write_rows
+from workbench.analysis.spectra.window import WindowSettings, choose_window
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Coherence", "coherence"]
+
+# Below this part of its peak an input's density is rounding or leakage, no excitation.
+_NO_POWER = 1e-12
+# Inputs whose normalised spectral matrix is closer to singular than this cannot be told apart.
+_DEPENDENT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Coherence:
+    """Squared coherence, 0 … 1, from 0 to the Nyquist frequency; NaN where no input has power.
+
+    Noise, nonlinear distortion, further inputs and a memory longer than a segment all make it smaller.
+
+    Attributes:
+        name: of the experiment.
+        frequency_hz: shape (n_f,) [Hz].
+        ordinary: between each output and each input alone, shape (n_f, p, m).
+        multiple: between each output and all inputs together, shape (n_f, p); with one input the ordinary one.
+        response: frequency response from inputs to outputs, Φ_yu Φ_uu⁻¹, shape (n_f, p, m), complex,
+            [unit of the output / unit of the input].
+        input_density: shape (n_f, m), [unit²/Hz], for judging where there is excitation.
+        input_names, output_names: of the columns.
+        settings: window, segments, resolution and random error.
+
+    Source: J. S. Bendat and A. G. Piersol, Random Data, 4th ed., sections 7.3 (multiple), 9.2 (errors).
+    """
+
+    name: str
+    frequency_hz: Floats
+    ordinary: Floats
+    multiple: Floats
+    response: Complex
+    input_density: Floats
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    settings: WindowSettings
+
+    @property
+    def significance_95(self) -> float:
+        """Multiple coherence that unrelated data exceed in 5 % of cases, at one frequency."""
+        inputs, averages = len(self.input_names), self.settings.effective_averages
+        return float(stats.beta.ppf(0.95, inputs, max(averages - inputs, 1e-3)))
+
+    @property
+    def bias(self) -> Floats:
+        """How much too high the multiple coherence is on average, about (1 − γ²)²·m/averages; shape (n_f, p)."""
+        return np.asarray((1.0 - self.multiple) ** 2 * len(self.input_names) / self.settings.effective_averages)
+
+    @property
+    def standard_deviation(self) -> Floats:
+        """Of the multiple coherence, √2·γ·(1 − γ²)/√averages; shape (n_f, p)."""
+        return np.asarray(np.sqrt(2.0 * self.multiple) * (1.0 - self.multiple) * self.settings.random_error)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists, null where there is no value."""
+        multiple = {n: _nullable(self.multiple[:, i]) for i, n in enumerate(self.output_names)}
+        ordinary = {
+            y: {u: _nullable(self.ordinary[:, i, j]) for j, u in enumerate(self.input_names)}
+            for i, y in enumerate(self.output_names)
+        }
+        return {
+            "name": self.name,
+            "frequency_hz": self.frequency_hz.tolist(),
+            "multiple": multiple,
+            "ordinary": ordinary,
+            "significance_95": self.significance_95,
+            "settings": self.settings.to_dict(),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write frequency, the multiple coherence of each output and the ordinary ones as columns.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        pairs = [f"{y} from {u}" for y in self.output_names for u in self.input_names]
+        header = ["frequency [Hz]", *(f"{y} from all inputs" for y in self.output_names), *pairs]
+        flat = self.ordinary.reshape(len(self.frequency_hz), -1)
+        write_rows(path, header, np.column_stack([self.frequency_hz, self.multiple, flat]))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw a picture per output: coherence over frequency [Hz] up to Nyquist, with the 95 % level of chance.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.spectra import plot_coherence  # noqa: PLC0415  matplotlib is slow
+
+        return plot_coherence(self, path)
+
+
+def coherence(
+    experiment: Experiment,
+    *,
+    segments: int | None = None,
+    length: int | None = None,
+    overlap: float = 0.5,
+    window: str = "hann",
+) -> Coherence:
+    """Estimate ordinary and multiple coherence by Welch's averaged periodograms.
+
+    A response that lasts longer than a segment lowers the estimate; take fewer, longer segments and see whether
+    it rises. Between the lines of a multisine there is leakage only: the coherence there says nothing.
+
+    Args:
+        experiment: recorded data.
+        segments: the record is cut into so many segments, side by side; None: 20.
+        length: of a segment [samples], instead of `segments`.
+        overlap: share that neighbouring segments have in common.
+        window: hann, hamming, blackman, bartlett, flattop or boxcar.
+
+    Raises:
+        InputError: unknown window, segments too short, not more averages than inputs (the coherence would be
+            1 whatever the data).
+    """
+    settings = choose_window(
+        experiment.n_samples, experiment.dt, segments=segments, length=length, overlap=overlap, window=window
+    )
+    m = experiment.n_inputs
+    if settings.effective_averages <= m + 0.5:
+        raise InputError(
+            f"{experiment.name}: coherence with {m} input{'s' if m > 1 else ''} needs more than "
+            f"{settings.averages} segments: it would be 1 whatever the data; take more, shorter ones"
+        )
+    frequency, spectra = cross_spectra(np.hstack([experiment.u, experiment.y]), settings)
+    ordinary, multiple, response = _of_spectra(spectra, m)
+    return Coherence(
+        name=experiment.name,
+        frequency_hz=frequency,
+        ordinary=ordinary,
+        multiple=multiple,
+        response=response,
+        input_density=np.real(np.einsum("kii->ki", spectra[:, :m, :m])).copy(),
+        input_names=experiment.input_names,
+        output_names=experiment.output_names,
+        settings=settings,
+    )
+
+
+def _of_spectra(s: Complex, m: int) -> tuple[Floats, Floats, Complex]:
+    """Return ordinary and multiple coherence and the response from cross-spectra, shape (n_f, m + p, m + p)."""
+    power = np.real(np.einsum("kii->ki", s))
+    dead = power <= _NO_POWER * np.max(power, axis=0, initial=0.0)
+    safe = np.where(dead, 1.0, power)
+    normal = s / np.sqrt(safe[:, :, None] * safe[:, None, :])
+    ordinary = np.abs(normal[:, m:, :m]) ** 2
+    ordinary[np.broadcast_to(dead[:, None, :m], ordinary.shape)] = np.nan
+    normal[np.broadcast_to(dead[:, :, None] | dead[:, None, :], normal.shape)] = 0.0
+    uu, uy = normal[:, :m, :m], normal[:, :m, m:]
+    weights = np.linalg.pinv(uu, rcond=_DEPENDENT, hermitian=True) @ uy
+    multiple = np.real(np.einsum("kmp,kmp->kp", np.conj(uy), weights))
+    multiple[np.all(dead[:, :m], axis=1)] = np.nan
+    response = np.swapaxes(weights, 1, 2) * np.sqrt(safe[:, m:, None] / safe[:, None, :m])
+    response[np.broadcast_to(dead[:, None, :m], response.shape)] = np.nan
+    return np.clip(ordinary, 0.0, 1.0), np.clip(multiple, 0.0, 1.0), response
+
+
+def _nullable(values: Floats) -> list[float | None]:
+    return [v if np.isfinite(v) else None for v in values.tolist()]

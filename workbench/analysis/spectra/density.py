@@ -1,0 +1,154 @@
+"""Spectral density of the columns of an experiment."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.spectra.cross import Complex, cross_spectra
+from workbench.analysis.spectra.window import WindowSettings, choose_window
+from workbench.errors import InputError, suggest
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["SpectralDensity", "sdf", "write_rows"]
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralDensity:
+    """One-sided spectral densities, from 0 to the Nyquist frequency.
+
+    Attributes:
+        name: of the experiment.
+        frequency_hz: shape (n_f,) [Hz].
+        matrix: auto- and cross-densities, shape (n_f, c, c), [unit of row · unit of column / Hz], in the order
+            of `columns`; the integral of a diagonal element over frequency is that column's variance.
+        columns: names.
+        units: of the columns, None where there is none.
+        settings: window, segments, resolution and random error.
+    """
+
+    name: str
+    frequency_hz: Floats
+    matrix: Complex
+    columns: tuple[str, ...]
+    units: tuple[str | None, ...]
+    settings: WindowSettings
+
+    @property
+    def density(self) -> Floats:
+        """Auto-densities, shape (n_f, c), [unit²/Hz]."""
+        return np.array(np.real(np.einsum("kii->ki", self.matrix)), dtype=np.float64)
+
+    def band_hz(self, column: str, drop_db: float = 3.0) -> float:
+        """Return the frequency up to which a column's density stays within `drop_db` of its peak below it [Hz].
+
+        Args:
+            column: name.
+            drop_db: [dB], positive.
+
+        Raises:
+            InputError: unknown column.
+        """
+        if column not in self.columns:
+            raise InputError(f"'{column}' is no column of this spectrum; {suggest(column, self.columns)}")
+        # The mean is taken out of every segment, so that the first lines say nothing.
+        first = min(2, len(self.frequency_hz) - 1)
+        values = self.density[first:, self.columns.index(column)]
+        low = np.flatnonzero(values < 10.0 ** (-0.1 * drop_db) * np.maximum.accumulate(values))
+        return float(self.frequency_hz[first + low[0]] if low.size else self.frequency_hz[-1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists; the auto-densities by column."""
+        density = self.density.T.tolist()
+        return {
+            "name": self.name,
+            "frequency_hz": self.frequency_hz.tolist(),
+            "density": dict(zip(self.columns, density, strict=True)),
+            "units": dict(zip(self.columns, self.units, strict=True)),
+            "settings": self.settings.to_dict(),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write frequency and the auto-densities as columns.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        header = [f"{n} [{u or '1'}^2/Hz]" for n, u in zip(self.columns, self.units, strict=True)]
+        write_rows(path, ["frequency [Hz]", *header], np.column_stack([self.frequency_hz, self.density]))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw a picture per column, density [dB] over frequency [Hz] up to Nyquist, with its 95 % band.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.spectra import plot_density  # noqa: PLC0415  matplotlib is slow
+
+        return plot_density(self, path)
+
+
+def sdf(
+    experiment: Experiment,
+    *,
+    columns: Sequence[str] | None = None,
+    segments: int | None = None,
+    length: int | None = None,
+    overlap: float = 0.5,
+    window: str = "hann",
+) -> SpectralDensity:
+    """Estimate spectral densities by Welch's averaged periodograms.
+
+    Not for single lines (a sine, a multisine): a line has power, not density, and its height depends on the
+    resolution.
+
+    Args:
+        experiment: recorded data.
+        columns: names; None: all inputs, then all outputs.
+        segments: the record is cut into so many segments, side by side; None: 20.
+        length: of a segment [samples], instead of `segments`.
+        overlap: share that neighbouring segments have in common.
+        window: hann, hamming, blackman, bartlett, flattop or boxcar.
+
+    Raises:
+        InputError: unknown column or window, segments too short for the record.
+    """
+    names = (*experiment.input_names, *experiment.output_names)
+    units = (*experiment.input_units, *experiment.output_units)
+    chosen = names if columns is None else tuple(columns)
+    for column in chosen:
+        if column not in names:
+            raise InputError(f"{experiment.name}: there is no column '{column}'; {suggest(column, names)}")
+    at = [names.index(c) for c in chosen]
+    settings = choose_window(
+        experiment.n_samples, experiment.dt, segments=segments, length=length, overlap=overlap, window=window
+    )
+    frequency, matrix = cross_spectra(np.hstack([experiment.u, experiment.y])[:, at], settings)
+    return SpectralDensity(experiment.name, frequency, matrix, chosen, tuple(units[i] for i in at), settings)
+
+
+def write_rows(path: str | Path, header: Sequence[str], table: Floats) -> None:
+    """Write a table with a heading line; what is not a number becomes an empty cell.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows([["" if v != v else v for v in row] for row in table.tolist()])  # noqa: PLR0124  NaN
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
