@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.build.fmu import FMI_VERSIONS, assemble, choose_platforms, compile_and_pack
+from workbench.build.fmu import FMI_VERSIONS, Sources, assemble, choose_platforms, compile_and_pack
 from workbench.build.matrices import Matrices, matrices_of, read_matrices
+from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.errors import InputError
 
-__all__ = ["ExportResult", "export"]
+__all__ = ["ExportResult", "export", "generate_linear"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +101,9 @@ def export(
     chosen = choose_platforms(platforms)
     matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
     scalar = state_space(matrices, _identifier(name, target))
-    implicit = _is_stiff(matrices) if stiff is None else stiff
-    experiment = default_experiment(matrices)
-    sources = assemble(scalar, experiment, stiff=implicit, origin="a linear state-space model", naming=naming(scalar))
+    sources = generate_linear(matrices, scalar, stiff=stiff)
     compile_and_pack(sources, {fmi: target}, chosen)
-    kind = "discrete" if matrices.dt > 0.0 else "state"
-    names = [v.name for v in scalar.variables if v.kind == kind and not v.output]
-    renamed = {a: b for a, b in zip(matrices.state_names, names, strict=True) if a != b}
+    renamed = _renamed(matrices, scalar)
     return ExportResult(
         model=scalar.name,
         file=target,
@@ -116,13 +113,36 @@ def export(
         n_inputs=len(matrices.input_names),
         n_outputs=len(matrices.output_names),
         platforms=tuple(p.name for p in chosen),
-        stiff=implicit,
+        stiff=sources.stiff,
         renamed=renamed,
         notes=(
             *matrices.notes,
             *(f"the state '{a}' is '{b}' in the FMU: the name is taken" for a, b in renamed.items()),
         ),
     )
+
+
+def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | None = None) -> Sources:
+    """Generate all C and XML of a linear model.
+
+    Args:
+        matrices: the linear model.
+        scalar: what :func:`~workbench.build.state_space.state_space` made of it.
+        stiff: as in :func:`export`.
+    """
+    return assemble(
+        scalar,
+        default_experiment(matrices),
+        stiff=_is_stiff(matrices) if stiff is None else stiff,
+        origin="a linear state-space model",
+        naming=naming(scalar),
+    )
+
+
+def _renamed(matrices: Matrices, scalar: ScalarModel) -> dict[str, str]:
+    kind = "discrete" if matrices.dt > 0.0 else "state"
+    names = [v.name for v in scalar.variables if v.kind == kind and not v.output]
+    return {a: b for a, b in zip(matrices.state_names, names, strict=True) if a != b}
 
 
 def _target(out: str | Path) -> Path:
