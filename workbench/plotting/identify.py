@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.panels import ABOVE, LEGEND, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from workbench.analysis.subspace.result import SubspaceEstimate
     from workbench.analysis.validate.bootstrap import PoleBootstrap
     from workbench.analysis.validate.pole_zero import NearCancellation
+    from workbench.analysis.validate.regions import PoleRegion
 
 __all__ = ["plot_bootstrap", "plot_order", "plot_poles"]
 
@@ -64,10 +65,8 @@ def plot_order(result: SubspaceEstimate, path: str | Path | None = None) -> Figu
 
 def _bars(ax: Axes, values: Floats, order: int) -> None:
     at = np.arange(1, len(values) + 1)
-    colours = [COLOURS[0] if k <= order else _GREY for k in at]
-    ax.bar(at, values, color=colours, width=0.7)
-    taken = [Line2D([], [], marker="s", linestyle="none", color=c) for c in (COLOURS[0], _GREY)]
-    ax.legend(taken, ["taken", "left out"], **LEGEND)
+    for chosen, colour, text in ((at <= order, COLOURS[0], "taken"), (at > order, _GREY, "left out")):
+        ax.bar(at[chosen], values[chosen], color=colour, width=0.7, label=text)
 
 
 def _singular(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
@@ -75,6 +74,7 @@ def _singular(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
     positive = values[values > 0.0]
     ax.set_yscale("log")
     _bars(ax, values, result.order)
+    ax.legend(**LEGEND)
     if result.floor > 0.0 and positive.size and positive.min() < 1e3 * result.floor:
         ax.axhline(result.floor, color="#666666", linestyle="--", linewidth=0.9)
         ax.annotate("rounding", (shown, result.floor), va="bottom", ha="right", fontsize=8.0, color="#555555")
@@ -131,9 +131,11 @@ def plot_poles(
     _mark(ax, cancellations)
     _legend(ax, bootstrap, cancellations)
     _table(side, poles, model.dt, bootstrap)
+    _zooms(figure, bootstrap)
     far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
     if far:
-        side.text(0.0, 0.02, "zeros outside the picture: " + ", ".join(_text(z) for z in far), fontsize=8.0, wrap=True)
+        outside = f"zeros outside the picture: {', '.join(_text(z) for z in far)}"
+        figure.supxlabel(outside, x=0.01, ha="left", fontsize=8.5)
     if path is not None:
         save(figure, path)
     return figure
@@ -155,6 +157,7 @@ def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Fig
     ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
     _legend(ax, result, ())
     _table(side, poles, result.dt, result)
+    _zooms(figure, result)
     if path is not None:
         save(figure, path)
     return figure
@@ -162,14 +165,17 @@ def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Fig
 
 def _plane(title: str) -> tuple[Figure, Axes, Axes]:
     """Return a figure with the plane of discrete poles and room for a table."""
-    figure, grid = panels(1, 2, title=title, width=9.6, height=4.6)
-    ax, side = grid[0]
+    figure, grid = panels(1, 1, title=title, width=9.6, height=5.0)
+    ax = grid[0][0]
+    cells = figure.add_gridspec(2, 4)
+    ax.set_subplotspec(cells[:, :2])
+    side = figure.add_subplot(cells[0, 2:])
     ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor="#444444", linewidth=1.0))
     ax.axhline(0.0, color="#888888", linewidth=0.7)
     ax.axvline(0.0, color="#888888", linewidth=0.7)
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlim(-1.15, 1.15)
-    ax.set_ylim(-1.15, 1.35)
+    ax.set_aspect("equal")
+    ax.set_xlim(-1.2, 1.2)
+    ax.set_ylim(-1.2, 1.2)
     ax.set_xlabel("real part [1]")
     ax.set_ylabel("imaginary part [1]")
     side.set_axis_off()
@@ -177,20 +183,51 @@ def _plane(title: str) -> tuple[Figure, Axes, Axes]:
 
 
 def _regions(ax: Axes, bootstrap: PoleBootstrap) -> None:
-    for column in bootstrap.replicates.T:
-        ax.plot(column.real, column.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
+    _clouds(ax, bootstrap)
+    if bootstrap.determined < len(bootstrap.regions):
+        ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.15, zorder=1.0, linewidth=0.0))
     for region in bootstrap.regions:
-        if not region.determined:
-            ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.10, zorder=1.0, linewidth=0.0))
-        elif region.on_axis:
-            half = region.half_axes[0]
-            ends = [region.pole.real - half, region.pole.real + half]
-            ax.plot(ends, [0.0, 0.0], "-|", color=COLOURS[2], linewidth=3.0, alpha=0.7, markersize=9.0, zorder=1.8)
-        else:
-            edge = region.outline()
-            corners = np.column_stack([edge.real, edge.imag])
-            ax.add_patch(Polygon(corners, facecolor=COLOURS[2], edgecolor=COLOURS[2], alpha=0.25, zorder=1.7))
-            ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
+        if region.determined:
+            _region(ax, region)
+
+
+def _clouds(ax: Axes, bootstrap: PoleBootstrap) -> None:
+    every = bootstrap.replicates.ravel()
+    ax.plot(every.real, every.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
+
+
+def _region(ax: Axes, region: PoleRegion) -> None:
+    if region.on_axis:
+        half = region.half_axes[0]
+        ends = [region.pole.real - half, region.pole.real + half]
+        ax.plot(ends, [0.0, 0.0], "-|", color=COLOURS[2], linewidth=3.0, alpha=0.7, markersize=9.0, zorder=1.8)
+        return
+    edge = region.outline()
+    corners = np.column_stack([edge.real, edge.imag])
+    ax.add_patch(Polygon(corners, facecolor=COLOURS[2], edgecolor="none", alpha=0.25, zorder=1.7))
+    ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
+
+
+def _zooms(figure: Figure, bootstrap: PoleBootstrap | None) -> None:
+    """Magnify the regions of two poles, those that the least is known of."""
+    if bootstrap is None:
+        return
+    upper = [r for r in bootstrap.regions if r.determined and r.pole.imag >= 0.0]
+    cells = figure.add_gridspec(2, 4)
+    for k, region in enumerate(sorted(upper, key=lambda r: -r.half_axes[0])[:2]):
+        ax = figure.add_subplot(cells[1, 2 + k])
+        ax.grid(visible=True, color="#dddddd", linewidth=0.6)
+        _clouds(ax, bootstrap)
+        _region(ax, region)
+        ax.plot(region.pole.real, region.pole.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8)
+        half = 1.35 * region.half_axes[0]
+        ax.set_xlim(region.pole.real - half, region.pole.real + half)
+        ax.set_ylim(region.pole.imag - half, region.pole.imag + half)
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=7.5)
+        ax.set_xlabel("real part [1]", fontsize=8.0)
+        ax.locator_params(nbins=4)
+        ax.set_title(f"magnified: {_text(region.pole)}", fontsize=8.5, loc="left")
 
 
 def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
@@ -215,7 +252,7 @@ def _legend(ax: Axes, bootstrap: PoleBootstrap | None, cancellations: Sequence[N
     if cancellations:
         extra.append(({"color": COLOURS[3], "linestyle": "--"}, "nearly cancel"))
     handles = [*handles, *(Line2D([], [], **style) for style, _ in extra)]
-    ax.legend(handles, [*labels, *(text for _, text in extra)], loc="upper center", ncols=3, **LEGEND)
+    ax.legend(handles, [*labels, *(text for _, text in extra)], ncols=3, **ABOVE)
 
 
 def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None) -> None:

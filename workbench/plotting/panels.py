@@ -10,9 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-__all__ = ["LEGEND", "panels"]
+__all__ = ["ABOVE", "LEGEND", "panels"]
 
 LEGEND: dict[str, Any] = {"fontsize": 8.5, "framealpha": 0.9, "edgecolor": "#cccccc"}
+# A legend over the panel, where it covers no curve.
+ABOVE: dict[str, Any] = {
+    "loc": "lower left", "bbox_to_anchor": (-0.01, 0.98), "fontsize": 8.5, "frameon": False, "borderaxespad": 0.2,
+}  # fmt: skip
 _STYLE: dict[Any, Any] = {"font.size": 9.5, "axes.titlesize": 10.0, "axes.edgecolor": "#666666", "axes.linewidth": 0.8}
 
 

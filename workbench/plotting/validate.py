@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, label, save
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.panels import ABOVE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_fit", "plot_residuals"]
 
 _SHOWN = 300  # samples that can still be told apart over the width of a page
+_LINE = 105  # characters that fit below the picture
 _DARK = "#333333"
 _BAND: dict[str, Any] = {"color": COLOURS[4], "alpha": 0.25, "linewidth": 0.0}
 _EDGE: dict[str, Any] = {"color": "#666666", "linewidth": 0.9, "linestyle": "--"}
@@ -69,10 +71,9 @@ def _outputs(ax: Axes, result: Validation, k: int, shown: slice) -> None:
         text = f"{kind.kind}, fit {fit.fit_percent:.1f} %" if np.isfinite(fit.fit_percent) else f"{kind.kind}: unstable"
         values = kind.computed[shown, k] if good else np.full(len(time), np.nan)
         ax.plot(time, values, dash, color=colour, linewidth=1.2, label=text)
-    low, high = float(np.min(y)), float(np.max(y))
-    room = (high - low or 1.0) * 0.35
-    ax.set_ylim(low - room, high + 1.6 * room)
-    ax.legend(loc="upper right", ncols=3, **LEGEND)
+    room = (float(np.ptp(y)) or 1.0) * 0.25  # what leaves it is wrong anyhow: an unstable model must not hide the rest
+    ax.set_ylim(float(np.min(y)) - room, float(np.max(y)) + room)
+    ax.legend(ncols=3, **ABOVE)
 
 
 def _errors(ax: Axes, result: Validation, k: int, shown: slice) -> None:
@@ -102,12 +103,12 @@ def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | 
     data, p, m = result.data, result.data.n_outputs, result.data.n_inputs
     title = f"{data.name}: residuals of the {residuals.kind}"
     figure, grid = panels(2 + m, p, title=title, width=max(7.2, 4.2 * p), height=2.2)
-    for k, name in enumerate(data.output_names):
+    for k in range(p):
         _residual(grid[0][k], result, residuals, k)
         _autocorrelation(grid[1][k], residuals, k, data.dt)
         for j, source in enumerate(data.input_names):
             _cross(grid[2 + j][k], residuals, k, j)
-            grid[2 + j][k].set_title(f"{source} → residual of {name}", loc="left")
+            grid[2 + j][k].set_ylabel(f"correlation of\n{source} and residual")
             grid[2 + j][k].set_xlabel(f"lag [samples of {data.dt:g} s]")
     _verdicts(figure, residuals)
     if path is not None:
@@ -127,12 +128,12 @@ def _autocorrelation(ax: Axes, residuals: Residuals, k: int, dt: float) -> None:
     test = residuals.autocorrelation
     if test is None:
         return
-    ax.axhspan(-test.band, test.band, label="95 % band of each lag", **_BAND)
-    _stems(ax, test.lags, test.values[:, k], np.abs(test.values[:, k]) > test.band)
+    ax.axhspan(-test.band, test.band, label="95 % band of each lag; orange: outside", **_BAND)
+    _stems(ax, test.lags, test.values[:, k], (np.abs(test.values[:, k]) > test.band) & (test.lags > 0.0))
     ax.set_ylabel("autocorrelation")
     ax.set_xlabel(f"lag [samples of {dt:g} s]")
     ax.set_ylim(min(-0.15, 1.15 * float(np.min(test.values[:, k]))), 1.05)
-    ax.legend(loc="upper right", **LEGEND)
+    ax.legend(ncols=2, **ABOVE)
 
 
 def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
@@ -141,10 +142,10 @@ def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
         return
     values, band, (before, after) = test.values[:, k, j], float(test.band[k, j]), test.band_all[k, j]
     ax.axhspan(-band, band, label="95 % band of each lag", **_BAND)
-    half = float(test.lags[-1])
+    half, together = float(test.lags[-1]), "95 % band of all lags; orange: outside"
     for sign in (-1.0, 1.0):
         ax.plot([-half - 0.5, -0.5], [sign * before] * 2, **_EDGE)
-        ax.plot([-0.5, half + 0.5], [sign * after] * 2, label="95 % band of all lags" if sign > 0.0 else None, **_EDGE)
+        ax.plot([-0.5, half + 0.5], [sign * after] * 2, label=together if sign > 0.0 else None, **_EDGE)
     ax.axvline(-0.5, color="#888888", linewidth=0.7)
     _stems(ax, test.lags, values, np.abs(values) > np.where(test.lags < 0.0, before, after))
     top = 1.5 * max(float(np.max(np.abs(values))), float(np.max(test.band_all[k, j])))
@@ -152,8 +153,7 @@ def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
     for at, side in ((0.01, "left"), (0.99, "right")):
         text = "lag < 0: feedback" if side == "left" else "lag ≥ 0: dynamics missed"
         ax.text(at, 0.03, text, transform=ax.transAxes, ha=side, fontsize=8.0, color="#555555")
-    ax.set_ylabel("cross-correlation")
-    ax.legend(loc="upper right", ncols=2, **LEGEND)
+    ax.legend(ncols=2, **ABOVE)
 
 
 def _stems(ax: Axes, lags: Floats, values: Floats, outside: np.ndarray[Any, Any]) -> None:
@@ -166,5 +166,6 @@ def _stems(ax: Axes, lags: Floats, values: Floats, outside: np.ndarray[Any, Any]
 def _verdicts(figure: Figure, residuals: Residuals) -> None:
     if residuals.autocorrelation is None or residuals.cross is None:
         return
-    text = "\n".join((residuals.autocorrelation.words, *residuals.cross.words))
-    figure.supxlabel(text, x=0.01, ha="left", fontsize=8.5)
+    words = (residuals.autocorrelation.words, *residuals.cross.words)
+    lines = [line for text in words for line in wrap(text, _LINE, subsequent_indent="    ")]
+    figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=8.5)

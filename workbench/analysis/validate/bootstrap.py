@@ -148,11 +148,12 @@ def bootstrap_poles(
 ) -> PoleBootstrap:
     """Return confidence regions of a model's poles.
 
-    The one-step prediction errors of the model, put together anew from blocks that begin anywhere in the record,
-    drive the model beside the measured input; from each such record the poles are identified again. What the estimator
-    does to the true system it does to the model, so that the scatter of the replicates about the model's poles is that
-    of the estimate about the true ones. Blocks keep what colour is left in the errors (Künsch, Annals of Statistics 17,
-    1989); the errors are scaled up by √(N/(N − k)) for k fitted numbers for each output: those of a fit are too small.
+    The one-step prediction errors of the model (its simulation errors, where the predictor does no better) are put
+    together anew from blocks that begin anywhere in the record, and drive the model beside the measured input; from
+    each such record the poles are identified again. What the estimator does to the true system it does to the model, so
+    that the scatter of the replicates about the model's poles is that of the estimate about the true ones. Blocks keep
+    what colour is left in the errors (Künsch, Annals of Statistics 17, 1989); the errors are scaled up by √(N/(N − k))
+    for k fitted numbers for each output, since those of a fit are too small.
 
     Not for: an order above what the data determine (the result says so, see `regions`); unstable models; systems that
     are not linear, whose errors depend on the input: they are drawn as if they did not.
@@ -208,8 +209,8 @@ def _records(
     model: IdentifiedModel, data: Experiment, count: int, block: int, random: np.random.Generator
 ) -> Iterator[Floats]:
     """Yield outputs (N, p) like the measured one, without the operating point."""
-    errors = _innovations(model, data)
-    steady = model.simulate(data.u, model.initial_state(data.u, data.y)) - model.y0
+    steady = model.simulate(data.u, model.initial_state(data.u, data.y))
+    errors, gain = _errors(model, data, steady)
     n = len(errors)
     at_once = max(1, _AT_ONCE // (n * (model.order + errors.shape[1])))
     for first in range(0, count, at_once):
@@ -217,19 +218,25 @@ def _records(
         begins = random.integers(0, n - block + 1, size=(rows, -(-n // block)))
         order = (begins[:, :, None] + np.arange(block)).reshape(rows, -1)[:, :n]
         drawn = errors[order.T]  # (N, rows, p)
-        states, _ = march(drawn @ model.K.T, model.A.T, np.zeros((rows, model.order)))
+        states, _ = march(drawn @ gain.T, model.A.T, np.zeros((rows, model.order)))
         noise = states @ model.C.T + drawn
         for r in range(rows):
-            yield steady + noise[:, r]
+            yield steady - model.y0 + noise[:, r]
 
 
-def _innovations(model: IdentifiedModel, data: Experiment) -> Floats:
-    """Return the prediction errors without mean, of the size that those of the true system have, shape (N, p)."""
-    errors = data.y - model.predict(data.u, data.y)
+def _errors(model: IdentifiedModel, data: Experiment, simulated: Floats) -> tuple[Floats, Floats]:
+    """Return what is drawn from, shape (N, p), without mean and of its true size, and the gain it enters by (n, p).
+
+    These are the innovations, or the simulation errors with no gain where the predictor does no better.
+    """
+    errors, rest = data.y - model.predict(data.u, data.y), data.y - simulated
+    gain = model.K
+    if np.linalg.norm(rest) <= np.linalg.norm(errors):
+        errors, gain = rest, np.zeros_like(model.K)
     n, (p, m) = len(errors), model.D.shape
     fitted = min((model.order * (2 * p + m) + p * m) / p, 0.5 * n)
     scaled: Floats = (errors - errors.mean(axis=0)) * np.sqrt(n / (n - fitted))
-    return scaled
+    return scaled, gain
 
 
 def _estimated(estimator: Estimator, u: Floats, y: Floats, model: IdentifiedModel) -> Complex | None:
