@@ -173,6 +173,8 @@ def _run(excitation: Excitation, out: Output) -> int:
         result = excitation.result()
         for text in result.notes:
             note(text)
+        if out.csv_path == "-" and result.validation is not None:
+            note("--csv -: the validation data are not written; name a file, or take --validation 0")
         flush()
         _write(result, out)
     if stopped is None:
