@@ -218,8 +218,8 @@ class IdentifiedModel:
         left = dy + self.y0 - rest
         rows = free.reshape(-1, self.order)
         good = np.isfinite(rows).all(axis=1) & np.isfinite(left).reshape(-1)
-        found: Floats = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
-        return found
+        found = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
+        return np.asarray(found, dtype=np.float64)
 
     def named(
         self,
@@ -251,12 +251,14 @@ class IdentifiedModel:
             "output_units": output_units,
         }  # fmt: skip
         given = {key: tuple(value) for key, value in given.items() if value is not None}
-        points = {key: np.asarray(v, dtype=np.float64) for key, v in (("u0", u0), ("y0", y0)) if v is not None}
-        for key, value in {**given, **points}.items():
+        for key, point in (("u0", u0), ("y0", y0)):
+            if point is not None:
+                given[key] = np.asarray(point, dtype=np.float64)
+        for key, value in given.items():
             wanted = len(getattr(self, key))
             if len(value) != wanted:
                 raise InputError(f"{key}: {wanted} are needed, not {len(value)}")
-        return replace(self, name=self.name if name is None else name, **given, **points)
+        return replace(self, name=self.name if name is None else name, **given)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON and `workbench export`."""

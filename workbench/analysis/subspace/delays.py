@@ -12,6 +12,9 @@ from workbench.session.base import Floats
 __all__ = ["advance", "as_tuple", "with_chains"]
 
 
+Matrices = tuple[Floats, Floats, Floats, Floats]
+
+
 def as_tuple(delay: int | Sequence[int], inputs: int) -> tuple[int, ...]:
     """Return the delay of every input [samples].
 
@@ -48,15 +51,14 @@ def advance(u: Floats, y: Floats, delays: tuple[int, ...]) -> tuple[Floats, Floa
     return np.stack(shifted, axis=1), y[longest:]
 
 
-def with_chains(
-    A: Floats, B: Floats, C: Floats, D: Floats, delays: tuple[int, ...]
-) -> tuple[Floats, Floats, Floats, Floats]:
+def with_chains(model: Matrices, delays: tuple[int, ...]) -> Matrices:
     """Return the model with a chain of states z⁻ᵈ before each delayed input.
 
     Args:
-        A, B, C, D: the model from the delayed inputs.
+        model: A, B, C, D from the delayed inputs.
         delays: of the inputs [samples].
     """
+    A, B, C, D = model
     n, (p, m) = len(A), D.shape
     size = n + sum(delays)
     big = np.zeros((size, size)), np.zeros((size, m)), np.zeros((p, size)), np.zeros((p, m))

@@ -4,43 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.analysis.identified import IdentifiedModel
-from workbench.analysis.subspace.data import Record, prepare
-from workbench.analysis.subspace.delays import advance, as_tuple, with_chains
-from workbench.analysis.subspace.hankel import HankelFactor, factorise
-from workbench.analysis.subspace.horizon import DEFAULT_MOST, choose_horizon, largest_order
+from workbench.analysis.subspace.data import prepare
+from workbench.analysis.subspace.delays import advance, as_tuple
+from workbench.analysis.subspace.finish import model_of
+from workbench.analysis.subspace.horizon import largest_order
+from workbench.analysis.subspace.matrices import shifted_observability
 from workbench.analysis.subspace.order import OrderChoice, check_order, choose_order
 from workbench.analysis.subspace.result import SubspaceEstimate
-from workbench.analysis.subspace.simulated import InputFit, fit_inputs
+from workbench.analysis.subspace.settings import DEFAULT_MOST, Settings, check_interval, check_order_wish
+from workbench.analysis.subspace.simulated import InputFit, fit_inputs, residual
 from workbench.analysis.subspace.stability import stabilise
-from workbench.analysis.subspace.states import Noise, StateFit, fit_states, noise_of, radius
-from workbench.analysis.subspace.weightings import Projection, Subspace, basis_of, principal_angles, project, subspace
-from workbench.errors import InputError
+from workbench.analysis.subspace.states import Noise, fit_states, noise_of, radius
+from workbench.analysis.subspace.trial import Trial, best_trial, first_trial
+from workbench.analysis.subspace.weightings import principal_angles
 from workbench.session.base import Floats
 
 __all__ = ["estimate"]
 
 _GROWTH = 1e3  # a model whose free motion grows more than this over the record is fitted by prediction
-
-
-@dataclass(frozen=True)
-class _Wish:
-    """What the caller asked for, checked."""
-
-    order: int | None
-    method: str
-    basis: str
-    horizon: int | None
-    most: int
-    feedthrough: bool
-    biased: bool
-    stable: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +39,6 @@ class _Found:
     fit: InputFit
     noise: Noise
     moved: int
-    notes: tuple[str, ...]
 
 
 def estimate(
@@ -78,8 +64,9 @@ def estimate(
     innovations from the residuals of the state sequence. Channels are brought to one size first, so that units do not
     matter.
 
-    Not for data recorded in closed loop: the estimate is then biased (Chiuso & Picci 2005; see the data advice). Not for
-    inputs that excite less than order + horizon: see `notes`. Offsets must be taken off before.
+    Not for data recorded in closed loop, where the projection along the future input is biased (Chiuso & Picci 2005;
+    the data advice has a test). Not for a single sine or few lines: 2 · horizon + order independent shifts of the
+    input are needed. Offsets must be taken off before; a note says so where they are large.
 
     Args:
         u: inputs, shape (N, m) or (N,), held from sample to sample.
@@ -87,148 +74,90 @@ def estimate(
         dt: sampling interval [s].
         order: number of states without delays, or "auto".
         method: name in `workbench.analysis.subspace.METHODS`; which weighting, see there.
-        basis: the source report's keyword: "combined" weights outputs by their covariance (principal angles), "unscaled"
-            does not (singular values); None: the method's own.
-        horizon: block rows of the past and of the future [samples]; None: 2 · order + 2, or max_order + 2 with the
-            automatic order.
+        basis: the source report's keyword: "combined" weights outputs by their covariance (principal angles),
+            "unscaled" does not (singular values); None: the method's own.
+        horizon: block rows of the past and of the future [samples]; None: several are tried, see
+            `workbench.analysis.subspace.horizon`.
         max_order: largest order the automatic choice considers.
         feedthrough: estimate D; else it is zero.
         delay: known delay of all inputs or of each [samples].
-        biased: A, B, C, D from the regression on the state sequence: less variance, and a bias that does not vanish with
-            the length of the record. The source report's choice for real-life data.
+        biased: A, B, C, D from the regression on the state sequence: less variance, and a bias that does not vanish
+            with the length of the record. The source report's choice for real-life data.
         stable: move poles outside the unit circle inside, see `workbench.analysis.subspace.stability`.
 
     Raises:
         InputError: data not finite, of unequal length, too short for the order or not exciting enough; unknown name.
     """
-    delays, record = _checked(u, y, dt, delay)
-    wish = _wish(order, method, basis, horizon, max_order, feedthrough=feedthrough, biased=biased, stable=stable)
-    shifted = advance(record.u, record.y, delays)
-    factor, notes = _factor(*shifted, wish)
-    parts = project(factor)
-    space = subspace(parts, wish.method, wish.basis)
-    choice = _order(factor, space, wish)
-    found = _identify(shifted, factor, parts, space, choice.order, wish)
-    model = _unscaled(found, record, delays, dt, (u, y))
+    interval = check_interval(dt)
+    settings = Settings(
+        order=check_order_wish(order), method=method, basis=basis, horizon=horizon, most=max_order,
+        feedthrough=feedthrough, biased=biased, stable=stable,
+    )  # fmt: skip
+    record = prepare(u, y)
+    delays = as_tuple(delay, record.u.shape[1])
+    data = advance(record.u, record.y, delays)
+    first = first_trial(data, settings)
+    choice = _order(data, first, settings)
+    trial = best_trial(data, first, choice.order, settings)
+    found = _identify(data, trial, choice.order, settings)
+    notes = (*record.notes, first.note, *choice.notes, found.noise.note, _moved(found.moved))
     return SubspaceEstimate(
-        model=model,
+        model=model_of(found.A, found.C, found.fit, found.noise, record=record, delays=delays, dt=interval),
         method=method,
-        basis=wish.basis,
+        basis=settings.weighting,
         biased=biased,
         order=choice.order,
         order_reason=choice.reason,
         order_criterion=choice.criterion,
-        singular_values=space.singular_values,
-        principal_angles_deg=principal_angles(parts),
-        floor=space.floor,
-        horizon=factor.horizon,
+        singular_values=trial.space.singular_values,
+        principal_angles_deg=principal_angles(trial.parts),
+        floor=trial.space.floor,
+        horizon=trial.factor.horizon,
         stabilised=found.moved,
-        notes=(*record.notes, *notes, *found.notes),
+        notes=tuple(n for n in notes if n),
     )
 
 
-def _checked(u: ArrayLike, y: ArrayLike, dt: float, delay: int | Sequence[int]) -> tuple[tuple[int, ...], Record]:
-    if not (math.isfinite(dt) and dt > 0.0):
-        raise InputError(f"dt must be positive, not {dt} s")
-    record = prepare(u, y)
-    return as_tuple(delay, record.u.shape[1]), record
+def _order(data: tuple[Floats, Floats], first: Trial, settings: Settings) -> OrderChoice:
+    if settings.order is None:
+        most = min(settings.most, largest_order(first.factor.horizon, first.factor.outputs))
+        return choose_order(data, first.space, most, feedthrough=settings.feedthrough)
+    check_order(settings.order, first.space)
+    return OrderChoice(settings.order, "given", np.zeros(0))
 
 
-def _wish(
-    order: int | str, method: str, basis: str | None, horizon: int | None, most: int,
-    *, feedthrough: bool, biased: bool, stable: bool,
-) -> _Wish:  # fmt: skip
-    if isinstance(order, str):
-        if order != "auto":
-            raise InputError(f"order '{order}' is neither a number nor 'auto'")
-        wanted = None
-    else:
-        wanted = int(order)
-        if wanted < 1:
-            raise InputError(f"order must be 1 or more, not {order}")
-    if most < 1:
-        raise InputError(f"max_order must be 1 or more, not {most}")
-    return _Wish(wanted, method, basis_of(method, basis), horizon, most, feedthrough, biased, stable)
-
-
-def _factor(u: Floats, y: Floats, wish: _Wish) -> tuple[HankelFactor, tuple[str, ...]]:
-    """Return the factor, with a shorter horizon where the input does not excite the one first chosen."""
-    (samples, m), p = u.shape, y.shape[1]
-    horizon = choose_horizon(samples, m, p, wish.order, wish.horizon, wish.most)
-    factor = factorise(u, y, horizon)
-    excited = factor.excitation
-    if excited >= 2 * horizon:
-        return factor, ()
-    shorter, least = excited // 2, 2 if wish.order is None else wish.order // p + 2
-    if wish.horizon is not None or shorter < least:
-        raise InputError(
-            f"the inputs excite {excited} block rows only; order {wish.order or 'auto'} needs at least {2 * least}: use "
-            "a richer input (PRBS, more lines) or a lower order"
-        )
-    note = f"the inputs excite {excited} block rows only, therefore horizon {shorter} instead of {horizon}"
-    return factorise(u, y, shorter), (note,)
-
-
-def _order(factor: HankelFactor, space: Subspace, wish: _Wish) -> OrderChoice:
-    if wish.order is None:
-        return choose_order(factor, space, min(wish.most, largest_order(factor.horizon, factor.outputs)))
-    check_order(wish.order, space)
-    return OrderChoice(wish.order, "given", np.zeros(0))
-
-
-def _identify(
-    record: tuple[Floats, Floats], factor: HankelFactor, parts: Projection, space: Subspace, order: int, wish: _Wish
-) -> _Found:
-    p, memory = factor.outputs, space.memory[:order]
-    states = fit_states(factor, memory, feedthrough=wish.feedthrough)
-    A, C = (states.A, states.C) if wish.biased else shifted_observability(space.observability[:, :order], p)
-    A, moved = stabilise(A) if wish.stable else (A, 0)
+def _identify(data: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> _Found:
+    states = fit_states(trial.factor, trial.space.memory[:order], feedthrough=settings.feedthrough)
+    A, C = states.A, states.C
+    if not settings.biased:
+        A, C = shifted_observability(trial.space.observability[:, :order], trial.factor.outputs)
+    A, moved = stabilise(A) if settings.stable else (A, 0)
     noise = noise_of(states, A, C)
-    fit = _input_fit(record, A, C, noise, states, wish, moved)
-    return _Found(A, C, fit, noise, moved, tuple(n for n in (noise.note, _moved(moved)) if n))
+    fit = _fit(data, A, C, noise, feedthrough=settings.feedthrough)
+    if settings.biased and not moved:
+        fit = InputFit(states.B, states.D, fit.x0)
+    return _Found(A, C, fit, noise, moved)
 
 
-def shifted_observability(observability: Floats, outputs: int) -> tuple[Floats, Floats]:
-    """Return A and C of the extended observability matrix [C; C A; C A²; …].
+def _fit(data: tuple[Floats, Floats], A: Floats, C: Floats, noise: Noise, *, feedthrough: bool) -> InputFit:
+    """Fit B, D and x0, once more with outputs weighted by what the first fit left of each if there are several."""
+    grows = len(data[0]) * math.log(max(radius(A), 1e-300)) > math.log(_GROWTH)
+    K = noise.K if grows else None
+    fit = fit_inputs(*data, A, C, feedthrough=feedthrough, K=K)
+    if grows or noise.note or len(C) == 1:
+        return fit
+    weight = _weight(residual(*data, A, C, fit))
+    return fit if weight is None else fit_inputs(*data, A, C, feedthrough=feedthrough, weight=weight)
 
-    Args:
-        observability: shape (i p, n).
-        outputs: p.
-    """
-    A: Floats = np.linalg.lstsq(observability[:-outputs], observability[outputs:], rcond=None)[0]
-    return A, observability[:outputs]
 
-
-def _input_fit(
-    record: tuple[Floats, Floats], A: Floats, C: Floats, noise: Noise, states: StateFit, wish: _Wish, moved: int
-) -> InputFit:
-    grows = len(record[0]) * math.log(max(radius(A), 1e-300)) > math.log(_GROWTH)
-    fit = fit_inputs(*record, A, C, feedthrough=wish.feedthrough, K=noise.K if grows else None)
-    if wish.biased and not moved:
-        return InputFit(states.B, states.D, fit.x0, fit.covariance)
-    return fit
+def _weight(error: Floats) -> Floats | None:
+    """Return the inverse root of the error's covariance, None where some combination of outputs has no error."""
+    values, vectors = np.linalg.eigh(error.T @ error / len(error))
+    if values[0] <= 1e-10 * values[-1]:
+        return None
+    weight: Floats = (vectors / np.sqrt(values)).T
+    return weight
 
 
 def _moved(moved: int) -> str:
-    return f"{moved} poles were moved into the unit circle" if moved else ""
-
-
-def _unscaled(
-    found: _Found, record: Record, delays: tuple[int, ...], dt: float, data: tuple[ArrayLike, ArrayLike]
-) -> IdentifiedModel:
-    """Return the model in the units of the record, delays included."""
-    su, sy, noise = record.u_scale, record.y_scale, found.noise
-    B, C, D = found.fit.B / su, sy[:, None] * found.C, sy[:, None] * found.fit.D / su
-    m, p, chain = len(su), len(sy), sum(delays)
-    A, B, C, D = with_chains(found.A, B, C, D, delays)
-    model = IdentifiedModel(
-        A=A, B=B, C=C, D=D, K=np.vstack([noise.K / sy, np.zeros((chain, p))]),
-        x0=np.append(found.fit.x0, np.zeros(chain)), dt=float(dt), u0=np.zeros(m), y0=np.zeros(p),
-        covariance=sy[:, None] * noise.covariance * sy, delay=delays if chain else (),
-        input_names=tuple(f"u{k + 1}" for k in range(m)), output_names=tuple(f"y{k + 1}" for k in range(p)),
-        input_units=(None,) * m, output_units=(None,) * p,
-    )  # fmt: skip
-    if not chain:
-        return model
-    u, y = (np.asarray(v, dtype=np.float64).reshape(len(record.u), -1) for v in data)
-    return replace(model, x0=model.initial_state(u, y))
+    return f"{moved} pole(s) outside the unit circle were moved inside" if moved else ""

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from workbench.session.base import Floats
 
-__all__ = ["HankelFactor", "factorise", "lower", "pseudo_inverse"]
+__all__ = ["HankelFactor", "factorise", "lower", "pseudo_inverse", "triangular"]
 
 _LEAST_CHUNK = 4096  # columns of the Hankel matrix worked on at a time; fewer cost more calls, more need more memory
 ROUNDING = float(np.finfo(np.float64).eps)
@@ -81,7 +81,7 @@ def factorise(u: Floats, y: Floats, horizon: int) -> HankelFactor:
     for first in range(0, columns, chunk):
         last = min(first + chunk, columns)
         piece = np.hstack([_windows(signal[first : last + 2 * horizon - 1], 2 * horizon) for signal in (u, y)])
-        factor = np.linalg.qr(np.vstack([factor, piece]), mode="r")
+        factor = triangular(np.vstack([factor, piece]))
     square = np.zeros((rows, rows))
     square[: len(factor)] = factor
     return HankelFactor(square.T / np.sqrt(columns), horizon, m, p, columns)
@@ -93,13 +93,22 @@ def _windows(signal: Floats, length: int) -> Floats:
     return windows.reshape(len(windows), -1)
 
 
+def triangular(matrix: Floats) -> Floats:
+    """Return R of the QR factorisation, shape (min(n, k), k).
+
+    Args:
+        matrix: shape (n, k).
+    """
+    return np.asarray(np.linalg.qr(matrix, mode="r"))
+
+
 def lower(rows: Floats) -> Floats:
     """Return the lower triangular factor of `rows`, padded to a square.
 
     Args:
         rows: shape (n, k).
     """
-    factor = np.linalg.qr(rows.T, mode="r")
+    factor = triangular(rows.T)
     square = np.zeros((len(rows), len(rows)))
     square[: len(factor)] = factor
     return square.T
@@ -111,5 +120,5 @@ def pseudo_inverse(matrix: Floats) -> Floats:
     Args:
         matrix: shape (n, k).
     """
-    inverse: Floats = np.linalg.pinv(matrix, rcond=10.0 * max(matrix.shape, default=1) * ROUNDING)
-    return inverse
+    rcond = 10.0 * max(matrix.shape, default=1) * ROUNDING
+    return np.asarray(np.linalg.pinv(matrix, rcond=rcond), dtype=np.float64)

@@ -1,4 +1,15 @@
-"""The order of the model, and why."""
+"""The order of the model, and why.
+
+Free of noise, the rank decides: singular values fall to rounding. With noise no gap in the singular values is to
+be trusted; instead a model of every order is made and simulated, and the smallest of
+
+    log det V(n) + n (p + m) log(N') / N'
+
+is taken, V(n) being the covariance of the simulation's error: the Bayesian criterion (Ljung 1999, section 16.4) for a
+model whose order is worth p + m numbers. N' is the number of samples divided by Σ ρ²(τ), ρ being the autocorrelation
+of the error that the largest of the models leaves (Bartlett 1946): coloured noise carries that much less information,
+and without the correction its dynamics would be modelled as if they were the system's.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +17,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.subspace.hankel import ROUNDING, HankelFactor
+from workbench.analysis.subspace.matrices import shifted_observability
+from workbench.analysis.subspace.simulated import fit_inputs, residual
+from workbench.analysis.subspace.stability import stabilise
 from workbench.analysis.subspace.weightings import Subspace
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["OrderChoice", "choose_order"]
+__all__ = ["OrderChoice", "check_order", "choose_order", "simulation_cost"]
+
+_TINY = 1e-26  # of the outputs' mean square: keeps the logarithm finite where an output is free of noise
+_LAGS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,40 +37,101 @@ class OrderChoice:
     Attributes:
         order: n.
         reason: in one line.
-        criterion: shape (k + 1,), of the orders 0 … k, smallest is best; empty where rounding alone decides.
+        criterion: shape (k + 1,), of the orders 0 … k, smallest is best; NaN where an order could not
+            be the best any more, empty where rounding alone decides.
+        notes: doubts, one line each.
     """
 
     order: int
     reason: str
     criterion: Floats
+    notes: tuple[str, ...] = ()
 
 
-def choose_order(factor: HankelFactor, space: Subspace, most: int) -> OrderChoice:
+def choose_order(record: tuple[Floats, Floats], space: Subspace, most: int, *, feedthrough: bool) -> OrderChoice:
     """Return the automatic order.
 
     Args:
-        factor: of the record.
+        record: u and y, of size one.
         space: of the weighting.
         most: largest order considered.
+        feedthrough: D is estimated.
     """
-    held = space.rank
-    if not space.noisy and held <= most:
-        return OrderChoice(held, f"all beyond {held} is rounding: the data are free of noise", np.zeros(0))
-    criterion = _bic(factor, space, min(most, held))
-    best = int(np.argmin(criterion))
-    return OrderChoice(best, f"smallest information criterion among orders 0 to {len(criterion) - 1}", criterion)
+    if not space.noisy and space.rank <= most:
+        why = f"singular values beyond the first {space.rank} are rounding: the data are free of noise"
+        return OrderChoice(space.rank, why, np.zeros(0))
+    orders = np.arange(min(most, space.rank) + 1)
+    last = _error(record, space, int(orders[-1]), feedthrough=feedthrough)
+    samples = len(record[0]) / _inflation(last)
+    price = orders * (record[0].shape[1] + record[1].shape[1]) * np.log(samples) / samples
+    costs = np.full(len(orders), np.nan)
+    costs[-1] = _cost(last)
+    for n in orders[:-1]:
+        costs[n] = simulation_cost(record, space, int(n), feedthrough=feedthrough)
+        if _settled(costs, price, int(n)):
+            break
+    return _choice(costs + price, costs)
 
 
-def _bic(factor: HankelFactor, space: Subspace, most: int) -> Floats:
-    i, p, m = factor.horizon, factor.outputs, factor.inputs
-    u, y, past = factor.u(i, i + 1), factor.y(i, i + 1), factor.past()
-    values = []
-    for n in range(most + 1):
-        known = np.vstack([space.memory[:n] @ past, u])
-        left = y - np.linalg.lstsq(known.T, y.T, rcond=10.0 * ROUNDING * known.shape[1])[0].T @ known
-        _, logdet = np.linalg.slogdet(left @ left.T)
-        values.append(logdet * factor.columns + np.log(factor.columns) * n * (2 * p + m))
-    return np.array(values) / factor.columns
+def _settled(costs: Floats, price: Floats, n: int) -> bool:
+    """Tell whether no order above n can be the best: all simulate no better than the largest, at a higher price."""
+    floor, best = costs[-1], float(np.min((costs + price)[: n + 1]))
+    return bool(floor <= np.min(costs[: n + 1]) and floor + price[n + 1] > best)
+
+
+def simulation_cost(record: tuple[Floats, Floats], space: Subspace, order: int, *, feedthrough: bool) -> float:
+    """Return log det of the covariance of the simulation error of the model of an order.
+
+    Args:
+        record: u and y, of size one.
+        space: of the weighting.
+        order: n.
+        feedthrough: D is estimated.
+    """
+    return _cost(_error(record, space, order, feedthrough=feedthrough))
+
+
+def _error(record: tuple[Floats, Floats], space: Subspace, order: int, *, feedthrough: bool) -> Floats:
+    """Return what the simulation of the model of an order leaves of the output."""
+    A, C = shifted_observability(space.observability[:, :order], record[1].shape[1])
+    A, _ = stabilise(A)
+    return residual(*record, A, C, fit_inputs(*record, A, C, feedthrough=feedthrough))
+
+
+def _cost(error: Floats) -> float:
+    covariance = error.T @ error / len(error)
+    return float(np.linalg.slogdet(covariance + _TINY * np.eye(len(covariance)))[1])
+
+
+def _inflation(error: Floats) -> float:
+    """Return Σ ρ²(τ) over positive and negative lags, the largest of the outputs."""
+    samples = len(error)
+    lags = min(_LAGS, samples // 4)
+    spectrum = np.abs(np.fft.rfft(error, 2 * samples, axis=0)) ** 2
+    covariance = np.fft.irfft(spectrum, axis=0)[: lags + 1]
+    rho = covariance / np.maximum(covariance[0], 1e-300)
+    chance = 1.0 / samples  # what white noise shows at every lag
+    return float(np.max(1.0 + 2.0 * np.sum(np.maximum(rho[1:] ** 2 - chance, 0.0), axis=0)))
+
+
+def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
+    order = 1 + int(np.nanargmin(criterion[1:]))
+    last = len(criterion) - 1
+    why = f"smallest Bayesian criterion of the simulation error among orders 1 to {last}"
+    if order > 1:
+        why += f"; order {order - 1} would raise the error by {_percent(costs[order - 1] - costs[order])}"
+    if order < last and np.isfinite(costs[order + 1]):
+        why += f", order {order + 1} lower it by {_percent(costs[order] - costs[order + 1])} only"
+    notes = []
+    if order == last > 1:
+        notes.append(f"order {order} is the largest considered: allow more, or doubt the data")
+    if criterion[0] < criterion[order]:
+        notes.append("a gain without dynamics (order 0) would do as well")
+    return OrderChoice(order, why, criterion, tuple(notes))
+
+
+def _percent(difference: float) -> str:
+    return f"{100.0 * np.expm1(min(max(difference, 0.0) / 2.0, 50.0)):.3g} %"
 
 
 def check_order(order: int, space: Subspace) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.analysis.identified import IdentifiedModel
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from workbench.analysis.subspace.order import OrderChoice
 
 __all__ = ["SubspaceEstimate"]
 
@@ -25,7 +23,8 @@ class SubspaceEstimate:
         biased: the model comes from the regression on the state sequence.
         order: of the dynamics, delays not counted.
         order_reason: in one line.
-        order_criterion: shape (k + 1,), of the orders 0 … k, smallest is best; empty where it was not used.
+        order_criterion: shape (k + 1,), of the orders 0 … k, smallest is best; NaN where an order could
+            not be the best any more, empty where the criterion was not needed.
         singular_values: shape (k,), falling; of the weighted projection; cosines of the principal angles where the
             basis is combined.
         principal_angles_deg: shape (k,), rising; between past and future, the future input's part taken off [deg].
@@ -66,7 +65,7 @@ class SubspaceEstimate:
             "biased": self.biased,
             "order": self.order,
             "order_reason": self.order_reason,
-            "order_criterion": self.order_criterion.tolist(),
+            "order_criterion": [c if math.isfinite(c) else None for c in self.order_criterion.tolist()],
             "singular_values": self.singular_values.tolist(),
             "principal_angles_deg": self.principal_angles_deg.tolist(),
             "horizon": self.horizon,

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.march import march, march_one
-from workbench.analysis.subspace.hankel import ROUNDING
+from workbench.analysis.subspace.hankel import ROUNDING, triangular
 from workbench.session.base import Floats
 
-__all__ = ["InputFit", "fit_inputs"]
+__all__ = ["InputFit", "fit_inputs", "residual"]
 
 _STRIPE = 1024  # samples
 _CHUNK_BYTES = 2.0**26  # of regressors held at a time
@@ -33,13 +33,11 @@ class InputFit:
         B: shape (n, m).
         D: shape (p, m).
         x0: shape (n,), state at the first sample.
-        covariance: shape (p, p), of what the regression leaves.
     """
 
     B: Floats
     D: Floats
     x0: Floats
-    covariance: Floats
 
 
 def fit_inputs(
@@ -67,14 +65,13 @@ def fit_inputs(
     gain = np.zeros((n, p)) if K is None else K
     size = n * (m + 1) + (p * m if feedthrough else 0)
     triangle = np.zeros((0, size + 1))
-    for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough):
+    for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough=feedthrough):
         weighted = rows if weight is None else weight @ rows
-        triangle = np.linalg.qr(np.vstack([triangle, weighted.reshape(-1, size + 1)]), mode="r")
+        triangle = triangular(np.vstack([triangle, weighted.reshape(-1, size + 1)]))
     solution = _solve(triangle)
     parts = solution[: n * (m + 1)].reshape(m + 1, n)
     D = solution[n * (m + 1) :].reshape(p, m) if feedthrough else np.zeros((p, m))
-    left = triangle[size:, size:] if len(triangle) > size else np.zeros((1, 1))
-    return InputFit(parts[:m].T + gain @ D, D, parts[m], left.T @ left / len(u))
+    return InputFit(parts[:m].T + gain @ D, D, parts[m])
 
 
 def _solve(triangle: Floats) -> Floats:
@@ -82,11 +79,11 @@ def _solve(triangle: Floats) -> Floats:
     matrix, right = triangle[:, :-1], triangle[:, -1]
     length = np.linalg.norm(matrix, axis=0)
     length[length == 0.0] = 1.0
-    found: Floats = np.linalg.lstsq(matrix / length, right, rcond=10.0 * len(length) * ROUNDING)[0]
-    return found / length
+    found = np.linalg.lstsq(matrix / length, right, rcond=10.0 * len(length) * ROUNDING)[0]
+    return np.asarray(found / length, dtype=np.float64)
 
 
-def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, feedthrough: bool) -> Iterator[Floats]:
+def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, *, feedthrough: bool) -> Iterator[Floats]:
     """Yield stretches of [regressors, output], shape (samples, p, columns + 1).
 
     Row block l of the state is p × n and follows R(k + 1) = R(k) A + u_l(k) C, so that R(k) vec of column l of B is
@@ -98,10 +95,10 @@ def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, feedthrou
     state, known = np.vstack([np.zeros((m * p, n)), C]), np.zeros(n)
     for first in range(0, samples, chunk):
         part = slice(first, min(first + chunk, samples))
-        driven = (u[part, :, None, None] * C).reshape(-1, m * p, n)
+        driven = (u[part, :, None, None] * C).reshape(len(u[part]), m * p, n)
         driven = np.concatenate([driven, np.zeros((len(driven), p, n))], axis=1)
         states, state = march(driven, A, state)
-        columns = [states.reshape(-1, m + 1, p, n).transpose(0, 2, 1, 3).reshape(-1, p, (m + 1) * n)]
+        columns = [states.reshape(len(states), m + 1, p, n).transpose(0, 2, 1, 3).reshape(len(states), p, (m + 1) * n)]
         if feedthrough:
             columns.append(np.einsum("km,pq->kpqm", u[part], np.eye(p)).reshape(-1, p, p * m))
         right = y[part]
@@ -109,3 +106,18 @@ def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, feedthrou
             fed, known = march_one(y[part] @ K.T, A, known)
             right = right - fed @ C.T
         yield np.concatenate([*columns, right[:, :, None]], axis=2)
+
+
+def residual(u: Floats, y: Floats, A: Floats, C: Floats, fit: InputFit) -> Floats:
+    """Return what the simulation leaves of the output, shape (N, p).
+
+    Args:
+        u: shape (N, m).
+        y: shape (N, p).
+        A: shape (n, n).
+        C: shape (p, n).
+        fit: B, D and x0.
+    """
+    states, _ = march_one(u @ fit.B.T, A, fit.x0)
+    left: Floats = y - states @ C.T - u @ fit.D.T
+    return left

@@ -74,8 +74,8 @@ def fit_states(factor: HankelFactor, memory: Floats, *, feedthrough: bool) -> St
 
 
 def _regress(what: Floats, on: Floats) -> Floats:
-    solution: Floats = np.linalg.lstsq(on.T, what.T, rcond=10.0 * max(on.shape) * ROUNDING)[0].T
-    return solution
+    solution = np.linalg.lstsq(on.T, what.T, rcond=10.0 * max(on.shape) * ROUNDING)[0]
+    return np.asarray(solution.T, dtype=np.float64)
 
 
 def noise_of(fit: StateFit, A: Floats, C: Floats) -> Noise:

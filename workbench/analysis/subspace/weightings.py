@@ -135,7 +135,7 @@ BASES: Mapping[str, Callable[[Projection], tuple[Floats, Floats]]] = {"unscaled"
 
 def rounding(parts: Projection) -> float:
     """Return the size below which an entry of the projections is rounding."""
-    return 10.0 * ROUNDING * max(parts.seen.shape) * parts.scale
+    return float(10.0 * ROUNDING * max(parts.seen.shape) * parts.scale)
 
 
 def basis_of(method: str, basis: str | None) -> str:
@@ -189,4 +189,4 @@ def principal_angles(parts: Projection) -> Floats:
     unit = right[size > rounding(parts)]
     left, cosines, _ = np.linalg.svd(unit[:, : parts.seen.shape[1]], full_matrices=False)
     sines = np.linalg.norm(left.T @ unit[:, parts.seen.shape[1] :], axis=1)
-    return np.degrees(np.arctan2(sines, cosines))
+    return np.asarray(np.degrees(np.arctan2(sines, cosines)))

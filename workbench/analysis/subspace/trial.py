@@ -1,0 +1,99 @@
+"""The subspaces that a record shows at a horizon, and the choice among horizons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from workbench.analysis.subspace.hankel import HankelFactor, factorise
+from workbench.analysis.subspace.horizon import (
+    candidates,
+    check_length,
+    first_horizon,
+    largest_order,
+    within_excitation,
+)
+from workbench.analysis.subspace.order import simulation_cost
+from workbench.analysis.subspace.settings import Settings
+from workbench.analysis.subspace.weightings import Projection, Subspace, project, subspace
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["Trial", "best_trial", "first_trial"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A record seen through one horizon.
+
+    Attributes:
+        factor: of the block Hankel matrix.
+        parts: projections.
+        space: singular values and states of the weighting.
+        fixed: no other horizon is to be tried.
+        note: why the horizon is shorter than usual; empty if it is not.
+    """
+
+    factor: HankelFactor
+    parts: Projection
+    space: Subspace
+    fixed: bool = False
+    note: str = ""
+
+
+def first_trial(record: tuple[Floats, Floats], settings: Settings) -> Trial:
+    """Return the first look, with a shorter horizon where the input does not excite the usual one.
+
+    Args:
+        record: u and y, of size one.
+        settings: of the identification.
+
+    Raises:
+        InputError: too few samples, too little excitation, order too high.
+    """
+    size = _size(record)
+    horizon = first_horizon(settings.order, settings.most, size) if settings.horizon is None else settings.horizon
+    check_length(horizon, size)
+    _check_allowed(settings.order, horizon, size[2])
+    trial = _look(record, horizon, settings)
+    excited = trial.factor.excitation
+    if excited >= 2 * horizon:
+        return replace(trial, fixed=settings.horizon is not None or not trial.space.noisy)
+    shorter = min(within_excitation(excited, settings.order, size[2]), horizon)
+    note = f"the inputs excite {excited} orders only: horizon {shorter} instead of {horizon}"
+    return replace(_look(record, shorter, settings), fixed=True, note=note)
+
+
+def best_trial(record: tuple[Floats, Floats], first: Trial, order: int, settings: Settings) -> Trial:
+    """Return the horizon whose model of the given order simulates the record best.
+
+    Args:
+        record: u and y, of size one.
+        first: from `first_trial`.
+        order: n.
+        settings: of the identification.
+    """
+    if first.fixed:
+        return first
+    others = [_look(record, h, settings) for h in candidates(order, first.factor.horizon, _size(record))]
+    usable = [
+        t for t in (first, *others) if order <= min(t.space.rank, largest_order(t.factor.horizon, _size(record)[2]))
+    ]
+    if len(usable) < 2:
+        return first
+    return min(usable, key=lambda t: simulation_cost(record, t.space, order, feedthrough=settings.feedthrough))
+
+
+def _look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Trial:
+    factor = factorise(*record, horizon)
+    parts = project(factor)
+    return Trial(factor, parts, subspace(parts, settings.method, settings.weighting))
+
+
+def _size(record: tuple[Floats, Floats]) -> tuple[int, int, int]:
+    return len(record[0]), record[0].shape[1], record[1].shape[1]
+
+
+def _check_allowed(order: int | None, horizon: int, outputs: int) -> None:
+    most = largest_order(horizon, outputs)
+    if order is not None and order > most:
+        raise InputError(f"order {order} is too high: a horizon of {horizon} with {outputs} output(s) allows {most}")
