@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["draw_coherence", "plot_coherence", "plot_density"]
 
 _DEEPEST_DB = 90.0  # below the peak: rounding
-_NOTE = {"fontsize": 8.0, "color": "#555555"}
 
 
 def plot_density(result: SpectralDensity, path: str | Path | None = None) -> Figure:
@@ -107,4 +106,4 @@ def _square(unit: str | None) -> str:
 def _foot(ax: Axes, nyquist: float, note: str) -> None:
     ax.set_xlim(0.0, nyquist)
     ax.set_xlabel("frequency [Hz], up to Nyquist")
-    ax.annotate(note, (0.0, -0.34), xycoords="axes fraction", **_NOTE)
+    ax.annotate(note, (0.0, -0.3), xycoords="axes fraction", fontsize=8.0, color="#555555")

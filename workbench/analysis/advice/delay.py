@@ -24,7 +24,8 @@ _SIGNIFICANT = 4.2  # standard deviations
 _EXACT_SHARE = 3e-6  # of the output's size, where there is no noise
 _MOST = 60  # samples
 _FINE = 0.03  # of the impulse response's peak: coarser coefficients cannot show where it begins
-_OWN = 1e-4  # of an input's size is new at each sample, or the delay cannot be seen
+_OWN = 1e-3  # of an input's size is new at each sample, or the delay cannot be seen
+_ROUNDING = 1e-8
 _CERTAIN = 1e-6  # probability that no lag at all matters
 
 
@@ -112,16 +113,17 @@ def _test(shares: Floats, new: Floats, noise: float, peak: float) -> _Test:
         noise: of a share, standard deviation.
         peak: of the impulse response.
     """
-    visible = new > _OWN * np.sqrt(len(new)) * np.max(new, initial=0.0)
-    shares = np.where(visible, shares, 0.0)
+    largest = float(np.max(new, initial=0.0))
+    shares = np.where(new > _ROUNDING * largest, shares, 0.0)
     noise = max(noise, 1e-12 * float(np.max(shares, initial=0.0)), 1e-300)
     chance = stats.chi2.logsf(float(np.sum((shares / noise) ** 2)), len(shares))
     if np.max(shares) <= 1e-9 or chance > np.log(_CERTAIN):
-        return _Test(answers=bool(np.max(new) < 1.0), delay=None)
+        return _Test(answers=False, delay=None)
     floor = _EXACT_SHARE * float(np.sqrt(np.sum(shares**2)))
     out = np.flatnonzero(shares > max(_SIGNIFICANT * noise, floor))
     if not out.size:
         return _Test(answers=True, delay=None)
     first = int(out[0])
-    fine = visible[:first] & (noise < _FINE * peak * new[:first])
+    visible = new[: first + 1] > _OWN * largest
+    fine = visible[first] & visible[:first] & (noise < _FINE * peak * new[:first])
     return _Test(answers=True, delay=first if np.all(fine) else None)

@@ -11,6 +11,7 @@ but singular long before its order is reached. The window leaves no leakage that
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy import linalg, ndimage, signal
@@ -52,7 +53,7 @@ def judge_excitation(study: Study) -> Finding:
     names = study.experiment.input_names
     orders = excited_orders(study)
     single = {n: _order_of(study.u[:, j]) for j, n in enumerate(names)}
-    values = {"orders": orders, "counted_to": _HIGHEST, "by_input": single}
+    values: dict[str, Any] = {"orders": orders, "counted_to": _HIGHEST, "by_input": single}
     still = [n for j, n in enumerate(names) if j not in study.varying_inputs]
     if still:
         return Finding("excitation", "poor", f"{still[0]} is constant", "excite it, or leave it out", values)
@@ -71,7 +72,7 @@ def judge_excitation(study: Study) -> Finding:
     return _few_lines(orders, study.order, values)
 
 
-def _few_lines(orders: int, order: int | None, values: dict[str, object]) -> Finding:
+def _few_lines(orders: int, order: int | None, values: dict[str, Any]) -> Finding:
     evidence = f"persistent of order {orders} ({orders // 2} lines in the spectrum, with both signs)"
     needed = 2 * (order or 4) + 1
     if orders >= needed:

@@ -22,7 +22,6 @@ _CERTAIN = 1e-7  # probability of a false alarm, rounding and near-normal noise 
 _LEAST_SHARE = 0.01  # of the residual that the nonlinear terms explain
 _LOW = 0.9  # coherence
 _MUCH = 0.25  # of the excited band
-_EXCITED_DB = -30.0  # where the input's density is no lower than this below its peak
 _LINEAR_DB = 40.0
 _NOISY_DB = 10.0
 
@@ -72,11 +71,7 @@ def judge_linearity(study: Study) -> Finding:
 
 def _coherence_of(study: Study) -> tuple[float, float, float]:
     """Return the part of the excited band with low coherence, and its highest and middle value there."""
-    found = study.coherence
-    power = found.input_density[:, study.varying_inputs]
-    excited = np.any(power > 10.0 ** (0.1 * _EXCITED_DB) * power.max(axis=0), axis=1)
-    excited[0] = False  # every segment's mean is taken out
-    values = np.min(found.multiple[excited][:, study.varying_outputs], axis=1)
+    values = np.min(study.coherence.multiple[study.excited][:, study.varying_outputs], axis=1)
     values = values[np.isfinite(values)]
     if not values.size:
         return 0.0, float("nan"), float("nan")

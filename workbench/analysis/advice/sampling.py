@@ -66,11 +66,15 @@ def output_hold(study: Study) -> int:
 
 
 def _gains(study: Study) -> Floats:
-    """Return the magnitude of the long equation's response, shape (n_f, p, m), in spreads of the signals."""
+    """Return the magnitude of the long equation's response, shape (n_f, p, m), in spreads; 0 where nothing excites."""
     count = int(np.clip(2 * study.memory, 64, 4096))
-    response = np.abs(np.fft.rfft(study.arx.impulse(count), axis=0))
+    response = np.abs(np.fft.rfft(study.model.impulse(count), axis=0))
+    grid = np.linspace(0.0, 1.0, len(response))
+    excited = study.excited.copy()
+    excited[0] = excited[1]  # the mean is no excitation, but what is next to it tells
+    known = np.interp(grid, np.linspace(0.0, 1.0, len(excited)), excited) > 0.5
     size = np.std(study.u, axis=0)[study.varying_inputs] / study.spread[study.varying_outputs][:, None]
-    return np.asarray(response[:, study.varying_outputs][:, :, study.varying_inputs] * size)
+    return np.asarray(response[:, study.varying_outputs][:, :, study.varying_inputs] * size * known[:, None, None])
 
 
 def _bandwidth(frequency: Floats, gain: Floats) -> float:

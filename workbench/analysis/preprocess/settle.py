@@ -15,8 +15,9 @@ from workbench.session.base import Floats
 __all__ = ["Cut", "cut_settling", "settling_samples"]
 
 _PART = 2  # the record's first half is searched, its second half is the measure
-_VISIBLE = 0.2  # of an output's standard deviation
+_VISIBLE = 0.3  # of an output's standard deviation
 _OUT = 4.0  # standard deviations of the later error
+_TAME = 1e-3  # relative: the start excites frequencies that the inputs later need not contain
 _LEFT = 0.3  # of the record, at least, is kept
 
 
@@ -37,14 +38,14 @@ def settling_samples(experiment: Experiment) -> int:
 
     A long linear equation is fitted and run from rest. In the beginning it misses what inputs before the record
     and the initial state left behind; the last sample of the first half at which that exceeds the later error
-    (4 standard deviations, and 20 % of the output's) ends the settling.
+    (4 standard deviations, and 30 % of the output's) ends the settling.
 
     Args:
         experiment: recorded data.
     """
     u, y = (np.asarray(x - x[len(x) // _PART :].mean(axis=0)) for x in (experiment.u, experiment.y))
     half = len(u) // _PART
-    equation = fit_long_arx(u, y)
+    equation = fit_long_arx(u, y, truncate=_TAME)
     error = y - equation.simulate(u)
     if not np.all(np.isfinite(error)):
         return 0
