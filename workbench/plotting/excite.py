@@ -22,8 +22,9 @@ __all__ = ["plot_excite"]
 
 _SHOWN = 120  # samples of the input: more of them look like a block
 _SEGMENT = 256  # samples of one segment of the estimated spectrum, at most
-_FLOOR = -60.0  # [dB]: what is less is rounding, no line
+_FLOOR = -60.0  # [dB]: what is less is not drawn as a line
 _EDGE = 0.999  # rounding of a line on the border of the band
+_EMPTY = 1e-6  # of the largest power: what is less is rounding, no line
 _VALIDATION = "#777777"
 _STYLES: dict[str, dict[str, Any]] = {
     "prbs": {"linewidth": 1.2},
@@ -112,7 +113,7 @@ def _spectra(ax: Axes, data: Experiment, design: SignalFacts) -> None:
     low, high = design.band
     for i, name in enumerate(data.input_names):
         frequency, power = _spectrum(data.u[:, i], design)
-        inside = (frequency >= low * _EDGE) & (frequency <= high / _EDGE) & (power > 0.0)
+        inside = (frequency >= low * _EDGE) & (frequency <= high / _EDGE) & (power > _EMPTY * power.max())
         level = 10.0 * np.log10(np.maximum(power / max(float(power[inside].mean()), 1e-300), 1e-30))
         shown = level > _FLOOR if design.kind == "multisine" else np.ones(len(level), dtype=bool)
         ax.plot(frequency[shown], level[shown], color=COLOURS[i % len(COLOURS)], label=name, **_STYLES[design.kind])
