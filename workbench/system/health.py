@@ -198,7 +198,7 @@ def _check_source(variable: Variable) -> None:
         return
     if variable.causality == "input":
         raise InputError(f"'{variable.name}' is an input, which drives nothing; the source must be an output")
-    raise InputError(f"'{variable.name}' is {article(variable.causality)}; the source must be an output of the FMU")
+    raise InputError(f"'{variable.name}' is {article(variable.causality)} variable; the source must be an output")
 
 
 def _check_destination(variable: Variable) -> None:
@@ -208,7 +208,7 @@ def _check_destination(variable: Variable) -> None:
         raise InputError(f"'{variable.name}' is an output and cannot be driven; the destination must be an input")
     if variable.causality in ("parameter", "structuralParameter"):
         raise InputError(f"'{variable.name}' is a parameter, not an input; give its value in the component's 'set'")
-    raise InputError(f"'{variable.name}' is {article(variable.causality)}; the destination must be an input")
+    raise InputError(f"'{variable.name}' is {article(variable.causality)} variable; the destination must be an input")
 
 
 # -- types ---------------------------------------------------------------------------------------

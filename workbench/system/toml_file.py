@@ -1,0 +1,89 @@
+"""System files (.toml): components, connections, inputs and outputs, paths relative to the file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import InputError
+from workbench.fmi.description import Experiment
+from workbench.system.description import Connection, SystemDescription
+from workbench.system.toml_components import read_component
+from workbench.system.toml_schema import ConnectionTable, ExperimentTable, SystemTable, read_table
+
+__all__ = ["read_toml"]
+
+
+def read_toml(path: Path) -> SystemDescription:
+    """Return the system that a .toml file describes.
+
+    Raises:
+        InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown
+            (near names in the message) or missing, a value of the wrong type, an FMU that is not there.
+    """
+    data = _load(path)
+    try:
+        return _description(path, data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
+    except tomllib.TOMLDecodeError as error:
+        twice = "; a key stands twice: an input takes one source" if "overwrite" in str(error) else ""
+        raise InputError(f"{path}: is not TOML: {error}{twice}") from None
+
+
+def _description(path: Path, data: Mapping[str, Any]) -> SystemDescription:
+    table = read_table(SystemTable, data, "the file")
+    experiment = read_table(ExperimentTable, table.experiment, "[experiment]")
+    return SystemDescription(
+        name=table.name or path.stem,
+        components=tuple(read_component(name, given, path.parent) for name, given in table.components.items()),
+        connections=tuple(_connection(name, given) for name, given in _connections(table.connections)),
+        inputs={name: (given,) if isinstance(given, str) else tuple(given) for name, given in table.inputs.items()},
+        outputs=dict(table.outputs),
+        default_experiment=Experiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
+        source=str(path),
+    )
+
+
+def _connections(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Yield destination and source. TOML reads an unquoted a.u as table a with key u: both ways are taken."""
+    for key, value in given.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict) and not _is_connection(name, value):
+            yield from _connections(value, f"{name}.")
+        else:
+            yield name, value
+
+
+def _is_connection(name: str, value: Mapping[str, Any]) -> bool:
+    """Whether a table describes a connection, rather than holding connections to inputs of a component."""
+    return "." in name and not any(isinstance(v, dict) for v in value.values())
+
+
+def _connection(destination: str, given: object) -> Connection:
+    where = f'[connections] "{destination}"'
+    if isinstance(given, str):
+        return Connection(source=given, destination=destination)
+    if not isinstance(given, dict):
+        raise InputError(f'{where}: must be a source such as "plant.w" or {{from = "plant.w", gain = -1}}')
+    table = read_table(ConnectionTable, given, where)
+    return Connection(
+        source=table.source,
+        destination=destination,
+        gain=table.gain,
+        offset=table.offset,
+        unit=table.unit,
+        convert=table.convert,
+        closes_at=table.closes_at,
+    )

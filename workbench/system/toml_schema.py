@@ -1,0 +1,164 @@
+"""The tables of a system file (.toml) as pydantic models, and their errors in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from workbench.errors import InputError, suggest
+
+__all__ = [
+    "ConnectionTable",
+    "ExperimentTable",
+    "FmuTable",
+    "GainTable",
+    "LinearTable",
+    "SumTable",
+    "SystemTable",
+    "Table",
+    "TransferTable",
+    "read_table",
+]
+
+_Matrix = list[list[float]]
+
+
+class Table(BaseModel):
+    """A table of the file: no key but those below, no value of another type."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class SystemTable(Table):
+    """The whole file; what `components` and `connections` hold is read table by table."""
+
+    name: str | None = None
+    components: dict[str, Any]
+    connections: dict[str, Any] = Field(default_factory=dict)
+    inputs: dict[str, str | list[str]] = Field(default_factory=dict)
+    outputs: dict[str, str] = Field(default_factory=dict)
+    experiment: dict[str, Any] = Field(default_factory=dict)
+
+
+class ExperimentTable(Table):
+    """The default experiment. Times in [s]."""
+
+    start: float | None = None
+    stop: float | None = None
+    step: float | None = Field(default=None, gt=0.0)
+    tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
+
+
+class ConnectionTable(Table):
+    """A connection that is more than the name of its source."""
+
+    source: str = Field(alias="from")
+    gain: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+    convert: bool = True
+    closes_at: float | None = None
+
+
+class FmuTable(Table):
+    """An FMU."""
+
+    model: str
+    set: dict[str, bool | int | float | str] = Field(default_factory=dict)
+    interface: Literal["auto", "me", "cs"] = "auto"
+    solver: Literal["auto", "vkm", "gear"] = "auto"
+    step: float | None = Field(default=None, gt=0.0)
+
+
+class GainTable(Table):
+    """y = gain · u."""
+
+    gain: float
+    units: dict[str, str] = Field(default_factory=dict)
+
+
+class SumTable(Table):
+    """A sum; "+-" or factors."""
+
+    sum: str | list[float]
+    unit: str | None = None
+
+
+class _Dynamic(Table):
+    inputs: list[str] | None = None
+    outputs: list[str] | None = None
+    states: list[str] | None = None
+    x0: list[float] | None = None
+    dt: float = Field(default=0.0, ge=0.0)
+    units: dict[str, str] = Field(default_factory=dict)
+
+
+class LinearTable(_Dynamic):
+    """A state-space model."""
+
+    A: _Matrix
+    B: _Matrix
+    C: _Matrix
+    D: _Matrix | None = None
+
+
+class TransferTable(_Dynamic):
+    """A transfer function, highest power first."""
+
+    numerator: list[float] = Field(min_length=1)
+    denominator: list[float] = Field(min_length=1)
+
+
+_Read = TypeVar("_Read", bound=Table)
+
+
+def read_table(kind: type[_Read], data: object, where: str) -> _Read:
+    """Return `data` as a table of `kind`.
+
+    Args:
+        kind: of the table.
+        data: as the TOML reader returns it.
+        where: the table, for messages, such as "[connections]".
+
+    Raises:
+        InputError: a key that is unknown (with near names) or missing, a value of the wrong type.
+    """
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_message(kind, error.errors())}") from None
+
+
+def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
+    """Return the first error in our words; misspelt keys first, since they make others miss."""
+    ordered = sorted(errors, key=lambda e: e["type"] != "extra_forbidden")
+    first = ordered[0]
+    path = [str(p) for p in first["loc"]]
+    if first["type"] == "extra_forbidden":
+        return f"key '{path[-1]}' is unknown; {suggest(path[-1], _keys(kind))}"
+    if first["type"] == "missing":
+        return f"key '{path[-1]}' is missing"
+    # The branches of a union come as names after the key.
+    name = ".".join(p for p in path if not p.startswith(("list[", "function-")) and p not in _BRANCHES)
+    value = f", not {first['input']!r}" if isinstance(first["input"], str | int | float | bool) else ""
+    same = [e["msg"] for e in ordered if e["loc"][:1] == first["loc"][:1]]
+    said = " or ".join(dict.fromkeys(_said(m) for m in same)).replace(" or must be", " or")
+    return f"key '{name}' {said}{value}"
+
+
+_BRANCHES = ("str", "bool", "int", "float")
+
+
+def _said(message: str) -> str:
+    return (
+        message.replace("Input should be", "must be")
+        .replace("Input must", "must")
+        .replace("a valid ", "a ")
+        .replace("a integer", "an integer")
+    )
+
+
+def _keys(kind: type[Table]) -> list[str]:
+    return [field.alias or name for name, field in kind.model_fields.items()]
