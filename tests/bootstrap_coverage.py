@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from workbench.analysis.experiment import Experiment, make_experiment
 from workbench.analysis.march import march_one
 from workbench.analysis.subspace import estimate
-from workbench.analysis.validate import PoleBootstrap, bootstrap_poles
+from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings
 from workbench.session.base import Floats
 
 Complex = NDArray[np.complex128]
@@ -64,13 +64,9 @@ def noisy_record(system: System, rng: np.random.Generator, samples: int, *, rela
 
 
 def bootstrap_of(data: Experiment, order: int, *, replicates: int, joint: bool = True, seed: int = 0) -> PoleBootstrap:
-    def poles(u: Floats, y: Floats) -> Complex:
-        return estimate(u, y, DT, order=order, stable=True).model.poles
-
-    model = estimate(data.u, data.y, DT, order=order, stable=True).model.named(
-        input_names=data.input_names, output_names=data.output_names
-    )
-    return bootstrap_poles(model, data, poles, replicates=replicates, joint=joint, seed=seed)
+    found = estimate(data.u, data.y, DT, order=order, stable=True)
+    model = found.model.named(input_names=data.input_names, output_names=data.output_names)
+    return bootstrap_poles(model, data, same_settings(found), replicates=replicates, joint=joint, seed=seed)
 
 
 def cases(

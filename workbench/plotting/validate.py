@@ -87,8 +87,8 @@ def _errors(ax: Axes, result: Validation, k: int, shown: slice) -> None:
 def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | None = None) -> Figure:
     """Draw residuals over time, their autocorrelation and their cross-correlation with each input.
 
-    One column for each output. Shaded: 95 % of the lags of a good model lie within. Dashed: with 95 % all of them do,
-    what lies outside decides the verdict.
+    One column for each output. Shaded: 95 % of the lags of a good model lie within. Dashed: with 97.5 % all of
+    them do. The verdicts stand below.
 
     Args:
         result: of the validation.
@@ -140,15 +140,13 @@ def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
     test = residuals.cross
     if test is None:
         return
-    values, band, (before, after) = test.values[:, k, j], float(test.band[k, j]), test.band_all[k, j]
+    values, band, wide = test.values[:, k, j], float(test.band[k, j]), float(test.band_all[k, j])
     ax.axhspan(-band, band, label="95 % band of each lag", **_BAND)
-    half, together = float(test.lags[-1]), "95 % band of all lags; orange: outside"
-    for sign in (-1.0, 1.0):
-        ax.plot([-half - 0.5, -0.5], [sign * before] * 2, **_EDGE)
-        ax.plot([-0.5, half + 0.5], [sign * after] * 2, label=together if sign > 0.0 else None, **_EDGE)
+    ax.axhline(wide, label="97.5 % band of all lags; orange: outside", **_EDGE)
+    ax.axhline(-wide, **_EDGE)
     ax.axvline(-0.5, color="#888888", linewidth=0.7)
-    _stems(ax, test.lags, values, np.abs(values) > np.where(test.lags < 0.0, before, after))
-    top = 1.5 * max(float(np.max(np.abs(values))), float(np.max(test.band_all[k, j])))
+    _stems(ax, test.lags, values, np.abs(values) > wide)
+    top = 1.5 * max(float(np.max(np.abs(values))), wide)
     ax.set_ylim(-top, top)
     for at, side in ((0.01, "left"), (0.99, "right")):
         text = "lag < 0: feedback" if side == "left" else "lag ≥ 0: dynamics missed"

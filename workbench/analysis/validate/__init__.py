@@ -1,6 +1,7 @@
 """Validation of identified models: one test a file, `validate` puts them together."""
 
 from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles
+from workbench.analysis.validate.estimator import same_settings
 from workbench.analysis.validate.fit import ERROR_FIGURES, Fit, error_figure
 from workbench.analysis.validate.overlay import Overlay, overlay
 from workbench.analysis.validate.result import Validation
@@ -15,5 +16,6 @@ __all__ = [
     "bootstrap_poles",
     "error_figure",
     "overlay",
+    "same_settings",
     "validate",
 ]

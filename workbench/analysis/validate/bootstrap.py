@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.march import march
+from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
 from workbench.errors import InputError
@@ -22,10 +23,9 @@ from workbench.session.base import Floats
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Estimator", "PoleBootstrap", "bootstrap_poles"]
+__all__ = ["PoleBootstrap", "bootstrap_poles"]
 
 Complex = NDArray[np.complex128]
-Estimator = Callable[[Floats, Floats], Complex]
 
 REPLICATES = 200
 LEAST = 20  # replicates that must have worked out
@@ -161,7 +161,8 @@ def bootstrap_poles(
     Args:
         model: identified from `data`.
         data: with the model's channels.
-        estimator: of u (N, m) and y (N, p) → poles, shape (n,); the same settings as the model was made with.
+        estimator: of u (N, m) and y (N, p) → poles, shape (n,), with the settings that the model was made with;
+            `same_settings` makes it.
         replicates: R.
         block: length of the blocks [samples]; None: N^(1/3), as Künsch's theory has it.
         confidence: of the regions.

@@ -101,7 +101,8 @@ def _white(a: Autocorrelation) -> dict[str, Any]:
 def _cross(c: CrossCorrelation) -> dict[str, Any]:
     """Values and bands as [output][input]."""
     plain = {"lags": c.lags.tolist(), "values": c.values.transpose(1, 2, 0).tolist(), "band": c.band.tolist()}
-    verdicts = {"undermodelled": c.undermodelled, "feedback": c.feedback, "inside": c.inside}
+    probabilities = {"p_negative": c.p_negative, "p_positive": c.p_positive}
+    verdicts = {**probabilities, "undermodelled": c.undermodelled, "feedback": c.feedback, "inside": c.inside}
     return {**plain, "band_all": c.band_all.tolist(), "outside": list(c.outside), **verdicts}
 
 
