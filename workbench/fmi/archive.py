@@ -8,6 +8,7 @@ import tempfile
 import weakref
 import zipfile
 import zlib
+from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Self
@@ -15,7 +16,7 @@ from typing import Self
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
 
-__all__ = ["Unpacked", "locate", "unpack"]
+__all__ = ["Unpacked", "extract", "locate", "unpack"]
 
 MAX_BYTES = 4 << 30  # unpacked, all files together
 MAX_FILES = 100_000
@@ -93,7 +94,7 @@ def unpack(model: str | Path) -> Unpacked:
     folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
     unpacked = Unpacked(path, folder, owned=True)
     try:
-        _extract(path, folder)
+        extract(path, folder, skipped=_SKIPPED)
         return _checked(unpacked)
     except BaseException:
         unpacked.close()
@@ -106,13 +107,25 @@ def _checked(unpacked: Unpacked) -> Unpacked:
     return unpacked
 
 
-def _extract(path: Path, folder: Path) -> None:
+def extract(path: Path, folder: Path, *, skipped: Collection[str] = ()) -> None:
+    """Extract a zip archive into an empty folder.
+
+    Args:
+        path: of the archive.
+        folder: where its files go.
+        skipped: folders in the archive's root that are left out.
+
+    Raises:
+        FmuError: damaged, or an entry that would leave the folder, is a link, or is absurdly large.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             entries = [e for e in archive.infolist() if not e.is_dir()]
             _check_sizes(path, entries)
             for entry in entries:
-                _extract_entry(path, archive, entry, folder)
+                inside = _safe_name(path, entry)
+                if inside.parts[0] not in skipped:
+                    _extract_entry(archive, entry, folder.joinpath(*inside.parts))
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
@@ -128,11 +141,7 @@ def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
 
 
-def _extract_entry(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
-    inside = _safe_name(path, entry)
-    if inside.parts[0] in _SKIPPED:
-        return
-    target = folder.joinpath(*inside.parts)
+def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     # zipfile stops at the declared size, so a lying header cannot write more than was checked.
     with archive.open(entry) as source, target.open("wb") as sink:

@@ -152,12 +152,10 @@ _BRANCHES = ("str", "bool", "int", "float")
 
 
 def _said(message: str) -> str:
-    return (
-        message.replace("Input should be", "must be")
-        .replace("Input must", "must")
-        .replace("a valid ", "a ")
-        .replace("a integer", "an integer")
-    )
+    """Return pydantic's sentence as a clause after the key."""
+    for its, ours in (("Input should be", "must be"), ("Input must", "must"), ("a valid ", "a "), ("a int", "an int")):
+        message = message.replace(its, ours)
+    return message
 
 
 def _keys(kind: type[Table]) -> list[str]:
