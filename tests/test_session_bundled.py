@@ -63,6 +63,21 @@ def test_held_inputs_follow_the_recursion_of_a_held_lag(version: str) -> None:
     assert np.max(np.abs(record.values["y"][left] - expected)) < 1e-9
 
 
+@BOTH
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_a_jump_at_a_tick_is_sampled_by_that_tick(version: str, interface: str) -> None:
+    period = 0.022
+    points = period * np.arange(1, 9)
+    step = period if interface == "cs" else None
+    with load(f"fmu:ElevatorLaw{version}", interface, step=step) as model, model.open_session() as session:
+        signals = {"side_stick": Step(time=5.0 * period, value=0.05)}
+        record = session.advance(8.0 * period, signals=signals, record=["elevator"], points=points)
+    tick = np.flatnonzero(np.isclose(record.time, 5.0 * period))
+    left, right = record.values["elevator"][tick[[0, -1]]]
+    assert left == 2.0  # at rest at neutral
+    assert right == pytest.approx(2.0 + 0.05 * 0.96 * 6.9, abs=1e-12)  # the shape's and the positive gain
+
+
 def test_model_exchange_holds_no_inputs() -> None:
     with pytest.raises(InputError, match="hold_inputs: only co-simulation"):
         load("fmu:FirstOrderLag", "me", hold_inputs=True)

@@ -44,6 +44,7 @@ typedef struct {
     int32_t completed_step; /* wants to be told of completed steps */
     int32_t interpolates;   /* co-simulation: takes the slopes of its inputs */
     int32_t slopes_work;    /* until it says otherwise */
+    int32_t event_due;      /* co-simulation: the last step ended at an event, which waits for the inputs there */
     double time;            /* of the last set_time or do_step [s] */
     const struct ComponentCalls *calls;
 } Component;

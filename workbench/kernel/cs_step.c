@@ -77,11 +77,14 @@ static bool differs(const Forcing *forcing, int32_t who, bool any) {
     return false;
 }
 
+/* An event at the end of the last step is made with the inputs of this point: a sampled input is the one set here. */
 static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
-    if (!cs->system->components[who].event_mode) {
+    Component *component = &cs->system->components[who];
+    if (!component->event_mode) {
         return write_wanted(cs, who, true);
     }
-    if (differs(cs->system->forcing, who, jump)) {
+    if (component->event_due || differs(cs->system->forcing, who, jump)) {
+        component->event_due = 0;
         return enter_event_mode(cs, who) && write_wanted(cs, who, true) && leave_event_mode(cs, who);
     }
     return write_wanted(cs, who, false);
@@ -89,12 +92,10 @@ static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
 
 bool cs_set_inputs(Cs *cs, bool jump) {
     System *system = cs->system;
-    if (system->forcing->n) {
-        forcing_evaluate(system->forcing, cs->time);
-        for (size_t i = 0; i < system->n_components; i++) {
-            if (!set_component_inputs(cs, (int32_t)i, jump)) {
-                return false;
-            }
+    forcing_evaluate(system->forcing, cs->time);
+    for (size_t i = 0; i < system->n_components; i++) {
+        if ((system->forcing->n || system->components[i].event_due) && !set_component_inputs(cs, (int32_t)i, jump)) {
+            return false;
         }
     }
     return system_propagate(system, false, NULL);
@@ -102,7 +103,8 @@ bool cs_set_inputs(Cs *cs, bool jump) {
 
 /* ---- steps ---- */
 
-static bool handle(Cs *cs, int32_t who, const Answer *answer) {
+/* An event inside the step is made at once; one at its end after the left limits there are recorded. */
+static bool handle(Cs *cs, int32_t who, const Answer *answer, bool early) {
     if (answer->terminate) {
         return ended(cs, who);
     }
@@ -113,7 +115,8 @@ static bool handle(Cs *cs, int32_t who, const Answer *answer) {
         failure_of(cs)->component = who;
         return fail_at(failure_of(cs), FAILED_EVENT_MODE, answer->time);
     }
-    return enter_event_mode(cs, who) && leave_event_mode(cs, who);
+    cs->system->components[who].event_due = !early;
+    return !early || (enter_event_mode(cs, who) && leave_event_mode(cs, who));
 }
 
 /* Whether the FMU stopped before the end by more than rounding. */
@@ -135,7 +138,7 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         if (early) {
             cs->time = answer.time;
         }
-        if (!handle(cs, who, &answer)) {
+        if (!handle(cs, who, &answer, early)) {
             return false;
         }
         if (!early) {

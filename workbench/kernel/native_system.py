@@ -130,6 +130,16 @@ class NativeSystem:
         for component in self._components:
             component.slopes_work = False
 
+    @property
+    def event_due(self) -> bool:
+        """Whether an event of co-simulation at the end of the last step waits for the inputs there."""
+        return any(bool(component.event_due) for component in self._components)
+
+    @event_due.setter
+    def event_due(self, due: bool) -> None:
+        for component in self._components:
+            component.event_due = due
+
     def sync_times(self) -> None:
         """Tell the façade how far the kernel brought each FMU."""
         for instance, component in zip(self.instances, self._components, strict=True):

@@ -106,6 +106,7 @@ class Component(ctypes.Structure):
         ("completed_step", c_int32),
         ("interpolates", c_int32),
         ("slopes_work", c_int32),
+        ("event_due", c_int32),
         ("time", c_double),
         ("calls", c_void_p),
     )

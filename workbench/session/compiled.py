@@ -137,10 +137,12 @@ class CompiledCsSession(CompiledSession, CsSession):
         native.longest = self._longest(until)
         native.variable_step = self.instance.capabilities.variable_step
         native.step_given = self.setup.step is not None
+        self.loop.system.event_due = self._event_due
         try:
             self.loop.run("cs", native, targets, record, new=new)
         finally:
             self.time, self._previous = native.time, native.previous
+            self._event_due = self.loop.system.event_due
             self._fixed = None if math.isnan(native.fixed) else native.fixed
 
 

@@ -30,9 +30,10 @@ class CsSession(FmuSession):
 
     _fixed: float | None = None
     _slopes_work = True
+    _event_due = False  # the last step ended at an event, which waits for the inputs there
 
     def _started(self) -> None:
-        self._fixed = None
+        self._fixed, self._event_due = None, False
         self._previous = self.time
         if self.instance.event_mode:
             self._leave_event_mode()
@@ -79,13 +80,17 @@ class CsSession(FmuSession):
     # -- inputs ---------------------------------------------------------------------------
 
     def _set_inputs(self, *, jump: bool) -> None:
-        """Set the right limits; jumps and discrete inputs need event mode where there is one."""
-        if not self.forcing.names:
+        """Set the right limits; jumps and discrete inputs need event mode where there is one.
+
+        An event at the end of the last step is made with the inputs of this point: a sampled input is the one set here.
+        """
+        if not self.forcing.names and not self._event_due:
             return
         wanted = self.forcing.at(self.time)
         if not self.instance.event_mode:
             self.forcing.write_all(wanted)
-        elif (jump and wanted != self.forcing.written) or self.forcing.discrete_differ(wanted):
+        elif self._event_due or (jump and wanted != self.forcing.written) or self.forcing.discrete_differ(wanted):
+            self._event_due = False
             self.instance.enter_event_mode()
             self.forcing.write_all(wanted)
             self._leave_event_mode()
@@ -118,6 +123,7 @@ class CsSession(FmuSession):
         )
 
     def _after(self, result: StepResult, *, early: bool) -> None:
+        """An event inside the step is made at once; one at its end after the left limits there are recorded."""
         if early:
             self.time = result.time
         if result.terminate:
@@ -125,8 +131,10 @@ class CsSession(FmuSession):
         if result.event:
             if not self.instance.event_mode:
                 raise SimulationError("the FMU wants event mode, which it does not offer", time=result.time)
-            self.instance.enter_event_mode()
-            self._leave_event_mode()
+            self._event_due = not early
+            if early:
+                self.instance.enter_event_mode()
+                self._leave_event_mode()
 
     def _longest(self, until: float) -> float:
         """Return the longest communication step of this advance [s]."""
@@ -158,13 +166,13 @@ class CsSession(FmuSession):
 
     # -- snapshots ------------------------------------------------------------------------
 
-    def _memory(self) -> tuple[float | None, float]:
-        return self._fixed, self._previous
+    def _memory(self) -> tuple[float | None, float, bool]:
+        return self._fixed, self._previous, self._event_due
 
     def _resume(self, memory: object) -> None:
         if not isinstance(memory, tuple):
             raise InputError("this snapshot belongs to another kind of session")
-        self._fixed, self._previous = memory
+        self._fixed, self._previous, self._event_due = memory
 
     def _forget(self) -> None:
         """The FMU's solver is its own; there is nothing to reset."""
