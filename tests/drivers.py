@@ -23,5 +23,5 @@ def each_driver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(hybrid_fmus, "driver", name)
     # As a name, `workbench.model.load` is the function.
     module = importlib.import_module("workbench.model.load")
-    monkeypatch.setattr(module, "_choose_driver", lambda wanted: (name if wanted == "auto" else wanted, ""))
+    monkeypatch.setattr(module, "choose_driver", lambda wanted: (name if wanted == "auto" else wanted, ""))
     return name

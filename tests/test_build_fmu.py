@@ -171,7 +171,7 @@ def test_tunable_period_is_obeyed(fmus: Path) -> None:
 def live(request: pytest.FixtureRequest, fmus: Path) -> Iterator[tuple[Instance, list[str], list[str]]]:
     """A model exchange instance in continuous mode with its knowns and unknowns."""
     with load(file_of(fmus, "Arrays.Elementary", request.param)) as model:
-        instance = model._open_instance()
+        instance = model.new_instance()
         instance.enter_initialisation(0.0, None)
         instance.exit_initialisation()
         instance.iterate_events()
@@ -210,7 +210,7 @@ def test_directional_derivative_of_a_linear_system_is_its_matrix(fmus: Path) -> 
     a = [[-1, 2, 0, 0], [-2, -1, 0.5, 0], [0, 0, -3, 1], [0.1, 0, 0, -0.5]]
     for fmi in (2, 3):
         with load(file_of(fmus, "Arrays.StateSpace", fmi)) as model:
-            instance = model._open_instance()
+            instance = model.new_instance()
             instance.enter_initialisation(0.0, None)
             instance.exit_initialisation()
             instance.iterate_events()

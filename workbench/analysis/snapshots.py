@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from workbench.errors import WorkbenchError
 from workbench.fmi.description import Capabilities
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.model.recipe import FmuRecipe
 from workbench.workers import Job, Limits, Lost, Reply, perform
 from workbench.workers.pool import Pool
@@ -37,7 +37,7 @@ class _Probe(Job):
     interface: str
 
     def run(self, model: Model) -> Iterator[Snapshots]:
-        if not isinstance(model, FmuModel):
+        if not isinstance(model, DescribedModel):
             return
         with replace(model.recipe, interface=self.interface, solver="auto").open() as probed:
             yield Snapshots(probed.snapshot_method(), probed.why_replay())

@@ -16,7 +16,7 @@ from workbench.analysis.trim_run import RunBalance, Settled
 from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
-from workbench.model import FmuModel, Model, Variable
+from workbench.model import DescribedModel, Model, Variable
 from workbench.session.point import Point
 
 __all__ = ["trim"]
@@ -306,14 +306,14 @@ class _Trim:
 
 def _own_step(model: Model) -> float:
     """Return the communication step that a model brings [s]."""
-    if isinstance(model, FmuModel):
+    if isinstance(model, DescribedModel):
         return model.recipe.step or model.description.experiment.step or DEFAULT_STEP
     return DEFAULT_STEP
 
 
 def _usual_length(model: Model) -> float:
     """Return how long the model is meant to run [s]; 0 if it does not say."""
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         return 0.0
     experiment = model.description.experiment
     return max(0.0, (experiment.stop_time or 0.0) - (experiment.start_time or 0.0))
@@ -321,7 +321,7 @@ def _usual_length(model: Model) -> float:
 
 def _start_of(model: Model, variable: Variable) -> float:
     """Return a discrete state's start value, the one that the user loaded the model with if there is one."""
-    given = model.recipe.start_values if isinstance(model, FmuModel) else {}
+    given = model.recipe.start_values if isinstance(model, DescribedModel) else {}
     return float(given.get(variable.name, variable.start or 0.0))
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.result import LinResult
     from workbench.analysis.lin.sweep import LinGrid
     from workbench.cli.output import Output
-    from workbench.model import FmuModel
+    from workbench.model import DescribedModel
 
 __all__ = ["lin"]
 
@@ -167,7 +167,7 @@ def _widths(option: str, texts: Sequence[str] | None) -> float | list[float] | d
     return found[0] if len(found) == 1 else found
 
 
-def _pair(model: FmuModel, chosen: Mapping[str, Any]) -> tuple[str, str]:
+def _pair(model: DescribedModel, chosen: Mapping[str, Any]) -> tuple[str, str]:
     """Return the one input and output to compare."""
     inputs = chosen["inputs"] or [v.name for v in model.inputs]
     outputs = chosen["outputs"] or [v.name for v in model.outputs]
@@ -181,7 +181,7 @@ def _pair(model: FmuModel, chosen: Mapping[str, Any]) -> tuple[str, str]:
     return inputs[0], outputs[0]
 
 
-def _one(model: FmuModel, options: Mapping[str, Any], out: Output) -> int:
+def _one(model: DescribedModel, options: Mapping[str, Any], out: Output) -> int:
     from workbench.analysis.lin import lin as run
 
     result = run(model, **options).result
@@ -191,7 +191,13 @@ def _one(model: FmuModel, options: Mapping[str, Any], out: Output) -> int:
 
 
 def _over(
-    model: FmuModel, texts: Sequence[str], options: Mapping[str, Any], out: Output, *, jobs: int, store: Path | None
+    model: DescribedModel,
+    texts: Sequence[str],
+    options: Mapping[str, Any],
+    out: Output,
+    *,
+    jobs: int,
+    store: Path | None,
 ) -> int:
     from workbench.analysis.lin.sweep import lin_over
     from workbench.cli.progress import Bar
@@ -212,7 +218,9 @@ def _over(
     return _write_grid(model, result, out)
 
 
-def _along(model: FmuModel, times: str, texts: Sequence[str] | None, options: Mapping[str, Any], out: Output) -> int:
+def _along(
+    model: DescribedModel, times: str, texts: Sequence[str] | None, options: Mapping[str, Any], out: Output
+) -> int:
     from workbench.analysis.lin.sweep import lin_along
     from workbench.signals import parse_signal
 
@@ -224,7 +232,7 @@ def _along(model: FmuModel, times: str, texts: Sequence[str] | None, options: Ma
     return _write_grid(model, lin_along(model, numbers("--snapshot", times), signals=signals, **kept), out)
 
 
-def _write_grid(model: FmuModel, grid: LinGrid, out: Output) -> int:
+def _write_grid(model: DescribedModel, grid: LinGrid, out: Output) -> int:
     for point in grid.points:
         out.console.print(_label(point.values), style="bold", markup=False)
         if point.result is None:
@@ -240,7 +248,7 @@ def _write_grid(model: FmuModel, grid: LinGrid, out: Output) -> int:
     return _POINTS_FAILED if grid.failed else 0
 
 
-def _compare(model: FmuModel, pair: tuple[str, str], options: Mapping[str, Any], out: Output) -> int:
+def _compare(model: DescribedModel, pair: tuple[str, str], options: Mapping[str, Any], out: Output) -> int:
     from workbench.analysis.lin.compare import compare
 
     result = compare(model, *pair, **options)

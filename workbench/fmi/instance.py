@@ -21,6 +21,7 @@ from workbench.fmi.library import Library, load_library
 from workbench.fmi.log import open_log
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Wiring
 
 __all__ = ["DiscardError", "EventInfo", "Instance", "StepResult"]
 
@@ -164,6 +165,22 @@ class Instance(ABC):
     def healthy(self) -> bool:
         """Whether it lives and no call has failed for good."""
         return not self._closed and self._worst < ERROR
+
+    # -- systems ----------------------------------------------------------------------------
+
+    @property
+    def parts(self) -> tuple[Instance, ...]:
+        """The instances that this one consists of; only a system has several."""
+        return (self,)
+
+    @property
+    def wiring(self) -> Wiring | None:
+        """How the parts are connected; None: there is nothing to connect."""
+        return None
+
+    def ports(self, variable: Variable) -> tuple[tuple[int, Variable], ...]:
+        """Return where a variable is found: parts' numbers and variables; all are written, the first is read."""
+        return ((0, variable),)
 
     # -- access to variables --------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe
 from workbench.session.fmu import Setup
 from workbench.session.solvers import SOLVERS, choose_solver
 
-__all__ = ["load", "open_unpacked"]
+__all__ = ["check_biases", "check_number", "check_starts", "choose_driver", "load", "open_unpacked"]
 
 _SETTABLE = ("parameter", "input", "local", "output")
 
@@ -59,8 +59,8 @@ def load(
         InputError: no such file, interface, solver, variable; a value out of range.
         FmuError: the file is no usable FMU, or has no binary for this platform.
     """
-    _check_number("step", step, upper=math.inf)
-    _check_number("tolerance", tolerance, upper=1.0)
+    check_number("step", step)
+    check_number("tolerance", tolerance, upper=1.0)
     unpacked = unpack(path)
     try:
         recipe = FmuRecipe(
@@ -99,13 +99,13 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         raise InputError("hold_inputs: only co-simulation holds inputs between points; use interface cs")
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
-    driver, remark = _choose_driver(recipe.driver)
+    driver, remark = choose_driver(recipe.driver)
     variables = {v.name: v for v in description.variables}
     setup = Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values=_starts(recipe.start_values, variables),
-        bias=_biases(recipe.bias, variables),
+        start_values=check_starts(recipe.start_values, variables),
+        bias=check_biases(recipe.bias, variables),
         rtol=recipe.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
         step=recipe.step,
@@ -121,7 +121,8 @@ def _not_yet() -> Instance:
     raise NotImplementedError  # FmuModel puts its own in place
 
 
-def _check_number(name: str, value: float | None, *, upper: float) -> None:
+def check_number(name: str, value: float | None, *, upper: float = math.inf) -> None:
+    """Raise an InputError unless a value is None, or positive and below `upper`."""
     if value is not None and not (math.isfinite(value) and 0.0 < value < upper):
         limit = f" and below {upper:g}" if math.isfinite(upper) else ""
         raise InputError(f"{name} must be positive{limit}, not {value:g}")
@@ -150,8 +151,12 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     return "fmu", ""
 
 
-def _choose_driver(wanted: str) -> tuple[str, str]:
-    """Return the driver and a note about the choice (may be empty)."""
+def choose_driver(wanted: str) -> tuple[str, str]:
+    """Return the driver and a note about the choice (may be empty).
+
+    Raises:
+        InputError: unknown, or not available here.
+    """
     if wanted not in ("auto", *DRIVERS):
         raise InputError(f"driver '{wanted}' is unknown; {suggest(wanted, ('auto', *DRIVERS))}")
     missing = "" if wanted == "python" else why_kernel_missing()
@@ -178,7 +183,12 @@ def _notes(wanted: str, chosen: str, description: Description, step: float | Non
     return notes
 
 
-def _starts(values: Mapping[str, Value], variables: Mapping[str, Variable]) -> dict[str, Value]:
+def check_starts(values: Mapping[str, Value], variables: Mapping[str, Variable]) -> dict[str, Value]:
+    """Return start values in their variables' types.
+
+    Raises:
+        InputError: no such variable, it cannot be set, or the value is not of its type.
+    """
     return {name: _start(name, value, variables) for name, value in values.items()}
 
 
@@ -217,7 +227,12 @@ def _as_boolean(value: Value) -> bool:
     return text in ("true", "1", "1.0")
 
 
-def _biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
+def check_biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
+    """Return the biases.
+
+    Raises:
+        InputError: no such real input, or the value is not finite.
+    """
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
     for name, value in bias.items():
         if name not in inputs:

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from workbench.errors import InputError
 from workbench.fmi.archive import Unpacked
@@ -19,9 +19,10 @@ from workbench.fmi.variable import Value
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
+    from workbench.model.described import DescribedModel
     from workbench.model.fmu_model import FmuModel
 
-__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "Recipe", "content_hash"]
+__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "LoadRecipe", "Recipe", "content_hash"]
 
 
 DEFAULT_TOLERANCE = 1e-6
@@ -55,6 +56,11 @@ class Recipe(ABC):
     def tighter(self, factor: float) -> Recipe:
         """Return the recipe of the same model with `factor` times its relative tolerance of the integration."""
 
+    @property
+    def portable(self) -> bool:
+        """Whether it can be sent to another process."""
+        return True
+
     def packed(self) -> Recipe:
         """Return a recipe that needs no file of this machine."""
         return self
@@ -65,7 +71,47 @@ class Recipe(ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FmuRecipe(Recipe):
+class LoadRecipe(Recipe):
+    """What `load` was told, besides the file.
+
+    Attributes:
+        source: what the user named, for messages.
+        interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
+    """
+
+    source: str
+    interface: str = "auto"
+    solver: str = "auto"
+    driver: str = "auto"
+    step: float | None = None
+    tolerance: float | None = None
+    start_values: Mapping[str, Value] = field(default_factory=dict)
+    bias: Mapping[str, float] = field(default_factory=dict)
+    hold_inputs: bool = False
+
+    @abstractmethod
+    def open(self) -> DescribedModel:
+        """Return the model; see `Recipe.open`."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return all of these but the file, ready for JSON."""
+        return {
+            "interface": self.interface,
+            "solver": self.solver,
+            "driver": self.driver,
+            "step": self.step,
+            "tolerance": self.tolerance,
+            "start_values": dict(self.start_values),
+            "bias": dict(self.bias),
+            "hold_inputs": self.hold_inputs,
+        }
+
+    def tighter(self, factor: float) -> Self:
+        return replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmuRecipe(LoadRecipe):
     """An FMU and what `load` was told.
 
     Attributes:
@@ -76,17 +122,8 @@ class FmuRecipe(Recipe):
         archive: the unpacked files as a zip archive, in place of `folder`; None: use the folder.
     """
 
-    source: str
     folder: str
     owned: bool
-    interface: str
-    solver: str
-    driver: str = "auto"
-    step: float | None = None
-    tolerance: float | None = None
-    start_values: Mapping[str, Value] = field(default_factory=dict)
-    bias: Mapping[str, float] = field(default_factory=dict)
-    hold_inputs: bool = False
     archive: bytes | None = field(default=None, repr=False)
 
     def open(self) -> FmuModel:
@@ -109,20 +146,7 @@ class FmuRecipe(Recipe):
         return Unpacked(Path(self.source), folder, owned=True)
 
     def identity(self) -> dict[str, Any]:
-        return {
-            "fmu": content_hash(Path(self.source)),
-            "interface": self.interface,
-            "solver": self.solver,
-            "driver": self.driver,
-            "step": self.step,
-            "tolerance": self.tolerance,
-            "start_values": dict(self.start_values),
-            "bias": dict(self.bias),
-            "hold_inputs": self.hold_inputs,
-        }
-
-    def tighter(self, factor: float) -> FmuRecipe:
-        return replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
+        return {"fmu": content_hash(Path(self.source)), **self.settings()}
 
     def packed(self) -> FmuRecipe:
         buffer = io.BytesIO()

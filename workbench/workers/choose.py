@@ -80,7 +80,7 @@ def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
         InputError: the cluster cannot be reached.
     """
     place = _place(workers)
-    if model.recipe is None:
+    if model.recipe is None or not model.recipe.portable:
         return InProcess(model), _without_recipe(model, place, workers)
     if place == "here":
         return InProcess(model), ()

@@ -13,7 +13,7 @@ from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.task import check_names
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Constant, Signal, Table
 
@@ -148,7 +148,7 @@ def _open(model: Model, at: OperatingPoint | None, step: float | None) -> Sessio
         return model.open_session(step=step)
     values = point_values(at)
     check_names("operating point", at.u, [v.name for v in model.inputs])
-    if isinstance(model, FmuModel):
+    if isinstance(model, DescribedModel):
         check_names("operating point", values, [v.name for v in model.description.variables])
     if model.interface != "cs":
         return model.open_at(time=at.time, values=values, step=step)
@@ -194,14 +194,14 @@ def _settle(session: Session, task: ExciteTask, middle: Floats, until: float) ->
 
 def _bias(model: Model, task: ExciteTask) -> Floats:
     """Return what the session adds to each forced input of its own accord, shape (m,)."""
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         return np.zeros(len(task.inputs))
     led = point_values(task.at)
     return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in task.inputs])
 
 
 def _bias_note(model: Model, task: ExciteTask) -> tuple[str, ...]:
-    if not isinstance(model, FmuModel) or task.at is None:
+    if not isinstance(model, DescribedModel) or task.at is None:
         return ()
     both = [name for name in model.recipe.bias if name in task.at.u]
     return tuple(f"bias on {name} is not added: the operating point gives its value" for name in both)

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
 __all__ = ["Sampling", "point_values", "sampling_of"]
@@ -122,7 +122,7 @@ def _ticks_of(model: Model, at: OperatingPoint | None) -> Floats:
 
 def _equations(model: Model) -> Model | None:
     """Return the model exchange side of a co-simulation FMU, where there is one that may be opened besides."""
-    if not isinstance(model, FmuModel) or "me" not in model.description.interfaces:
+    if not isinstance(model, DescribedModel) or "me" not in model.description.interfaces:
         return None
     if model.description.interfaces["me"].once_per_process:
         return None
@@ -130,7 +130,7 @@ def _equations(model: Model) -> Model | None:
 
 
 def _steps_vary(model: Model) -> bool:
-    return not isinstance(model, FmuModel) or model.description.interfaces["cs"].variable_step
+    return not isinstance(model, DescribedModel) or model.description.interfaces["cs"].variable_step
 
 
 def point_values(at: OperatingPoint | None) -> Mapping[str, float]:

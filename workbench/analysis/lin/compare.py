@@ -20,7 +20,7 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -189,21 +189,21 @@ def _every(task: LinTask) -> tuple[dict[str, LinResult], dict[str, str]]:
 
 def _period(task: LinTask, results: Mapping[str, LinResult]) -> float | None:
     """Return the period over which `response` holds its input [s]; None: the model's own step, if it names one."""
-    if task.period is not None or not results or (isinstance(task.model, FmuModel) and task.model.recipe.step):
+    if task.period is not None or not results or (isinstance(task.model, DescribedModel) and task.model.recipe.step):
         return task.period
     known = next(iter(results.values()))
     return known.dt if known.dt > 0.0 else 1.0 / (PER_PERIOD * float(_frequencies([known])[-1]))
 
 
 def _offered(model: Model) -> list[str]:
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         return [model.interface]
     return [model.interface, *(i for i in ("me", "cs") if i in model.description.interfaces and i != model.interface)]
 
 
 def _on(model: Model, interface: str) -> Model:
     """Return the same FMU on its other interface."""
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         raise InputError(f"{model.name} has one interface")
     return replace(model.recipe, interface=interface, solver="auto").open()
 
@@ -267,7 +267,7 @@ def _measure(
 ) -> tuple[NfrResult | None, list[str]]:
     """Return the measured response, and what to say about it."""
     model = task.model
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         return None, ["nothing was measured: this kind of model cannot be started at the point"]
     check_names("input", [source], [v.name for v in model.inputs])
     variable = next(v for v in model.inputs if v.name == source)

@@ -14,7 +14,7 @@ from workbench.analysis.lin.task import LinTask, check_names, width_for
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats, Record, Session, Snapshot
 from workbench.signals import Constant, Signal
 
@@ -79,7 +79,7 @@ def _period(task: LinTask) -> float:
         return task.period
     model = task.model
     step, span = _declared_step(model), 0.0
-    if isinstance(model, FmuModel):
+    if isinstance(model, DescribedModel):
         experiment = model.description.experiment
         step = step or experiment.step
         span = (experiment.stop_time or 0.0) - (experiment.start_time or 0.0)
@@ -90,7 +90,7 @@ def _period(task: LinTask) -> float:
 
 def _declared_step(model: Model) -> float | None:
     """Return the communication step that the user or the FMU names [s]; None: there is none, or nobody does."""
-    if not isinstance(model, FmuModel) or model.interface != "cs":
+    if not isinstance(model, DescribedModel) or model.interface != "cs":
         return None
     return model.recipe.step or model.description.experiment.step
 
@@ -104,7 +104,7 @@ def _open(task: LinTask, period: float) -> Session:
     step = communication_step(model, period)
     if task.values:
         known = [v.name for v in (*model.inputs, *model.states, *model.parameters, *model.outputs)]
-        if isinstance(model, FmuModel):
+        if isinstance(model, DescribedModel):
             known = [v.name for v in model.description.variables]
         check_names("x0", task.values, known)
     try:
@@ -252,7 +252,7 @@ class _Setting:
         session.restore(self.start)
         # The right limit at the point: inputs that are forced are put in place first.
         session.advance(session.time, signals={n: Constant(v) for n, v in self.u0.items()})
-        states = session.values([v.name for v in model.states]) if isinstance(model, FmuModel) else {}
+        states = session.values([v.name for v in model.states]) if isinstance(model, DescribedModel) else {}
         variables = (*model.inputs, *model.outputs, *model.states)
         return OperatingPoint(
             x=states,

@@ -16,7 +16,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width, make_task
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
-from workbench.model import FmuModel, Model
+from workbench.model import DescribedModel, Model
 from workbench.signals import Signal
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -218,7 +218,7 @@ def with_parameters(model: Model, parameters: Mapping[str, float]) -> AbstractCo
     """
     if not parameters:
         return nullcontext(model)
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         raise InputError(f"over: the parameters of {model.name} cannot be set")
     return replace(model.recipe, start_values={**model.recipe.start_values, **parameters}).open()
 

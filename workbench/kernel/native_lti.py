@@ -1,0 +1,69 @@
+"""Blocks of a system as the kernel's structure: lti.h."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from ctypes import POINTER, c_double, c_int32, c_int64, c_size_t, c_void_p
+from functools import lru_cache
+from typing import Any
+
+from workbench.kernel.library import kernel
+
+__all__ = ["Lti", "lti_addresses"]
+
+_FUNCTION = ctypes.CFUNCTYPE(c_int32, POINTER(c_double), POINTER(c_double))
+
+# What an FMU calls it → the kernel's function.
+_NAMES: Mapping[str, str] = {
+    "fmi2SetTime": "lti_set_time",
+    "fmi2SetContinuousStates": "lti_set_states",
+    "fmi2GetContinuousStates": "lti_get_states",
+    "fmi2GetDerivatives": "lti_get_derivatives",
+    "fmi2EnterEventMode": "lti_enter_event_mode",
+    "fmi2EnterContinuousTimeMode": "lti_enter_continuous_mode",
+    "fmi2NewDiscreteStates": "lti_update",
+    "fmi2GetReal": "lti_get_real",
+    "fmi2SetReal": "lti_set_real",
+}
+
+
+class Lti(ctypes.Structure):
+    """lti.h: one block; the caller owns what it points to."""
+
+    time: float
+    start: float
+    dt: float
+    ticks: int
+    ticking: int
+
+    _fields_ = (
+        ("nx", c_size_t),
+        ("nu", c_size_t),
+        ("ny", c_size_t),
+        ("a", c_void_p),
+        ("b", c_void_p),
+        ("c", c_void_p),
+        ("d", c_void_p),
+        ("memory", c_void_p),
+        ("next", c_void_p),
+        ("function", c_void_p),
+        ("dt", c_double),
+        ("start", c_double),
+        ("time", c_double),
+        ("ticks", c_int64),
+        ("ticking", c_int32),
+    )
+
+    def set_function(self, function: Callable[[Any, Any], int]) -> object:
+        """Let outputs be `function(u, y)`; returns what must live as long as this structure."""
+        callback = _FUNCTION(function)
+        self.function = ctypes.cast(callback, c_void_p)
+        return callback
+
+
+@lru_cache(maxsize=1)
+def lti_addresses() -> Mapping[str, int | None]:
+    """Return where the kernel's functions begin, by the names that FMUs give them."""
+    library = kernel()
+    return {fmi: ctypes.cast(getattr(library, own), c_void_p).value for fmi, own in _NAMES.items()}

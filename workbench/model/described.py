@@ -1,0 +1,176 @@
+"""A model with a description in FMI's words, whose sessions run on instances: one FMU, or a system of several."""
+
+from __future__ import annotations
+
+import dataclasses
+import weakref
+from abc import abstractmethod
+from collections.abc import Mapping
+
+from workbench.errors import FmuError, InputError
+from workbench.fmi.description import Description
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
+from workbench.model.base import Model
+from workbench.model.recipe import LoadRecipe
+from workbench.session.compiled import CompiledCsSession, CompiledMeSession
+from workbench.session.cs import CsSession
+from workbench.session.fmu import FmuSession, Setup
+from workbench.session.me import MeSession
+from workbench.session.point import FmuPoint, starts_of
+from workbench.session.probe import why_state_fails
+from workbench.signals import Signal
+
+__all__ = ["DRIVERS", "DescribedModel"]
+
+# Driver → interface → session. The Python driver is the readable reference of the compiled one.
+DRIVERS: Mapping[str, Mapping[str, type[FmuSession]]] = {
+    "compiled": {"me": CompiledMeSession, "cs": CompiledCsSession},
+    "python": {"me": MeSession, "cs": CsSession},
+}
+_PARAMETERS = ("parameter", "structuralParameter")
+
+
+class DescribedModel(Model):
+    """What one FMU and a system of several have in common.
+
+    Args:
+        description: what the model says about itself.
+        source: what the user named.
+        interface: "me" or "cs", one of those offered.
+        setup: how sessions begin; who opens instances is put in here.
+        driver: a name in `DRIVERS`.
+        notes: remarks for the user.
+        recipe: how to load it again.
+
+    Attributes:
+        description: all that the model says about itself.
+        source: what the user named.
+        recipe: how to load it again.
+    """
+
+    recipe: LoadRecipe
+
+    def __init__(
+        self,
+        description: Description,
+        *,
+        source: str,
+        interface: str,
+        setup: Setup,
+        driver: str,
+        notes: tuple[str, ...],
+        recipe: LoadRecipe,
+    ) -> None:
+        self.description = description
+        self.source = source
+        self.name = description.model_name
+        self.interface = interface
+        self.solver = setup.solver
+        self.driver = driver
+        self.notes = notes
+        self.inputs = self._with("input")
+        self.outputs = self._with("output")
+        self.parameters = self._with(*_PARAMETERS)
+        self.states = description.states
+        self._setup = dataclasses.replace(setup, open_instance=self.new_instance, state_works=self._state_works)
+        self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
+        self.recipe = recipe
+        self._why_replay: str | None = None
+        self._closed = False
+
+    def _with(self, *causalities: str) -> tuple[Variable, ...]:
+        return tuple(v for v in self.description.variables if v.causality in causalities)
+
+    @abstractmethod
+    def new_instance(self) -> Instance:
+        """Return a new instance; whoever asks for it closes it."""
+
+    def open_session(
+        self,
+        *,
+        start_time: float = 0.0,
+        step: float | None = None,
+        signals: Mapping[str, Signal] | None = None,
+    ) -> FmuSession:
+        if step is not None and not step > 0.0:
+            raise InputError(f"step must be positive, not {step:g}")
+        setup = dataclasses.replace(
+            self._setup,
+            step=step or self._setup.step,
+            start_time=float(start_time),
+            signals=dict(signals or {}),
+        )
+        return self._start(setup)
+
+    def open_at(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tolerance: float | None = None,
+    ) -> FmuSession:
+        given, values = self._setup, values or {}
+        setup = dataclasses.replace(
+            given,
+            start_time=float(time),
+            start_values={**given.start_values, **starts_of(given.variables, values)},
+            bias={name: bias for name, bias in given.bias.items() if name not in values},
+            step=step or given.step,
+            rtol=tolerance or given.rtol,
+        )
+        return self._start(setup)
+
+    def open_point(
+        self,
+        *,
+        time: float = 0.0,
+        values: Mapping[str, float] | None = None,
+    ) -> FmuPoint:
+        if self.interface != "me":
+            raise InputError(f"{self.source}: interface {self.interface} shows no derivatives; use interface me")
+        return FmuPoint(self.open_at(time=time, values=values))
+
+    def _start(self, setup: Setup) -> FmuSession:
+        """Open a session that is closed with the model."""
+        if self._closed:
+            raise InputError(f"{self.source}: the model is closed")
+        self._check_single()
+        session = self._open(setup)
+        self._sessions.add(session)
+        return session
+
+    def _open(self, setup: Setup) -> FmuSession:
+        return DRIVERS[self.driver][self.interface](setup)
+
+    def _check_single(self) -> None:
+        if self.description.interfaces[self.interface].once_per_process and self._live():
+            raise FmuError(f"{self.source}: the FMU allows one instance per process, and one is in use")
+
+    def _live(self) -> bool:
+        return any(s.instance.healthy for s in self._sessions)
+
+    def _state_works(self) -> bool:
+        return not self.why_replay()
+
+    def why_replay(self) -> str:
+        """Return why snapshots are taken by replay; empty where the FMU's own state is used. Probed once."""
+        if self._why_replay is None:
+            claims = self.description.interfaces[self.interface]
+            if not claims.state:
+                self._why_replay = "the FMU does not claim to save its state"
+            elif claims.once_per_process and self._live():
+                self._why_replay = "the FMU allows one instance per process, so that nothing could be probed"
+            else:
+                self._why_replay = why_state_fails(self._open, self._setup)
+        return self._why_replay
+
+    def snapshot_method(self) -> str:
+        """Return how snapshots are taken: "state" (the FMU's, probed) or "replay"."""
+        return "state" if self._state_works() else "replay"
+
+    def close(self) -> None:
+        self._closed = True
+        for session in list(self._sessions):
+            session.close()

@@ -1,0 +1,142 @@
+"""Algebraic loops: values that depend on each other without delay are found by Newton's method with damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import SimulationError
+
+__all__ = ["Loop", "solve_loop", "unsolved"]
+
+Floats = NDArray[np.float64]
+
+CONVERGED = 1e-12  # residual, of the largest magnitude that the value has had
+ACCEPTED = 1e-9  # the same where rounding lets it become no smaller
+MAX_ITERATIONS = 50
+SHORTEST = 1.0 / 1024.0  # damping
+SLOW = 0.1  # a Jacobian that reduces the residual by less than this is found anew
+PERTURBATION = 2.0**-26  # √ε
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """One loop: residual r(v) = g(v) − v, where g is what the components answer to v.
+
+    Attributes:
+        respond: v, shape (m,) → g(v), shape (m,); leaves the components at v.
+        labels: how messages name the m values.
+        sizes: largest magnitude each value has had, shape (m,).
+        typical: nominal values, shape (m,), for values that have always been zero.
+        jacobian: ∂r/∂v, shape (m, m), kept from one solution to the next.
+        known: whether `jacobian` can be used, shape (1,).
+    """
+
+    respond: Callable[[Floats], Floats]
+    labels: Sequence[str]
+    sizes: Floats
+    typical: Floats
+    jacobian: Floats
+    known: NDArray[np.int32]
+
+
+def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
+    """Return the solution nearest to `start` that Newton's method finds, and leave the components at it.
+
+    Newton's method with the Jacobian by differences, kept while it serves, and halving of steps that do not reduce
+    the residual (J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations,
+    1983, 6.3). Relations inside the components are those of the moment: at events the event iteration goes on
+    until loop and relations agree. The twin of workbench/kernel/algebraic.c.
+
+    Args:
+        loop: what is solved.
+        start: first guess, shape (m,).
+        time: for messages [s].
+
+    Raises:
+        SimulationError: no solution was found; the message names the values and the residual.
+    """
+    v = start.copy()
+    g = loop.respond(v)
+    fresh = False
+    for _ in range(MAX_ITERATIONS):
+        scale = _scale(loop, v, g)
+        size = _norm(g - v, scale)
+        if size <= CONVERGED:
+            return _found(loop, v)
+        if not loop.known[0]:
+            _find_jacobian(loop, v, g, scale)
+            fresh = True
+        better = _step(loop, v, g)
+        if better is not None:
+            scale = _scale(loop, *better)
+            if _norm(better[1] - better[0], scale) > SLOW * _norm(g - v, scale):
+                loop.known[0], fresh = 0, False
+            v, g = better
+        elif not fresh:
+            loop.known[0] = 0
+        elif size <= ACCEPTED:
+            loop.respond(v)
+            return _found(loop, v)
+        else:
+            break
+    raise unsolved(loop.labels, v, g - v, _scale(loop, v, g), time)
+
+
+def _found(loop: Loop, v: Floats) -> Floats:
+    np.maximum(loop.sizes, np.abs(v), out=loop.sizes)
+    return v
+
+
+def _scale(loop: Loop, v: Floats, g: Floats) -> Floats:
+    magnitude = np.maximum(np.abs(v), np.where(np.isfinite(g), np.abs(g), 0.0))
+    return np.maximum(np.maximum(loop.sizes, magnitude), TINY)
+
+
+def _norm(r: Floats, scale: Floats) -> float:
+    size = float(np.max(np.abs(r) / scale))
+    return size if np.isfinite(size) else np.inf
+
+
+def _find_jacobian(loop: Loop, v: Floats, g: Floats, scale: Floats) -> None:
+    for j in range(len(v)):
+        moved = v.copy()
+        moved[j] += PERTURBATION * (scale[j] if scale[j] > TINY else loop.typical[j])
+        loop.jacobian[:, j] = (loop.respond(moved) - g) / (moved[j] - v[j])
+        loop.jacobian[j, j] -= 1.0
+    loop.known[0] = 1
+
+
+def _step(loop: Loop, v: Floats, g: Floats) -> tuple[Floats, Floats] | None:
+    """Return the next v with g(v); None if no step along Newton's direction reduces the residual."""
+    try:
+        direction = -np.linalg.solve(loop.jacobian, g - v)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.isfinite(direction).all():
+        return None
+    part = 1.0
+    while part >= SHORTEST:
+        new = v + part * direction
+        answer = loop.respond(new)
+        scale = np.maximum(_scale(loop, v, g), _scale(loop, new, answer))
+        if _norm(answer - new, scale) < (1.0 - 1e-4 * part) * _norm(g - v, scale):
+            return new, answer
+        part *= 0.5
+    return None
+
+
+def unsolved(labels: Sequence[str], values: Floats, residual: Floats, scale: Floats, time: float) -> SimulationError:
+    """Return the error for a loop without a solution."""
+    worst = int(np.argmax(np.where(np.isfinite(residual), np.abs(residual) / scale, np.inf)))
+    names = ", ".join(labels)
+    return SimulationError(
+        f"the algebraic loop through {names} has no solution near {labels[worst]} = {values[worst]:.6g}: "
+        f"residual {residual[worst]:.3g} is left; put a lag or a delay into one of these connections, or check their "
+        "gains and signs (a loop gain of exactly 1 has no solution)",
+        time=time,
+    )

@@ -1,0 +1,285 @@
+"""Several instances with connections that behave as one: the façade that sessions and points work on."""
+
+# ruff: noqa: ANN401 - saved states and C buffers have no type
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import SimulationError
+from workbench.fmi.access import Access, TypeCalls
+from workbench.fmi.binding import VERSIONS
+from workbench.fmi.description import Description
+from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
+from workbench.fmi.library import Library
+from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Wiring
+from workbench.system.composite_access import CompositeAccess
+from workbench.system.propagation import Propagation
+from workbench.system.tangent import Tangent
+
+__all__ = ["CompositeInstance", "Ports"]
+
+Floats = NDArray[np.float64]
+Ports = Mapping[str, tuple[tuple[int, Variable], ...]]
+
+MAX_INITIAL_ROUNDS = 50
+SAME = 1e-9  # relative: initial values that move less have settled
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """A saved state: those of the parts, and what stands on the connections."""
+
+    parts: tuple[Any, ...]
+    values: Floats
+    sizes: Floats
+    closed: NDArray[np.int32]
+    events: bool
+
+
+class CompositeInstance(Instance):
+    """Model exchange instances under one façade: states and event indicators one after the other.
+
+    Values on connections are passed on when something is read that may depend on them. A part is in event
+    mode when all are. Variables are "component.variable", besides the system's own inputs and outputs.
+
+    Args:
+        parts: new instances; this one owns them from now on.
+        wiring: their connections.
+        description: of the system.
+        ports: name of a variable of the system → the parts that have it.
+        source: what the user named.
+    """
+
+    version: ClassVar[int] = 2
+    TYPES: ClassVar[Mapping[str, TypeCalls]] = {k: v for i in VERSIONS.values() for k, v in i.TYPES.items()}
+    CALLS: ClassVar[Mapping[str, str]] = {
+        name: name for name in ("set_time", "set_states", "get_states", "get_derivatives", "get_indicators")
+    }
+
+    def __init__(
+        self, parts: Sequence[Instance], wiring: Wiring, description: Description, ports: Ports, *, source: str
+    ) -> None:
+        self._parts = tuple(parts)
+        self._wiring = wiring
+        self._ports = ports
+        self._propagation = Propagation(self._parts, wiring)
+        self.source, self.folder = source, parts[0].folder
+        self.component: Any = None
+        self._setup(description, _library(self), interface="me")
+        self._events, self._stale = False, True
+
+    @property
+    def parts(self) -> tuple[Instance, ...]:
+        return self._parts
+
+    @property
+    def wiring(self) -> Wiring:
+        return self._wiring
+
+    def ports(self, variable: Variable) -> tuple[tuple[int, Variable], ...]:
+        return self._ports[variable.name]
+
+    def _instantiate(self, *, logging: bool) -> Any:
+        return self._parts  # they are made by the model
+
+    @property
+    def healthy(self) -> bool:
+        return not self._closed and all(p.healthy for p in self._parts)
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            for part in self._parts:
+                part.close()
+
+    # -- connections ------------------------------------------------------------------------
+
+    def touch(self) -> None:
+        """Note that something was written: connected values may be others now."""
+        self._stale = True
+
+    def refresh(self) -> None:
+        """Pass on what is connected, if something was written since."""
+        if self._stale:
+            self._propagation.run(self.time, events=self._events)
+            self._stale = False
+
+    def access(self, variables: Sequence[Variable]) -> Access:
+        return CompositeAccess(self, variables)
+
+    # -- initialisation ---------------------------------------------------------------------
+
+    def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
+        self.time = start_time
+        self._wiring.switch(start_time)
+        for part in self._parts:
+            part.enter_initialisation(start_time, tolerance)
+
+    def exit_initialisation(self) -> None:
+        self._settle_initially()
+        for part in self._parts:
+            part.exit_initialisation()
+        self._size_buffers(sum(p.nx for p in self._parts), sum(p.nz for p in self._parts))
+        self._events = self._stale = True
+
+    def _settle_initially(self) -> None:
+        """Pass values on until they stand: in initialisation outputs may depend on inputs by way of states, too."""
+        before = self._wiring.values.copy()
+        for _ in range(MAX_INITIAL_ROUNDS):
+            self._propagation.run(self.time, events=True, initial=True)
+            now = self._wiring.values
+            if np.allclose(now, before, rtol=SAME, atol=SAME * 1e-3 * float(np.max(np.abs(now), initial=0.0))):
+                return
+            before = now.copy()
+        raise SimulationError(
+            f"{self.description.model_name}: the connected values do not settle in initialisation", time=self.time
+        )
+
+    # -- continuous time --------------------------------------------------------------------
+
+    def set_time(self, time: float) -> None:
+        self.time = time
+        for part in self._parts:
+            part.set_time(time)
+        self._stale = True
+
+    def set_states(self) -> None:
+        for part, x in zip(self._parts, self._split(self.x), strict=True):
+            part.x[:] = x
+            part.set_states()
+        self._stale = True
+
+    def get_states(self) -> None:
+        for part, x in zip(self._parts, self._split(self.x), strict=True):
+            part.get_states()
+            x[:] = part.x
+
+    def get_derivatives(self) -> None:
+        self.refresh()
+        for part, dx in zip(self._parts, self._split(self.dx), strict=True):
+            part.get_derivatives()
+            dx[:] = part.dx
+
+    def get_indicators(self) -> None:
+        self.refresh()
+        begin = 0
+        for part in self._parts:
+            part.get_indicators()
+            self.z[begin : begin + part.nz] = part.z
+            begin += part.nz
+
+    def get_nominals(self) -> Floats:
+        return np.concatenate([p.get_nominals() for p in self._parts])
+
+    def _split(self, values: Floats) -> list[Floats]:
+        ends = np.cumsum([p.nx for p in self._parts])
+        return [values[end - p.nx : end] for p, end in zip(self._parts, ends, strict=True)]
+
+    def completed_step(self) -> tuple[bool, bool]:
+        self.refresh()
+        answers = [p.completed_step() for p in self._parts if p.capabilities.completed_step]
+        return any(event for event, _ in answers), any(end for _, end in answers)
+
+    # -- events -----------------------------------------------------------------------------
+
+    def enter_event_mode(self) -> None:
+        for part in self._parts:
+            part.enter_event_mode()
+        self._wiring.switch(self.time)
+        self._events = self._stale = True
+
+    def enter_continuous_mode(self) -> None:
+        for part in self._parts:
+            part.enter_continuous_mode()
+        self._events, self._stale = False, True
+
+    def update_discrete_states(self) -> tuple[bool, EventInfo]:
+        self.refresh()
+        answers = [p.update_discrete_states() for p in self._parts]
+        infos = [info for _, info in answers]
+        self._stale = True
+        return any(again for again, _ in answers), EventInfo(
+            terminate=any(i.terminate for i in infos),
+            states_changed=any(i.states_changed for i in infos),
+            nominals_changed=any(i.nominals_changed for i in infos),
+            next_time=min([self._wiring.next_switch(self.time), *(i.next_time for i in infos)]),
+        )
+
+    def iterate_events(self) -> EventInfo:
+        """Iterate until no part wants another round and no connected value changes."""
+        states = nominals = False
+        for _ in range(MAX_EVENT_ITERATIONS):
+            again, info = self.update_discrete_states()
+            states |= info.states_changed
+            nominals |= info.nominals_changed
+            before = self._wiring.values.copy()
+            self.refresh()
+            moved = not np.array_equal(before, self._wiring.values)
+            if info.terminate or not (again or moved):
+                return EventInfo(info.terminate, states, nominals, info.next_time)
+        raise SimulationError(
+            f"{self.description.model_name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds",
+            time=self.time,
+        )
+
+    def do_step(self, time: float, step: float) -> StepResult:
+        raise NotImplementedError  # a composite has the interface "me" only
+
+    # -- saved states -----------------------------------------------------------------------
+
+    def get_state(self) -> Any:
+        self.refresh()
+        wiring = self._wiring
+        return _State(
+            parts=tuple(p.get_state() for p in self._parts),
+            values=wiring.values.copy(),
+            sizes=wiring.sizes.copy(),
+            closed=wiring.closed.copy(),
+            events=self._events,
+        )
+
+    def set_state(self, state: Any) -> None:
+        for part, saved in zip(self._parts, state.parts, strict=True):
+            part.set_state(saved)
+        wiring = self._wiring
+        wiring.values[:], wiring.sizes[:], wiring.closed[:] = state.values, state.sizes, state.closed
+        wiring.forget()
+        self._events, self._stale = state.events, True
+
+    def free_state(self, state: Any) -> None:
+        for part, saved in zip(self._parts, state.parts, strict=True):
+            part.free_state(saved)
+
+    # -- derivatives ------------------------------------------------------------------------
+
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> Floats:
+        self.refresh()
+        tangent = Tangent(self._parts, self._wiring)
+        moved = [(port, s) for v, s in zip(knowns, seed, strict=True) for port in self.ports(v)]
+        return tangent.along(moved, [self.ports(v)[0] for v in unknowns])
+
+
+def _library(instance: CompositeInstance) -> Library:
+    """Return the functions that the plain Python driver calls where an FMU has C functions."""
+
+    def set_time(_component: Any, time: float) -> int:
+        instance.set_time(time)
+        return 0
+
+    def set_states(_component: Any, _values: Any, _n: int) -> int:
+        instance.set_states()
+        return 0
+
+    def get_derivatives(_component: Any, _values: Any, _n: int) -> int:
+        instance.get_derivatives()
+        return 0
+
+    return Library({"set_time": set_time, "set_states": set_states, "get_derivatives": get_derivatives})

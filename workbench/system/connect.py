@@ -1,0 +1,283 @@
+"""Connect models to a system in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from workbench.errors import InputError, suggest
+from workbench.fmi.archive import locate
+from workbench.fmi.bundled import is_bundled
+from workbench.fmi.description import Experiment
+from workbench.fmi.variable import Value
+from workbench.model.described import DescribedModel
+from workbench.model.fmu_model import FmuModel
+from workbench.model.load import check_number
+from workbench.model.recipe import FmuRecipe
+from workbench.system.description import (
+    Component,
+    Connection,
+    FmuComponent,
+    FunctionComponent,
+    GainComponent,
+    LinearComponent,
+    SystemDescription,
+)
+from workbench.system.model import open_system
+from workbench.system.recipe import SystemRecipe
+
+__all__ = ["connect", "open_description"]
+
+Options = Mapping[str, Any]
+Wanted = Connection | tuple[str, str] | tuple[str, str, Options]
+_OPTIONS = ("gain", "offset", "unit", "closes_at", "convert")
+
+
+@runtime_checkable
+class _StateSpace(Protocol):
+    """What is used of `control.StateSpace`."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    dt: Any
+
+
+def connect(
+    components: Mapping[str, object],
+    connections: Sequence[Wanted] = (),
+    inputs: Mapping[str, str | Sequence[str]] | Sequence[str] = (),
+    outputs: Mapping[str, str] | Sequence[str] = (),
+    *,
+    name: str = "system",
+    solver: str = "auto",
+    step: float | None = None,
+    tolerance: float | None = None,
+    start_values: Mapping[str, Value] | None = None,
+    bias: Mapping[str, float] | None = None,
+    driver: str = "auto",
+) -> DescribedModel:
+    """Connect models; the system is a model again.
+
+    All model exchange components together are one ordinary differential equation with one solver: no connection
+    carries a delay. Values that depend on each other directly (algebraic loops) are solved for by Newton's method.
+
+    Args:
+        components: name → a path or `fmu:NAME`, a loaded FMU, a `control.StateSpace` or `TransferFunction`, a number (a
+            gain with input `u` and output `y`), a static function y = f(u) with `u` of shape (1,) and one output `y`,
+            or a component of `workbench.system.description` for all that these cannot say.
+        connections: ("plant.w", "controller.w"), or with options ("plant.w", "controller.w", {"gain": -1.0}):
+            gain, offset, unit (in which the value is handed over), closes_at [s] (0 before that time).
+        inputs: system input → component input, or several of them; names alone ("controller.w_ref") are inputs of
+            that name.
+        outputs: system output → component variable; names alone as for inputs.
+        name: of the system.
+        solver: "vkm", "gear", or "auto".
+        step: communication step of co-simulation [s]; model exchange needs none.
+        tolerance: relative tolerance of the integration; None: 1e-6.
+        start_values: by full name, "component.variable".
+        bias: constants added to the system's inputs.
+        driver: as for `load`.
+
+    Returns:
+        The model; close it, or use it in a `with` block.
+
+    Raises:
+        InputError: unknown names, types or units that do not fit, two sources for one input.
+        FmuError: an FMU cannot be used.
+    """
+    made = tuple(_component(n, value) for n, value in components.items())
+    description = SystemDescription(
+        name=name,
+        components=made,
+        connections=tuple(_connection(c) for c in connections),
+        inputs=_inputs(inputs),
+        outputs=_outputs(outputs),
+        default_experiment=Experiment(),
+    )
+    recipes = {n: m.recipe for n, m in components.items() if isinstance(m, FmuModel)}
+    return open_description(
+        description,
+        recipes,
+        solver=solver,
+        step=step,
+        tolerance=tolerance,
+        start_values=start_values,
+        bias=bias,
+        driver=driver,
+    )
+
+
+def open_description(
+    description: SystemDescription,
+    recipes: Mapping[str, FmuRecipe] | None = None,
+    *,
+    interface: str = "auto",
+    solver: str = "auto",
+    step: float | None = None,
+    tolerance: float | None = None,
+    start_values: Mapping[str, Value] | None = None,
+    bias: Mapping[str, float] | None = None,
+    driver: str = "auto",
+) -> DescribedModel:
+    """Open a system as it is written down.
+
+    Args:
+        description: the system.
+        recipes: component → how to open its FMU, in place of its file.
+        interface: "auto", or what the whole system must be: "me" or "cs".
+        solver: for model exchange.
+        step: communication step of co-simulation [s].
+        tolerance: relative tolerance of the integration.
+        start_values: by full name.
+        bias: constants added to the system's inputs.
+        driver: as for `load`.
+
+    Raises:
+        InputError, FmuError: see `connect`.
+    """
+    check_number("step", step)
+    check_number("tolerance", tolerance, upper=1.0)
+    return open_system(
+        SystemRecipe(
+            source=description.source or description.name,
+            system=description,
+            parts=dict(recipes or {}),
+            interface=interface,
+            solver=solver,
+            step=step,
+            tolerance=tolerance,
+            start_values=dict(start_values or {}),
+            bias=dict(bias or {}),
+            driver=driver,
+        )
+    )
+
+
+# -- components -------------------------------------------------------------------------------
+
+
+def _component(name: str, value: object) -> Component:
+    """Return what a user's value stands for."""
+    if isinstance(value, Component):
+        if value.name != name:
+            raise InputError(f"component {name}: the value calls itself {value.name}; give both the same name")
+        return value
+    for kinds, make in _KINDS:
+        if isinstance(value, kinds):
+            return make(name, value)
+    linear = _linear(name, value)
+    if linear is not None:
+        return linear
+    if callable(value):
+        return FunctionComponent(name=name, function=value)
+    raise InputError(
+        f"component {name}: {type(value).__name__} is no component; give a path, fmu:NAME, a loaded FMU, a "
+        "control.StateSpace or TransferFunction, a number, or a function"
+    )
+
+
+def _file(name: str, value: object) -> Component:
+    text = str(value)
+    return FmuComponent(name=name, file=text if is_bundled(text) else str(locate(text).absolute()))
+
+
+def _loaded(name: str, value: object) -> Component:
+    if not isinstance(value, FmuModel):
+        raise InputError(f"component {name}: only loaded FMUs can be connected; connect the parts of systems instead")
+    recipe = value.recipe
+    return FmuComponent(
+        name=name,
+        file=recipe.source,
+        interface=value.interface,
+        set=recipe.start_values,
+        step=recipe.step,
+        solver=recipe.solver,
+    )
+
+
+def _gain(name: str, value: object) -> Component:
+    gain = float(value)  # type: ignore[arg-type]  # it is a number
+    if not np.isfinite(gain):
+        raise InputError(f"component {name}: a gain must be a finite number, not {gain}")
+    return GainComponent(name=name, gain=gain)
+
+
+_KINDS: Sequence[tuple[type | tuple[type, ...], Callable[[str, object], Component]]] = (
+    ((str, Path), _file),
+    (DescribedModel, _loaded),
+    (Real, _gain),
+)
+
+
+def _linear(name: str, value: object) -> LinearComponent | None:
+    """Return a linear system of python-control as a component; None if `value` is none."""
+    if type(value).__module__.partition(".")[0] != "control":
+        return None
+    if not isinstance(value, _StateSpace):
+        from control import ss  # noqa: PLC0415 - takes long to load, and only transfer functions need it
+
+        value = ss(value)
+        if not isinstance(value, _StateSpace):
+            raise InputError(f"component {name}: this kind of linear system cannot be connected; give a StateSpace")
+    a, b, c, d = (np.array(m, dtype=np.float64, ndmin=2) for m in (value.A, value.B, value.C, value.D))
+    n, m, p = a.shape[0] if a.size else 0, d.shape[1], d.shape[0]
+    a, b, c = a.reshape(n, n), b.reshape(n, m), c.reshape(p, n)
+    if not all(np.isfinite(x).all() for x in (a, b, c, d)):
+        raise InputError(f"component {name}: a matrix has entries that are no finite numbers")
+    return LinearComponent(
+        name=name,
+        A=a,
+        B=b,
+        C=c,
+        D=d,
+        dt=_period(name, value.dt),
+        input_names=_labels(value, "input_labels", "u", m),
+        output_names=_labels(value, "output_labels", "y", p),
+        state_names=_labels(value, "state_labels", "x", n),
+        x0=np.zeros(n),
+    )
+
+
+def _period(name: str, dt: object) -> float:
+    if dt is True:
+        raise InputError(f"component {name}: discrete, but without a sampling interval; set its dt")
+    return float(dt or 0.0)  # type: ignore[arg-type]  # None and 0: continuous
+
+
+def _labels(value: object, attribute: str, letter: str, count: int) -> tuple[str, ...]:
+    """Return python-control's names; its own defaults, "u[0]", become "u" or "u1" and so on."""
+    labels = tuple(str(s) for s in getattr(value, attribute, ()))
+    if len(labels) == count and labels != tuple(f"{letter}[{i}]" for i in range(count)):
+        return labels
+    return (letter,) if count == 1 else tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+# -- connections ------------------------------------------------------------------------------
+
+
+def _connection(wanted: Wanted) -> Connection:
+    if isinstance(wanted, Connection):
+        return wanted
+    if len(wanted) not in (2, 3) or not all(isinstance(name, str) for name in wanted[:2]):
+        raise InputError(f'connection {wanted!r}: give ("component.output", "component.input") or these with options')
+    options: Options = wanted[2] if len(wanted) == 3 else {}
+    for key in options:
+        if key not in _OPTIONS:
+            raise InputError(f"connection {wanted[0]} → {wanted[1]}: '{key}' is no option; {suggest(key, _OPTIONS)}")
+    return Connection(source=wanted[0], destination=wanted[1], **options)
+
+
+def _inputs(wanted: Mapping[str, str | Sequence[str]] | Sequence[str]) -> dict[str, tuple[str, ...]]:
+    if not isinstance(wanted, Mapping):
+        return {name: (name,) for name in wanted}
+    return {name: (ends,) if isinstance(ends, str) else tuple(ends) for name, ends in wanted.items()}
+
+
+def _outputs(wanted: Mapping[str, str] | Sequence[str]) -> dict[str, str]:
+    return dict(wanted) if isinstance(wanted, Mapping) else {name: name for name in wanted}

@@ -1,0 +1,122 @@
+"""What a system says about itself: the variables of its components by full name, and its own inputs and outputs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from workbench.fmi.description import Capabilities, Description, Experiment
+from workbench.fmi.variable import Variable
+from workbench.system.composite import Ports
+from workbench.system.description import Port, Resolved, SystemDescription
+from workbench.system.parts import Part
+
+__all__ = ["joint_description", "joint_ports"]
+
+_OWN = ("input", "output")  # causalities that only the system's own inputs and outputs keep
+
+
+def joint_description(description: SystemDescription, parts: Sequence[Part], resolved: Resolved) -> Description:
+    """Return the system's description."""
+    own = _own_variables(resolved)
+    names = {v.name for v in own}
+    inner = [_inner(part.name, v) for part in parts for v in part.description.variables]
+    numbered = [
+        dataclasses.replace(v, value_reference=i, element=0)
+        for i, v in enumerate([*own, *(v for v in inner if v.name not in names)])
+    ]
+    return Description(
+        fmi_version="2.0",
+        major=2,
+        model_name=description.name,
+        token="",
+        generation_tool=None,
+        description=None,
+        interfaces={"me": _capabilities(parts)},
+        platforms=(),
+        experiment=_experiment(description, parts),
+        variables=tuple(numbered),
+        states=tuple(_inner(p.name, v) for p in parts for v in _states(p)),
+        derivatives=_derivatives(parts),
+        state_count=sum(p.description.state_count for p in parts),
+        indicator_count=sum(p.description.indicator_count for p in parts),
+        shapes={},
+        log_categories=(),
+        notes=(),
+    )
+
+
+def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
+    """Return for each variable of the system the parts' variables that it stands for."""
+    ports: dict[str, tuple[tuple[int, Variable], ...]] = {
+        f"{part.name}.{v.name}": ((i, v),)
+        for i, part in enumerate(parts)
+        for v in (*part.description.derivatives, *part.description.states, *part.description.variables)
+    }
+    ports.update({name: tuple((p.component, p.variable) for p in found) for name, found in resolved.inputs.items()})
+    ports.update({name: ((port.component, port.variable),) for name, port in resolved.outputs.items()})
+    return ports
+
+
+def _own_variables(resolved: Resolved) -> list[Variable]:
+    inputs = [dataclasses.replace(_strictest(ports), name=name) for name, ports in resolved.inputs.items()]
+    outputs = [
+        dataclasses.replace(port.variable, name=name, causality="output", dependencies=None)
+        for name, port in resolved.outputs.items()
+    ]
+    return [*inputs, *outputs]
+
+
+def _strictest(ports: Sequence[Port]) -> Variable:
+    """Return the input that decides when a value may change: one that may do so at events only, if there is one."""
+    return next((p.variable for p in ports if not p.variable.is_continuous_input), ports[0].variable)
+
+
+def _inner(component: str, variable: Variable) -> Variable:
+    of = variable.derivative_of
+    return dataclasses.replace(
+        variable,
+        name=f"{component}.{variable.name}",
+        causality="local" if variable.causality in _OWN else variable.causality,
+        derivative_of=None if of is None else f"{component}.{of}",
+        dependencies=None,
+    )
+
+
+def _states(part: Part) -> tuple[Variable, ...]:
+    """Return one variable for each state; FMI 1.0 does not name them."""
+    known, count = part.description.states, part.description.state_count
+    return (*known, *(Variable(f"state[{i + 1}]") for i in range(len(known), count)))
+
+
+def _derivatives(parts: Sequence[Part]) -> tuple[Variable, ...]:
+    if any(len(p.description.derivatives) != p.description.state_count for p in parts):
+        return ()
+    return tuple(_inner(p.name, v) for p in parts for v in p.description.derivatives)
+
+
+def _capabilities(parts: Sequence[Part]) -> Capabilities:
+    claims = [p.description.interfaces[p.interface] for p in parts]
+    return Capabilities(
+        identifier="",
+        state=all(c.state for c in claims),
+        directional_derivatives=all(
+            c.directional_derivatives and not p.description.shapes for c, p in zip(claims, parts, strict=True)
+        ),
+        completed_step=any(c.completed_step for c in claims),
+        once_per_process=any(c.once_per_process for c in claims),
+        needs_tool=any(c.needs_tool for c in claims),
+    )
+
+
+def _experiment(description: SystemDescription, parts: Sequence[Part]) -> Experiment:
+    """Return what the file suggests; where it is silent, the longest and finest of the components' experiments."""
+    given, inner = description.default_experiment, [p.description.experiment for p in parts]
+    stops = [e.stop_time for e in inner if e.stop_time is not None]
+    steps = [e.step for e in inner if e.step is not None]
+    return Experiment(
+        start_time=given.start_time,
+        stop_time=given.stop_time if given.stop_time is not None else max(stops, default=None),
+        tolerance=given.tolerance,
+        step=given.step if given.step is not None else min(steps, default=None),
+    )

@@ -1,0 +1,177 @@
+"""A system as a model: all model exchange components together are one ordinary differential equation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from workbench.errors import InputError
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Value
+from workbench.fmi.wiring import Connection, Wiring
+from workbench.model.described import DescribedModel
+from workbench.model.load import check_biases, check_starts, choose_driver
+from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.session.fmu import Setup
+from workbench.session.solvers import choose_solver
+from workbench.system.composite import CompositeInstance
+from workbench.system.description import Resolved, SystemDescription
+from workbench.system.health import resolve
+from workbench.system.joint import joint_description, joint_ports
+from workbench.system.order import plan
+from workbench.system.parts import Part, open_parts
+from workbench.system.recipe import SystemRecipe
+
+__all__ = ["SYSTEMS", "Opened", "SystemModel", "open_system"]
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A system whose components are open and whose connections are checked.
+
+    Attributes:
+        description: as it is written down.
+        parts: its components, in that order.
+        resolved: its connections, in terms of the components' variables.
+    """
+
+    description: SystemDescription
+    parts: tuple[Part, ...]
+    resolved: Resolved
+
+    @property
+    def interface(self) -> str:
+        """ "me" if all components are, "cs" if there is none that is, else "mixed"."""
+        kinds = {p.interface for p in self.parts}
+        return kinds.pop() if len(kinds) == 1 else "mixed"
+
+    def close(self) -> None:
+        """Close the components' models."""
+        for part in self.parts:
+            if part.model is not None:
+                part.model.close()
+
+
+class SystemModel(DescribedModel):
+    """Several components with connections, all of model exchange: one ODE, one solver, no delay anywhere.
+
+    Args:
+        opened: the components; the model owns them from now on.
+        recipe: how to make it again.
+
+    Attributes:
+        system: the system as it is written down.
+    """
+
+    recipe: SystemRecipe
+
+    def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
+        self._opened = opened
+        self.system = opened.description
+        described = joint_description(opened.description, opened.parts, opened.resolved)
+        self._ports = joint_ports(opened.parts, opened.resolved)
+        self._connections = _connections(opened)
+        solver, note = choose_solver(recipe.solver, states=described.state_count)
+        driver, remark = choose_driver(recipe.driver)
+        variables = {v.name: v for v in described.variables}
+        setup = Setup(
+            open_instance=self.new_instance,
+            variables=variables,
+            start_values={**_starts(opened.parts), **check_starts(recipe.start_values, variables)},
+            bias=check_biases(recipe.bias, variables),
+            rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
+            tolerance=recipe.tolerance or described.experiment.tolerance,
+            step=recipe.step,
+            solver=solver,
+        )
+        super().__init__(
+            described,
+            source=recipe.source,
+            interface="me",
+            setup=setup,
+            driver=driver,
+            notes=(*_notes(opened, self._wiring()), *filter(None, [note, remark])),
+            recipe=recipe,
+        )
+
+    def _wiring(self) -> Wiring:
+        return plan(self._connections)
+
+    def new_instance(self) -> Instance:
+        with ExitStack() as undo:
+            made = [_closed_by(undo, part.instance()) for part in self._opened.parts]
+            undo.pop_all()
+        return CompositeInstance(made, self._wiring(), self.description, self._ports, source=self.source)
+
+    def close(self) -> None:
+        super().close()
+        self._opened.close()
+
+
+def _closed_by(undo: ExitStack, instance: Instance) -> Instance:
+    """Return the instance; it is closed if making those after it fails."""
+    undo.callback(instance.close)
+    return instance
+
+
+def open_system(recipe: SystemRecipe) -> DescribedModel:
+    """Return the model that a recipe describes.
+
+    Raises:
+        InputError, FmuError: see `connect`.
+    """
+    with ExitStack() as undo:
+        parts = open_parts(recipe.system.components, undo, recipe.parts)
+        resolved = resolve(recipe.system, [p.description.variables for p in parts])
+        opened = Opened(recipe.system, parts, resolved)
+        model = SYSTEMS[opened.interface](opened, recipe.with_parts(parts))
+        undo.pop_all()
+    return model
+
+
+def _no_master(opened: Opened, recipe: SystemRecipe) -> DescribedModel:
+    names = ", ".join(p.name for p in opened.parts if p.interface == "cs")
+    raise InputError(
+        f"{recipe.source}: systems with co-simulation parts are not supported yet ({names}); give these components "
+        'interface "me" if their FMUs offer it'
+    )
+
+
+# Interfaces of the components → the model that drives them.
+SYSTEMS: Mapping[str, Callable[[Opened, SystemRecipe], DescribedModel]] = {
+    "me": SystemModel,
+    "cs": _no_master,
+    "mixed": _no_master,
+}
+
+
+def _connections(opened: Opened) -> list[Connection]:
+    return [
+        Connection(
+            source=w.source,
+            destination=w.destination,
+            from_component=w.from_component,
+            to_component=w.to_component,
+            gain=w.factor,
+            offset=w.offset,
+            closes_at=-float("inf") if w.closes_at is None else w.closes_at,
+            label=f"{opened.parts[w.from_component].name}.{w.source.name} → "
+            f"{opened.parts[w.to_component].name}.{w.destination.name}",
+        )
+        for w in opened.resolved.wires
+    ]
+
+
+def _starts(parts: Sequence[Part]) -> dict[str, Value]:
+    return {f"{p.name}.{name}": value for p in parts for name, value in p.starts.items()}
+
+
+def _notes(opened: Opened, wiring: Wiring) -> list[str]:
+    notes = [*opened.description.notes, *opened.resolved.notes]
+    notes += [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
+    for group in wiring.continuous:
+        if group.loop:
+            labels = ", ".join(wiring.connections[i].label for i in group.members)
+            notes.append(f"algebraic loop, solved by Newton's method at every evaluation: {labels}")
+    return notes

@@ -1,0 +1,98 @@
+"""In which order the connections of a system are evaluated, from what the components say about feed-through.
+
+A connection must be evaluated after those whose value reaches its source without delay. Connections that reach each
+other so are an algebraic loop and are solved together. The rest is sorted into levels; what is on one level is read
+and written together, which saves calls.
+
+Source: R. Tarjan, Depth-first search and linear graph algorithms, SIAM J. Comput. 1 (1972), for strong components;
+F. Cellier, E. Kofman, Continuous System Simulation, 2006, chapter 7, for their use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Connection, Group, Wiring, wiring
+
+__all__ = ["feeds_through", "plan"]
+
+Graph = NDArray[np.bool_]
+
+
+def plan(connections: Sequence[Connection]) -> Wiring:
+    """Return the connections with their orders of evaluation, at events and in continuous time."""
+    graph = _reach(connections)
+    moving = [i for i, c in enumerate(connections) if not c.discrete]
+    events = _groups(_without_discrete_loops(graph, connections), list(range(len(connections))))
+    return wiring(connections, events, _groups(graph[np.ix_(moving, moving)], moving))
+
+
+def feeds_through(source: Variable, through: Variable) -> bool:
+    """Whether an output depends on an input of the same component without delay; yes if nothing is declared."""
+    return source.dependencies is None or through.name in source.dependencies
+
+
+def _reach(connections: Sequence[Connection]) -> Graph:
+    """Return where the value of connection i reaches the source of connection j, shape (n, n)."""
+    graph = np.zeros((len(connections), len(connections)), dtype=bool)
+    by_source: dict[int, list[int]] = {}
+    for j, connection in enumerate(connections):
+        by_source.setdefault(connection.from_component, []).append(j)
+    for i, before in enumerate(connections):
+        for j in by_source.get(before.to_component, ()):
+            graph[i, j] = feeds_through(connections[j].source, before.destination)
+    return graph
+
+
+def _without_discrete_loops(graph: Graph, connections: Sequence[Connection]) -> Graph:
+    """Cut loops at values that are no continuous numbers: the event iteration goes round those until they stand."""
+    discrete = np.array([c.discrete for c in connections], dtype=bool)
+    label = _components(graph)
+    same = label[:, None] == label[None, :]
+    kept: Graph = graph & ~(same & (discrete[:, None] | discrete[None, :]))
+    return kept
+
+
+def _components(graph: Graph) -> NDArray[np.int32]:
+    """Return a number for each node, the same within a strong component."""
+    if not len(graph):
+        return np.zeros(0, dtype=np.int32)
+    label: NDArray[np.int32] = connected_components(csr_matrix(graph), directed=True, connection="strong")[1]
+    return label
+
+
+def _groups(graph: Graph, numbers: Sequence[int]) -> list[Group]:
+    """Sort the nodes of `graph`, which are the connections `numbers`, into groups in order of evaluation."""
+    label = _components(graph)
+    count = int(label.max()) + 1 if len(label) else 0
+    members: list[list[int]] = [np.flatnonzero(label == k).tolist() for k in range(count)]
+    level = _levels(graph, label, count)
+    groups: list[Group] = []
+    for height in range(max(level, default=-1) + 1):
+        here = [k for k in range(count) if level[k] == height]
+        loops = [k for k in here if len(members[k]) > 1 or graph[members[k][0], members[k][0]]]
+        plain = sorted(numbers[i] for k in here if k not in loops for i in members[k])
+        if plain:
+            groups.append(Group(tuple(plain)))
+        groups += [Group(tuple(numbers[i] for i in members[k]), loop=True) for k in loops]
+    return groups
+
+
+def _levels(graph: Graph, label: NDArray[np.int32], count: int) -> list[int]:
+    """Return for each strong component the longest way to it from one that depends on none."""
+    before: list[set[int]] = [set() for _ in range(count)]
+    for i, j in zip(*np.nonzero(graph), strict=True):
+        if label[i] != label[j]:
+            before[label[j]].add(int(label[i]))
+    level: dict[int, int] = {}
+    while len(level) < count:
+        for k in range(count):
+            if k not in level and all(b in level for b in before[k]):
+                level[k] = 1 + max((level[b] for b in before[k]), default=-1)
+    return [level[k] for k in range(count)]

@@ -1,0 +1,140 @@
+"""The components of a system, opened: what each says about itself, and how to make an instance of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from workbench.errors import InputError
+from workbench.fmi.description import Description
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Value, Variable
+from workbench.model.described import DescribedModel
+from workbench.model.load import load
+from workbench.model.recipe import FmuRecipe
+from workbench.system.blocks import BlockComponent, BlockInstance, block_description
+from workbench.system.description import Component, FmuComponent, FunctionComponent
+
+__all__ = ["Part", "open_parts"]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One component, opened.
+
+    Attributes:
+        component: as it is written down.
+        description: its variables; start values and units as the system sets them.
+        interface: "me" or "cs".
+        starts: start values that the system sets, by the component's names.
+        notes: remarks for the user.
+        model: the FMU; None for blocks.
+        make: returns a new instance.
+    """
+
+    component: Component
+    description: Description
+    interface: str
+    starts: Mapping[str, Value]
+    notes: tuple[str, ...]
+    model: DescribedModel | None
+    make: Callable[[], Instance]
+
+    @property
+    def name(self) -> str:
+        """The component's."""
+        return self.component.name
+
+    @property
+    def recipe(self) -> FmuRecipe | None:
+        """How to load the FMU again; None for blocks."""
+        recipe = self.model.recipe if self.model is not None else None
+        return recipe if isinstance(recipe, FmuRecipe) else None
+
+    def instance(self) -> Instance:
+        """Return a new instance that calls itself by the component's name."""
+        made = self.make()
+        made.description = dataclasses.replace(made.description, model_name=self._title())
+        return made
+
+    def _title(self) -> str:
+        if self.model is None or self.model.name == self.name:
+            return self.name
+        return f"{self.name} ({self.model.name})"
+
+
+def open_parts(
+    components: Sequence[Component], undo: ExitStack, recipes: Mapping[str, FmuRecipe] | None = None
+) -> tuple[Part, ...]:
+    """Open every component.
+
+    Args:
+        components: what to open.
+        undo: gets what closes the FMUs again.
+        recipes: component → how to open its FMU, in place of its file; for worker processes.
+
+    Raises:
+        InputError: a component's file, interface or start value is wrong; the message names the component.
+        FmuError: an FMU cannot be used.
+    """
+    return tuple(_open(component, undo, (recipes or {}).get(component.name)) for component in components)
+
+
+def _open(component: Component, undo: ExitStack, recipe: FmuRecipe | None) -> Part:
+    if not isinstance(component, FmuComponent):
+        return _block(component)
+    try:
+        part = _fmu(component, recipe)
+    except InputError as error:
+        raise InputError(f"component {component.name}: {error}") from None
+    if part.model is not None:
+        undo.callback(part.model.close)
+    return part
+
+
+def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
+    if recipe is not None:
+        model: DescribedModel = recipe.open()
+    else:
+        # The solver and the communication step are the system's affair, or the master's.
+        model = load(component.file, component.interface, start_values=component.set, step=component.step)
+    starts = dict(model.recipe.start_values)
+    return Part(
+        component=component,
+        description=_told(model.description, starts, component.units),
+        interface=model.interface,
+        starts=starts,
+        notes=tuple(model.description.notes),
+        model=model,
+        make=model.new_instance,
+    )
+
+
+def _told(description: Description, starts: Mapping[str, Value], units: Mapping[str, str]) -> Description:
+    """Return the description with start values and units that the system declares."""
+
+    def told(variable: Variable) -> Variable:
+        start, unit = starts.get(variable.name, variable.start), variable.unit or units.get(variable.name)
+        if start == variable.start and unit == variable.unit:
+            return variable
+        return dataclasses.replace(variable, start=start, unit=unit)
+
+    if not starts and not units:
+        return description
+    return dataclasses.replace(description, variables=tuple(told(v) for v in description.variables))
+
+
+def _block(component: BlockComponent) -> Part:
+    description = block_description(component)
+    note = "a Python function, called at every evaluation: slow, and in this process only"
+    return Part(
+        component=component,
+        description=description,
+        interface="me",
+        starts={},
+        notes=(note,) if isinstance(component, FunctionComponent) else (),
+        model=None,
+        make=lambda: BlockInstance(component, description),
+    )

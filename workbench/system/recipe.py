@@ -1,0 +1,102 @@
+"""How to make a system again, in another process or on another machine."""
+
+# ruff: noqa: ANN401 - JSON has no type
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.model.recipe import FmuRecipe, LoadRecipe
+from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
+
+if TYPE_CHECKING:
+    from workbench.model.described import DescribedModel
+    from workbench.system.parts import Part
+
+__all__ = ["SystemRecipe"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SystemRecipe(LoadRecipe):
+    """A system, and what `load` or `connect` was told.
+
+    Attributes:
+        system: as it is written down.
+        parts: component → how to load its FMU; empty: from the file that the component names.
+    """
+
+    system: SystemDescription
+    parts: Mapping[str, FmuRecipe] = field(default_factory=dict)
+
+    @property
+    def portable(self) -> bool:
+        return not any(isinstance(c, FunctionComponent) for c in self.system.components)
+
+    def open(self) -> DescribedModel:
+        from workbench.system.model import open_system  # noqa: PLC0415 - it makes recipes
+
+        return open_system(self)
+
+    def with_parts(self, parts: Sequence[Part]) -> Self:
+        """Return the recipe with the FMUs as they are opened now."""
+        found = {p.name: recipe for p in parts if (recipe := p.recipe) is not None}
+        # The folder of an .ssp belongs to the model that was loaded first.
+        return replace(self, parts=found)
+
+    def identity(self) -> dict[str, Any]:
+        """Return what tells this system from others.
+
+        Raises:
+            InputError: it contains a Python function, which cannot be told from another.
+        """
+        if not self.portable:
+            raise InputError(f"{self.source}: a system with a Python function has no identity to keep results under")
+        system = self.system
+        return {
+            "system": {
+                "components": {c.name: self._component(c) for c in system.components},
+                "connections": [_plain(c) for c in system.connections],
+                "inputs": {name: list(ends) for name, ends in system.inputs.items()},
+                "outputs": dict(system.outputs),
+            },
+            **self.settings(),
+        }
+
+    def _component(self, component: Any) -> Any:
+        if isinstance(component, FmuComponent) and component.name in self.parts:
+            return {**self.parts[component.name].identity(), "units": dict(component.units)}
+        return _plain(component)
+
+    def packed(self) -> Self:
+        return replace(self, parts={name: recipe.packed() for name, recipe in self.parts.items()})
+
+    def abandon(self) -> None:
+        for recipe in self.parts.values():
+            recipe.abandon()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Send no folder along: who opens the recipe there does not own it."""
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {**state, "system": replace(self.system, folder=None)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a dataclass ready for JSON; arrays by their bytes."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray):
+        return {"shape": list(value.shape), "sha256": hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    return value
