@@ -17,7 +17,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from workbench.analysis.advice import Advice, Finding, advise
     from workbench.analysis.certificate import Certificate
+    from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
+    from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
+    from workbench.analysis.identified import IdentifiedModel
+    from workbench.analysis.identify import IdentifyResult
+    from workbench.analysis.identify.identify import identify
     from workbench.analysis.lin.compare import LinComparison, Verdict, compare
     from workbench.analysis.lin.linearise import lin
     from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
@@ -27,10 +33,16 @@ if TYPE_CHECKING:
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
     from workbench.analysis.operating_point import OperatingPoint
+    from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.simulate import SimulationResult, simulate
+    from workbench.analysis.spectra import Coherence, SpectralDensity, coherence, sdf
+    from workbench.analysis.subspace import SubspaceEstimate, estimate
     from workbench.analysis.trim import trim
     from workbench.analysis.trim_result import TrimResult
-    from workbench.analysis.zero_input import ZeroInput
+    from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
+    from workbench.analysis.validate.overlay import overlay
+    from workbench.analysis.validate.validate import validate
+    from workbench.build.export import ExportResult, export
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable, load
     from workbench.session import Record, Session, Snapshot
@@ -40,13 +52,21 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
     "BuildError",
     "Certificate",
+    "Coherence",
     "Constant",
     "Doubt",
+    "ExciteResult",
+    "Experiment",
+    "ExportResult",
     "FailedPoint",
+    "Finding",
     "FmuError",
     "FmuModel",
+    "IdentifiedModel",
+    "IdentifyResult",
     "InputError",
     "LinComparison",
     "LinGrid",
@@ -54,11 +74,15 @@ __all__ = [
     "LinResult",
     "LinearModel",
     "Model",
+    "MultisineDesign",
     "NfrPoint",
     "NfrResult",
     "NfrSweep",
     "OperatingPoint",
+    "Overlay",
+    "PoleBootstrap",
     "Prbs",
+    "PrbsDesign",
     "Record",
     "Session",
     "Signal",
@@ -66,29 +90,67 @@ __all__ = [
     "SimulationResult",
     "Sine",
     "Snapshot",
+    "SpectralDensity",
     "Step",
     "StepCheck",
+    "SubspaceEstimate",
     "Table",
     "TrimResult",
+    "Validation",
     "Variable",
     "Verdict",
     "WorkbenchError",
     "Workers",
     "Zero",
     "ZeroInput",
+    "advise",
+    "bootstrap_poles",
+    "coherence",
     "compare",
+    "cut_settling",
+    "detrend",
+    "estimate",
+    "excite",
+    "export",
+    "identify",
     "lin",
     "lin_along",
     "lin_over",
     "load",
+    "make_experiment",
     "nfr",
+    "overlay",
     "parse_signal",
+    "read_experiment",
+    "remove_offset",
+    "remove_outliers",
+    "resample",
+    "scale",
+    "sdf",
     "simulate",
     "step_check",
     "trim",
+    "validate",
 ]
 
 _HOMES = {
+    "workbench.build.export": ("ExportResult", "export"),
+    "workbench.analysis.advice": ("Advice", "Finding", "advise"),
+    "workbench.analysis.excite": ("ExciteResult", "MultisineDesign", "PrbsDesign", "excite"),
+    "workbench.analysis.experiment": ("Experiment", "make_experiment", "read_experiment"),
+    "workbench.analysis.identified": ("IdentifiedModel",),
+    "workbench.analysis.identify": ("IdentifyResult", "identify"),
+    "workbench.analysis.preprocess": (
+        "cut_settling",
+        "detrend",
+        "remove_offset",
+        "remove_outliers",
+        "resample",
+        "scale",
+    ),
+    "workbench.analysis.spectra": ("Coherence", "SpectralDensity", "coherence", "sdf"),
+    "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
+    "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
     "workbench.analysis.certificate": ("Certificate",),
     "workbench.analysis.lin.compare": ("LinComparison", "Verdict", "compare"),
     "workbench.analysis.lin.linearise": ("lin",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -148,6 +148,50 @@ class NfrResult:
             "certificate": self._certificate_arrays(),
             "zero_input": None if self.zero_input is None else vars(self.zero_input),
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> NfrResult:
+        """Return the result that `to_dict` or the JSON of `workbench nfr` describes, without its certificates.
+
+        Args:
+            data: all its keys.
+
+        Raises:
+            InputError: a key is missing or holds something else.
+        """
+        try:
+            return cls._from_dict(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"this is no frequency response: {type(error).__name__}: {error}") from None
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any]) -> NfrResult:
+        frequency, amplitude = (np.array(data[k], dtype=np.float64) for k in ("frequency_hz", "amplitude"))
+        shape = (len(amplitude), len(frequency))
+        keys = ("gain", "phase_deg", "offset", "step")
+        gain, phase, offset, step = (np.array(data[k], dtype=np.float64).reshape(shape) for k in keys)
+        # A gain of 0 has no phase.
+        angle = np.radians(np.where(gain == 0.0, 0.0, phase))
+        return cls(
+            model=data["model"],
+            interface=data["interface"],
+            solver=data["solver"],
+            input=data["input"]["name"],
+            output=data["output"]["name"],
+            input_unit=data["input"]["unit"],
+            output_unit=data["output"]["unit"],
+            frequency_hz=frequency,
+            amplitude=amplitude,
+            response=gain * np.exp(1j * angle),
+            phase_deg=phase,
+            offset=offset,
+            averaged=np.array(data["averaged"], dtype=bool).reshape(shape),
+            periods=np.array(data["periods"], dtype=np.int64).reshape(shape),
+            step=step,
+            failed=tuple(FailedPoint(**f) for f in data["failed"]),
+            warnings=tuple(data["warnings"]),
+            certificates=((None,) * shape[1],) * shape[0],
+        )
 
     def _certificate_arrays(self) -> dict[str, Any]:
         """One [amplitude][frequency] array for each field of the certificates."""

@@ -11,6 +11,9 @@ import typer
 from workbench import __version__
 from workbench.cli import notes
 from workbench.cli.build import build
+from workbench.cli.excite import excite
+from workbench.cli.export import export
+from workbench.cli.identify import identify
 from workbench.cli.info import info
 from workbench.cli.lin import lin
 from workbench.cli.nfr import nfr
@@ -25,7 +28,7 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="workbench",
-    help="Analyse FMUs: time histories, nonlinear frequency responses; build FMUs from Modelica.",
+    help="Analyse FMUs: time histories, operating points, linear models, frequency responses; identify; build.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
@@ -37,7 +40,10 @@ app.command("simulate")(simulate)
 app.command("nfr")(nfr)
 app.command("trim")(trim)
 app.command("lin")(lin)
+app.command("excite")(excite)
+app.command("identify")(identify)
 app.command("build")(build)
+app.command("export")(export)
 
 
 def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so
@@ -52,7 +58,7 @@ def _options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and stop.")
     ] = False,
 ) -> None:
-    """Analyse FMUs: time histories, nonlinear frequency responses; build FMUs from Modelica.
+    """Analyse FMUs: time histories, operating points, linear models, frequency responses, identification; build FMUs.
 
     MODEL is an `.fmu`, an unpacked FMU folder, or a bundled one: `fmu:Rudder` (FMI 2.0), `fmu:Rudder@3` (FMI 3.0).
 

@@ -24,6 +24,7 @@ __all__ = [
     "MemoryLimit",
     "ModelName",
     "Plot",
+    "Report",
     "Scheduler",
     "Set",
     "Solver",
@@ -61,6 +62,10 @@ Json = Annotated[
 ]
 Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="PATH", help="Write the picture: .png, .svg or .pdf.")]
+
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="PATH", help="Write a page with pictures and verdicts: .html.")
+]
 
 Jobs = Annotated[
     int | None, typer.Option("--jobs", metavar="N", help="Worker processes at a time; by default one per core.")

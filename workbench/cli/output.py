@@ -1,4 +1,4 @@
-"""Where a command's result goes: terminal, JSON, CSV, picture."""
+"""Where a command's result goes: terminal, JSON, CSV, picture, report."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Output"]
 
 _PICTURES = (".png", ".svg", ".pdf")
+_PAGES = (".html", ".htm")
 
 
 class Output:
@@ -31,24 +32,33 @@ class Output:
         json_path: of the JSON, "-" for standard output, None for none.
         csv_path: of the CSV, likewise.
         plot: of the picture, or None.
+        report: of the page, or None.
 
     Raises:
         InputError: a folder that does not exist, an unknown suffix, both on standard output.
     """
 
     def __init__(
-        self, command: str, *, json_path: str | None = None, csv_path: str | None = None, plot: Path | None = None
+        self,
+        command: str,
+        *,
+        json_path: str | None = None,
+        csv_path: str | None = None,
+        plot: Path | None = None,
+        report: Path | None = None,
     ) -> None:
         self.command = command
-        self.json_path, self.csv_path, self.plot = json_path, csv_path, plot
+        self.json_path, self.csv_path, self.plot, self.report = json_path, csv_path, plot, report
         self._begin = time.monotonic()
         if json_path == csv_path == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
-        for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot)):
+        for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot), ("--report", report)):
             if path is not None and path != "-":
                 _check_writable(option, Path(path))
         if plot is not None and plot.suffix.lower() not in _PICTURES:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
+        if report is not None and report.suffix.lower() not in _PAGES:
+            raise InputError(f"--report: '{report}' must end in {_PAGES[0]}")
 
     @property
     def console(self) -> Console:
@@ -65,6 +75,7 @@ class Output:
         *,
         csv: Callable[[str | TextIO], None] | None = None,
         plot: Callable[[Path], object] | None = None,
+        report: Callable[[Path, Mapping[str, Any]], None] | None = None,
     ) -> None:
         """Write what was asked for.
 
@@ -72,24 +83,32 @@ class Output:
             result: for JSON; command, version and seconds are added.
             csv: writes the CSV to a path or stream.
             plot: writes the picture.
+            report: writes the page, with what goes to JSON embedded.
 
         Raises:
             InputError: a file cannot be written.
         """
+        wanted = self.json_path is not None or self.report is not None
+        full = self._full(result) if wanted else {}
         if self.json_path is not None:
-            self._write_json(result)
+            self._write_json(full)
         if self.csv_path is not None and csv is not None:
             csv(sys.stdout if self.csv_path == "-" else self.csv_path)
         if self.plot is not None and plot is not None:
             plot(self.plot)
-        for path in (self.json_path, self.csv_path, self.plot):
+        if self.report is not None and report is not None:
+            report(self.report, full)
+        for path in (self.json_path, self.csv_path, self.plot, self.report):
             if path is not None and path != "-":
                 self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
 
-    def _write_json(self, result: Mapping[str, Any]) -> None:
+    def _full(self, result: Mapping[str, Any]) -> dict[str, Any]:
         seconds = round(time.monotonic() - self._begin, 3)
         full = {"command": self.command, "version": __version__, "seconds": seconds, **result}
-        text = json.dumps(_finite(full), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return {key: _finite(value) for key, value in full.items()}
+
+    def _write_json(self, full: Mapping[str, Any]) -> None:
+        text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         if self.json_path == "-":
             sys.stdout.write(text)
             return

@@ -1,0 +1,101 @@
+"""What happens to the data before a linear model is fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from workbench.analysis.experiment import Experiment, read_experiment
+from workbench.analysis.preprocess import Detrended, cut_settling, detrend, remove_offset
+from workbench.errors import InputError, suggest
+from workbench.session.base import Floats
+
+__all__ = ["DETRENDS", "Prepared", "chosen", "cut", "prepare"]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Data ready for the estimator.
+
+    Attributes:
+        data: as recorded, without the settling part.
+        u: shape (N, m), inputs without their operating point and trend.
+        y: shape (N, p), outputs likewise.
+        u0, y0: shape (m,), (p,), operating point that was taken off.
+    """
+
+    data: Experiment
+    u: Floats
+    y: Floats
+    u0: Floats
+    y0: Floats
+
+
+def _nothing(data: Experiment) -> Detrended:
+    return remove_offset(data, {})
+
+
+# Name → what takes the operating point off.
+DETRENDS: Mapping[str, Callable[[Experiment], Detrended]] = {
+    "mean": detrend,
+    "linear": lambda data: detrend(data, kind="linear"),
+    "none": _nothing,
+}
+
+
+def chosen(
+    data: Experiment | str | Path, inputs: Sequence[str] | None, outputs: Sequence[str] | None, dt: float | None
+) -> Experiment:
+    """Return the data with the columns asked for.
+
+    Args:
+        data: an experiment, or a CSV file.
+        inputs: names; None: the experiment's own, or what the file says.
+        outputs: names; None: likewise.
+        dt: sampling interval of a file without times [s].
+
+    Raises:
+        InputError: no such file or column, gaps, numbers that are none.
+    """
+    if not isinstance(data, Experiment):
+        return read_experiment(data, inputs=inputs, outputs=outputs, dt=dt)
+    if inputs is None and outputs is None:
+        return data
+    return data.select(inputs or data.input_names, outputs or data.output_names)
+
+
+def prepare(data: Experiment, *, how: str, settle: float) -> Prepared:
+    """Cut the settling part off and take the operating point away.
+
+    Args:
+        data: as recorded.
+        how: name in `DETRENDS`.
+        settle: so much is cut off the beginning [s].
+
+    Raises:
+        InputError: unknown detrending, too little left after the cut.
+    """
+    if how not in DETRENDS:
+        raise InputError(f"detrend '{how}' is unknown; {suggest(how, DETRENDS)}")
+    kept = cut(data, settle)
+    level = DETRENDS[how](kept)
+    return Prepared(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
+
+
+def cut(data: Experiment, settle: float) -> Experiment:
+    """Cut the settling part off.
+
+    Args:
+        data: as recorded.
+        settle: so much is cut off the beginning [s].
+
+    Raises:
+        InputError: negative, or too little left.
+    """
+    if not 0.0 <= settle < np.inf:
+        raise InputError(f"settle must be 0 s or more, not {settle:g} s")
+    first = int(np.ceil(settle / data.dt - 1e-9))
+    return cut_settling(data, samples=first).experiment if first else data

@@ -1,0 +1,140 @@
+"""The result of an identification."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.analysis.advice import Advice
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.subspace import SubspaceEstimate
+from workbench.analysis.validate import Validation
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.figure import Figure
+
+__all__ = ["IdentifyResult"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifyResult:
+    """An identified model, how it came about and what it is worth.
+
+    Attributes:
+        data: what it was identified from, without the settling part.
+        advice: judgement of these data.
+        estimate: the model, the order with its reason, singular values and principal angles.
+        detrend: what was taken off before.
+        settle: how much was cut off the beginning [s].
+        own: the model held against the data of the fit.
+        other: held against other data; None where there were none.
+    """
+
+    data: Experiment
+    advice: Advice
+    estimate: SubspaceEstimate
+    detrend: str
+    settle: float
+    own: Validation
+    other: Validation | None
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The identified model."""
+        return self.estimate.model
+
+    @property
+    def order(self) -> int:
+        """Number of states, delays not counted."""
+        return self.estimate.order
+
+    @property
+    def validation(self) -> Validation:
+        """On other data where there are some, else on the data of the fit."""
+        return self.own if self.other is None else self.other
+
+    @property
+    def fit_percent(self) -> float:
+        """Fit of the simulation on the validation data, mean over the outputs [%]; see `validate.Fit`."""
+        return _mean(self.validation.fit_percent)
+
+    @property
+    def error_percent(self) -> float:
+        """Error of the simulation on the validation data, mean over the outputs [%]; see `validate.Fit`."""
+        return _mean(self.validation.error_percent)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Choices and doubts, one line each."""
+        alone = () if self.other is not None else ("validated on the data of the fit, which flatters: give other data",)
+        found = (*self.data.notes, *self.estimate.notes, *self.model.notes, *self.validation.notes, *alone)
+        return tuple(dict.fromkeys(found))
+
+    def to_ss(self) -> control.StateSpace:
+        """Return the model for python-control."""
+        return self.model.to_ss()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON and `workbench export`."""
+        return {
+            **self.estimate.to_dict(),
+            "detrend": self.detrend,
+            "settle": self.settle,
+            "fit_percent": _nullable(self.fit_percent),
+            "error_percent": _nullable(self.error_percent),
+            "residual_tests": self.validation.prediction.to_dict(),
+            "validated_on": "other data" if self.other is not None else "the data of the fit",
+            "identification": self.own.to_dict(),
+            "validation": None if self.other is None else self.other.to_dict(),
+            "advice": self.advice.to_dict(),
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write measured, simulated and predicted outputs of the validation data.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        self.validation.to_csv(path)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw measured, simulated and predicted outputs of the validation data.
+
+        `plot_order`, `validation.plot_residuals` and `validation.plot_poles` draw the rest.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        return self.validation.plot(path)
+
+    def plot_order(self, path: str | Path | None = None) -> Figure:
+        """Draw singular values and principal angles as bars, with the order that was chosen.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.identify import plot_order  # noqa: PLC0415  matplotlib is slow
+
+        return plot_order(self.estimate, path)
+
+
+def _mean(values: dict[str, float]) -> float:
+    return math.fsum(values.values()) / len(values)
+
+
+def _nullable(value: float) -> float | None:
+    return value if math.isfinite(value) else None
