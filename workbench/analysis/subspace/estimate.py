@@ -14,13 +14,13 @@ from workbench.analysis.subspace.data import prepare
 from workbench.analysis.subspace.delays import advance, as_tuple
 from workbench.analysis.subspace.finish import model_of
 from workbench.analysis.subspace.horizon import largest_order
-from workbench.analysis.subspace.matrices import shifted_observability
+from workbench.analysis.subspace.matrices import radius, shifted_observability
 from workbench.analysis.subspace.order import OrderChoice, check_order, choose_order
 from workbench.analysis.subspace.result import SubspaceEstimate
 from workbench.analysis.subspace.settings import DEFAULT_MOST, Settings, check_interval, check_order_wish
 from workbench.analysis.subspace.simulated import InputFit, fit_inputs, residual
 from workbench.analysis.subspace.stability import stabilise
-from workbench.analysis.subspace.states import Noise, fit_states, noise_of, radius
+from workbench.analysis.subspace.states import Noise, fit_states, noise_of
 from workbench.analysis.subspace.trial import Trial, best_trial, first_trial
 from workbench.analysis.subspace.weightings import principal_angles
 from workbench.session.base import Floats
@@ -100,7 +100,7 @@ def estimate(
     choice = _order(data, first, settings)
     trial = best_trial(data, first, choice.order, settings)
     found = _identify(data, trial, choice.order, settings)
-    notes = (*record.notes, first.note, *choice.notes, found.noise.note, _moved(found.moved))
+    notes = (*record.notes, first.note, *choice.notes, found.noise.note, _stability(found.A, found.moved))
     return SubspaceEstimate(
         model=model_of(found.A, found.C, found.fit, found.noise, record=record, delays=delays, dt=interval),
         method=method,
@@ -159,5 +159,10 @@ def _weight(error: Floats) -> Floats | None:
     return weight
 
 
-def _moved(moved: int) -> str:
-    return f"{moved} pole(s) outside the unit circle were moved inside" if moved else ""
+def _stability(A: Floats, moved: int) -> str:
+    if moved:
+        return f"{moved} pole(s) outside the unit circle were moved inside"
+    size = radius(A)
+    if size < 1.0:
+        return ""
+    return f"the model is not stable (|pole| = {size:.6g}); if the system is, take a lower order or stable=True"

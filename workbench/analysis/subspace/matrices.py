@@ -1,4 +1,4 @@
-"""A and C from the extended observability matrix."""
+"""A and C from the extended observability matrix; the size of A."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.session.base import Floats
 
-__all__ = ["shifted_observability"]
+__all__ = ["radius", "shifted_observability"]
 
 
 def shifted_observability(observability: Floats, outputs: int) -> tuple[Floats, Floats]:
@@ -22,3 +22,12 @@ def shifted_observability(observability: Floats, outputs: int) -> tuple[Floats, 
     upper, below = observability[:-outputs], observability[outputs:]
     A = np.asarray(np.linalg.lstsq(upper, below, rcond=None)[0], dtype=np.float64)
     return A, observability[:outputs]
+
+
+def radius(A: Floats) -> float:
+    """Return the largest magnitude of an eigenvalue.
+
+    Args:
+        A: shape (n, n).
+    """
+    return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.analysis.subspace.hankel import ROUNDING, HankelFactor
+from workbench.analysis.subspace.matrices import radius
 from workbench.session.base import Floats
 
 __all__ = ["Noise", "StateFit", "fit_states", "noise_of"]
@@ -110,8 +111,3 @@ def _riccati(covariance: Floats, A: Floats, C: Floats) -> Noise:
     if not np.all(np.isfinite(K)) or radius(A - K @ C) >= 1.0:
         raise ValueError
     return Noise(K, (spread + spread.T) / 2.0)
-
-
-def radius(A: Floats) -> float:
-    """Return the largest magnitude of an eigenvalue."""
-    return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))

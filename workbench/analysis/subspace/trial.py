@@ -12,6 +12,7 @@ from workbench.analysis.subspace.horizon import (
     largest_order,
     within_excitation,
 )
+from workbench.analysis.subspace.matrices import radius, shifted_observability
 from workbench.analysis.subspace.order import simulation_cost
 from workbench.analysis.subspace.settings import Settings
 from workbench.analysis.subspace.weightings import Projection, Subspace, project, subspace
@@ -80,7 +81,14 @@ def best_trial(record: tuple[Floats, Floats], first: Trial, order: int, settings
     ]
     if len(usable) < 2:
         return first
-    return min(usable, key=lambda t: simulation_cost(record, t.space, order, feedthrough=settings.feedthrough))
+    return min(usable, key=lambda t: _merit(record, t, order, settings))
+
+
+def _merit(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> tuple[bool, float]:
+    """Return what is smaller for the better horizon: one with a stable model before one without, then the error."""
+    A, _ = shifted_observability(trial.space.observability[:, :order], trial.factor.outputs)
+    cost = simulation_cost(record, trial.space, order, feedthrough=settings.feedthrough)
+    return radius(A) >= 1.0, cost
 
 
 def _look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Trial:
