@@ -1,0 +1,62 @@
+"""Read a system from a file, whatever its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from workbench.errors import InputError
+from workbench.system.description import SystemDescription
+
+__all__ = ["is_system_file", "read_system"]
+
+
+def is_system_file(path: str | Path) -> bool:
+    """Whether `path` names a system by its suffix, or is a folder with a SystemStructure.ssd."""
+    return Path(path).suffix.lower() in _READERS or (Path(path) / "SystemStructure.ssd").is_file()
+
+
+def read_system(path: str | Path) -> SystemDescription:
+    """Return the system that a .toml, .ssp or .ssd file describes (or the folder of an unpacked .ssp).
+
+    The FMUs are there, but nothing is connected yet: `health.resolve` checks names, types and units.
+
+    Raises:
+        InputError: one line: no such file, or what in it is wrong, where, and what to do.
+        FmuError: an .ssp that is no zip archive, is damaged or would write outside of its folder.
+    """
+    file = Path(path).expanduser()
+    if not file.exists():
+        raise InputError(f"{path}: no such file; give a system as .toml, .ssp or .ssd")
+    if file.is_dir():
+        if not is_system_file(file):
+            raise InputError(f"{path}: a folder without SystemStructure.ssd; give a system as .toml, .ssp or .ssd")
+        return _ssd(file)
+    reader = _READERS.get(file.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: is no system; give a .toml, .ssp or .ssd file")
+    return reader(file)
+
+
+# The readers are imported when they are needed, so that loading a single FMU stays quick.
+
+
+def _toml(path: Path) -> SystemDescription:
+    from workbench.system.toml_file import read_toml  # noqa: PLC0415
+
+    return read_toml(path)
+
+
+def _ssp(path: Path) -> SystemDescription:
+    from workbench.system.ssp_read import read_ssp  # noqa: PLC0415
+
+    return read_ssp(path)
+
+
+def _ssd(path: Path) -> SystemDescription:
+    from workbench.system.ssp_read import read_ssd  # noqa: PLC0415
+
+    return read_ssd(path)
+
+
+_READERS: Mapping[str, Callable[[Path], SystemDescription]] = {".toml": _toml, ".ssp": _ssp, ".ssd": _ssd}

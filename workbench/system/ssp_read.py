@@ -1,0 +1,271 @@
+"""Read systems from SSP: .ssp packages and .ssd files, of SSP 1.0 and, leniently, 2.0."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.fmi.archive import Unpacked, extract
+from workbench.fmi.description import Experiment
+from workbench.fmi.variable import Value
+from workbench.system.description import Component, FmuComponent, SystemDescription
+from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
+from workbench.system.ssp_blocks import BLOCK_TYPE
+from workbench.system.ssp_flatten import Flat, Flattener, full_name
+from workbench.system.ssp_parameters import Package, Parameter, bound_parameters
+from workbench.system.ssp_tree import ANNOTATION, Key, Node, read_tree
+from workbench.system.ssp_values import values_for
+from workbench.system.ssp_xml import Element, children, descend, number, package_file, parse, tag
+from workbench.system.toml_components import read_component
+from workbench.system.units import Unit
+
+__all__ = ["read_ssd", "read_ssp"]
+
+_DEFAULT_TYPE = "application/x-fmu-sharedlibrary"
+_STANDARD = "SystemStructure.ssd"
+_INTERFACES = {"any": "auto", "ModelExchange": "me", "CoSimulation": "cs"}
+
+
+def read_ssp(path: Path) -> SystemDescription:
+    """Return the system in an .ssp package. It is unpacked; the description owns the folder.
+
+    Raises:
+        InputError: one line with the file, what is wrong and where.
+        FmuError: no zip archive, damaged, or entries that would leave the folder.
+    """
+    unpacked = Unpacked(path, Path(tempfile.mkdtemp(prefix="fmi-workbench-")).resolve(), owned=True)
+    try:
+        extract(path, unpacked.folder)
+        ssd, notes = _find_ssd(path, unpacked.folder)
+        description = _read(ssd, Package(unpacked.folder, confined=True), str(path), notes)
+    except BaseException:
+        unpacked.close()
+        raise
+    return replace(description, folder=unpacked)
+
+
+def read_ssd(path: Path) -> SystemDescription:
+    """Return the system of an .ssd file, or of a folder with a SystemStructure.ssd; paths are relative to it.
+
+    Raises:
+        InputError: one line with the file, what is wrong and where.
+    """
+    ssd = path / _STANDARD if path.is_dir() else path
+    return _read(ssd, Package(ssd.parent, confined=False), str(path), [])
+
+
+def _find_ssd(path: Path, folder: Path) -> tuple[Path, list[str]]:
+    if (folder / _STANDARD).is_file():
+        return folder / _STANDARD, []
+    others = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".ssd")
+    if len(others) == 1:
+        return others[0], [f"the package has no {_STANDARD}; {others[0].name} was read"]
+    raise InputError(f"{path}: no {_STANDARD} inside; this is no SSP package")
+
+
+def _read(ssd: Path, package: Package, source: str, notes: list[str]) -> SystemDescription:
+    try:
+        return _Reader(parse(ssd, "SystemStructureDescription"), package, notes).description(source)
+    except WorkbenchError as error:
+        message = str(error).replace(f"{package.folder}/", "")
+        raise InputError(f"{source}: {message}") from None
+
+
+@dataclass(frozen=True)
+class _Fmu:
+    """A component that is an FMU, with what its description says."""
+
+    component: FmuComponent
+    facts: FmuFacts
+
+
+class _Reader:
+    """Reads one SSD.
+
+    Args:
+        ssd: its root.
+        package: where files are.
+        notes: remarks so far.
+    """
+
+    def __init__(self, ssd: Element, package: Package, notes: list[str]) -> None:
+        self.ssd = ssd
+        self.package = package
+        self.notes = notes
+        self.fmus: dict[tuple[str, ...], _Fmu] = {}
+        self.units: Mapping[str, Unit] = read_units(ssd)
+        self.nodes: Mapping[tuple[str, ...], Node] = {}
+
+    def description(self, source: str) -> SystemDescription:
+        system = descend(self.ssd, "System")
+        if system is None:
+            raise InputError("holds no System")
+        self._check_version()
+        root = read_tree(system, self.notes)
+        components = [self._component(node) for node in root.walk() if not node.is_system]
+        if not components:
+            raise InputError("the system has no components")
+        flattener = Flattener(root, self._unit, self.units, self.notes)
+        self.nodes = flattener.nodes
+        flat = flattener.flat()
+        if not any(c.kind in ("input", "output") for c in root.connectors.values()):
+            self._show_all(flat, flattener)
+        values = self._values(root, flattener)
+        return SystemDescription(
+            name=self.ssd.get("name") or system.get("name") or "system",
+            components=(*(_with_values(c, values) for c in components), *flat.adaptors),
+            connections=tuple(flat.connections),
+            inputs={name: tuple(targets) for name, targets in flat.inputs.items()},
+            outputs=flat.outputs,
+            default_experiment=_experiment(descend(self.ssd, "DefaultExperiment")),
+            notes=(*dict.fromkeys(self.notes), *self._foreign()),
+            units=self.units,
+            source=source,
+        )
+
+    def _check_version(self) -> None:
+        version = self.ssd.get("version") or "none"
+        if version.partition(".")[0] not in ("1", "2"):
+            self.notes.append(f"SSP version '{version}' is read as 2.0")
+
+    def _foreign(self) -> Iterator[str]:
+        types = {a.get("type") or "?" for a in self.ssd.iterfind(".//{*}Annotation")} - {ANNOTATION}
+        if types:
+            yield f"annotations of other tools are ignored: {', '.join(sorted(types))}"
+
+    # -- components -----------------------------------------------------------------------------------
+
+    def _component(self, node: Node) -> Component:
+        element, where = node.element, f"component '{node.name}'"
+        kind, source = element.get("type") or _DEFAULT_TYPE, element.get("source")
+        if kind not in (_DEFAULT_TYPE, BLOCK_TYPE):
+            raise InputError(f"{where}: type '{kind}' is not read; only FMUs ({_DEFAULT_TYPE}) are")
+        if not source:
+            raise InputError(f"{where}: names no source file")
+        path = package_file(source, self.package.folder, where, confined=self.package.confined)
+        if kind == BLOCK_TYPE:
+            return _block(node.name, path)
+        own = _own(element, "Component")
+        component = FmuComponent(
+            name=node.name,
+            file=str(path),
+            interface=_interface(element.get("implementation") or "any", where),
+            units={c.name: c.unit for c in node.connectors.values() if c.unit},
+            step=_optional(own, "step"),
+            solver="auto" if own is None else own.get("solver") or "auto",
+        )
+        try:
+            self.fmus[node.path] = _Fmu(component, fmu_facts(str(path)))
+        except WorkbenchError as error:
+            raise InputError(f"{where}: {error}") from None
+        return component
+
+    def _unit(self, key: Key) -> str | None:
+        """Return the unit of a variable of an FMU, else what its connector says."""
+        fmu = self.fmus.get(key[0])
+        variable = None if fmu is None else fmu.facts.variables.get(key[1])
+        if variable is not None and variable.unit:
+            return variable.unit
+        connector = self.nodes[key[0]].connectors.get(key[1])
+        return None if connector is None else connector.unit
+
+    def _show_all(self, flat: Flat, flattener: Flattener) -> None:
+        """Give a system without inputs and outputs of its own those of its components, under their full names."""
+        for path, fmu in self.fmus.items():
+            for variable in fmu.facts.variables.values():
+                key = (path, variable.name)
+                if variable.causality == "output" and variable.is_number:
+                    flat.outputs[full_name(key)] = full_name(key)
+                elif variable.causality == "input" and variable.is_number and not flattener.incoming.get(key):
+                    flat.inputs[full_name(key)] = [full_name(key)]
+        self.notes.append("the system names no inputs and outputs: those of its components are shown, by full name")
+
+    # -- parameters -----------------------------------------------------------------------------------
+
+    def _values(self, root: Node, flattener: Flattener) -> dict[str, dict[str, Value]]:
+        """Return component → variable → value."""
+        bound = bound_parameters(root, self.package, self.ssd, self.notes)
+        for end in flattener.incoming:
+            if end[0] in self.fmus:
+                handed = _handed_over(end, flattener, bound)
+                if handed is not None:
+                    bound[end] = handed
+        found: dict[str, dict[str, Value]] = {}
+        for key, parameter in bound.items():
+            node = flattener.nodes[key[0]]
+            if not node.is_system:
+                found.setdefault(node.name, {}).update(self._value(node, key, parameter))
+        return found
+
+    def _value(self, node: Node, key: Key, parameter: Parameter) -> dict[str, Value]:
+        fmu = self.fmus.get(key[0])
+        if fmu is None:
+            self.notes.append(f"{parameter.where}: '{node.name}' is no FMU; its parameter {key[1]} is ignored")
+            return {}
+        values = values_for(key[1], parameter, fmu.facts, self._unit(key))
+        if not values:
+            hint = suggest(key[1], fmu.facts.variables)
+            self.notes.append(f"{parameter.where}: '{key[1]}' is no variable of '{node.name}'; ignored ({hint})")
+        return values
+
+
+def _handed_over(end: Key, flattener: Flattener, bound: Mapping[Key, Parameter]) -> Parameter | None:
+    """Return the value that a system's connector hands down to `end`; None: none is bound there."""
+    for hop in flattener.incoming.get(end, []):
+        if not flattener.nodes[hop.start[0]].is_system:
+            continue
+        found = _handed_over(hop.start, flattener, bound) or bound.get(hop.start)
+        if found is not None:
+            factor, offset = hop.gain * found.factor, hop.gain * found.offset + hop.offset
+            return replace(found, factor=factor, offset=offset, convert=found.convert and hop.convert)
+    return None
+
+
+def _with_values(component: Component, values: Mapping[str, Mapping[str, Value]]) -> Component:
+    if not isinstance(component, FmuComponent) or component.name not in values:
+        return component
+    return replace(component, set=values[component.name])
+
+
+def _interface(implementation: str, where: str) -> str:
+    if implementation not in _INTERFACES:
+        raise InputError(
+            f"{where}: implementation '{implementation}' is not run; {suggest(implementation, _INTERFACES)}"
+        )
+    return _INTERFACES[implementation]
+
+
+def _own(element: Element | None, name: str) -> Element | None:
+    """Return what the workbench's own annotation of an element holds; None: there is none."""
+    for annotation in children(element, "Annotations", "Annotation"):
+        if annotation.get("type") == ANNOTATION:
+            return descend(annotation, name)
+    return None
+
+
+def _optional(element: Element | None, attribute: str) -> float | None:
+    if element is None or element.get(attribute) is None:
+        return None
+    return number(element, attribute, 0.0, tag(element))
+
+
+def _block(name: str, path: Path) -> Component:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"component '{name}': {path.name} is not JSON: {error}") from None
+    return read_component(name, data, path.parent)
+
+
+def _experiment(element: Element | None) -> Experiment:
+    own = _own(element, "Experiment")
+    return Experiment(
+        _optional(element, "startTime"),
+        _optional(element, "stopTime"),
+        _optional(own, "tolerance"),
+        _optional(own, "step"),
+    )

@@ -1,0 +1,111 @@
+"""XML of SSP: safe parsing, and reading that does not mind namespaces (SSP 1.0, 2.0 and drafts differ in them)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import TypeAlias
+from urllib.parse import unquote, urlsplit
+
+from lxml import etree
+
+from workbench.errors import InputError
+
+__all__ = ["NAMESPACES", "Element", "boolean", "children", "descend", "number", "package_file", "parse", "tag"]
+
+Element: TypeAlias = etree._Element  # noqa: SLF001 - lxml has no public name for it
+
+_ROOT = "http://ssp-standard.org/SSP1/SystemStructure"
+NAMESPACES = {
+    "ssd": f"{_ROOT}Description",
+    "ssc": f"{_ROOT}Common",
+    "ssv": f"{_ROOT}ParameterValues",
+    "ssm": f"{_ROOT}ParameterMapping",
+}
+MAX_XML_BYTES = 64 << 20
+
+
+def parse(path: Path, expected: str) -> Element:
+    """Return the root of an XML file.
+
+    Args:
+        path: of the file.
+        expected: local name of the root.
+
+    Raises:
+        InputError: no such file, not well-formed, a document type, another root.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path.name}: cannot be read: {error.strerror or error}") from None
+    if len(data) > MAX_XML_BYTES:
+        raise InputError(f"{path.name}: larger than {MAX_XML_BYTES >> 20} MiB; refused")
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    try:
+        root = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise InputError(f"{path.name}: is not well-formed XML: {error}") from None
+    if root.getroottree().docinfo.doctype:
+        raise InputError(f"{path.name}: declares a document type, which SSP does not use and XML bombs do; refused")
+    if tag(root) != expected:
+        raise InputError(f"{path.name}: the root is '{tag(root)}', but '{expected}' is expected")
+    return root
+
+
+def tag(element: Element) -> str:
+    """Return the local name of an element."""
+    return str(etree.QName(element).localname)
+
+
+def children(element: Element | None, *path: str) -> Iterator[Element]:
+    """Yield the elements at a path of local names below `element`; none if that is None."""
+    if element is not None:
+        yield from element.iterfind("/".join(f"{{*}}{name}" for name in path))
+
+
+def descend(element: Element | None, *path: str) -> Element | None:
+    """Return the first element at a path of local names; None: there is none."""
+    return next(children(element, *path), None)
+
+
+def number(element: Element, attribute: str, default: float, where: str) -> float:
+    """Return a number that an attribute holds.
+
+    Raises:
+        InputError: it holds none.
+    """
+    text = element.get(attribute)
+    try:
+        return default if text is None else float(text)
+    except ValueError:
+        raise InputError(f"{where}: {attribute}='{text}' is no number") from None
+
+
+def boolean(element: Element, attribute: str) -> bool:
+    """Return an attribute of type xs:boolean, False where it is absent."""
+    return (element.get(attribute) or "").strip() in ("true", "1")
+
+
+def package_file(source: str, folder: Path, where: str, *, confined: bool) -> Path:
+    """Return the file that a relative URI names.
+
+    Args:
+        source: the URI.
+        folder: that it is relative to.
+        where: for messages.
+        confined: refuse files outside `folder` (an unpacked archive).
+
+    Raises:
+        InputError: not relative, outside of the package, or no such file.
+    """
+    uri = urlsplit(source)
+    if uri.scheme or uri.netloc:
+        raise InputError(f"{where}: source '{source}' is not a file in the package; only relative paths are read")
+    inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
+    path = (folder / inside).resolve()
+    if confined and not path.is_relative_to(folder.resolve()):
+        raise InputError(f"{where}: source '{source}' leads out of the package; refused")
+    if not path.exists():
+        raise InputError(f"{where}: the file '{source}' is missing in {'the package' if confined else folder}")
+    return path
