@@ -10,14 +10,16 @@ import pytest
 
 from tests.drivers import needs_kernel
 from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Connection
 from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeRecord
-from workbench.kernel.native_system import Connection, NativeSystem
+from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Cs, Me
 from workbench.model import load
 from workbench.model.fmu_model import FmuModel
 from workbench.session.base import Floats
 from workbench.signals import Signal, Sine, Step
+from workbench.system.order import plan
 
 pytestmark = needs_kernel
 
@@ -36,8 +38,8 @@ def two_lags(version: str, interface: str, signal: Signal, points: Floats) -> Fl
         model.open_session() as b,
     ):
         u, y = named(model, "u"), named(model, "y")
-        system = NativeSystem([a.instance, b.instance], [Connection(y, u, 0, 1, GAIN)])
-        forcing = NativeForcing(system, [(u, signal, 0.0, 0)], longest_step=signal.longest_step)
+        system = NativeSystem([a.instance, b.instance], plan([Connection(y, u, 0, 1, GAIN)]))
+        forcing = NativeForcing(system, [(u, signal, 0.0, [(0, u)])], longest_step=signal.longest_step)
         forcing.written[0] = signal(0.0)
         forcing.apply()
         record = NativeRecord(system, [(y, 0), (y, 1)])

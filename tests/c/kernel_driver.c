@@ -183,7 +183,8 @@ typedef struct {
     int32_t integers[1];
     Block blocks[6];
     Signal signals[2];
-    double bias[2], written[2], wanted[2], seen[2], slopes[2], gain, linked, fresh;
+    double bias[2], written[2], wanted[2], seen[2], slopes[2], gain, offset, closes_at, linked, largest, fresh;
+    int32_t closed;
     int32_t types[2], owners[2], discrete[2], orders[2];
     Forcing forcing;
     Link link;
@@ -225,7 +226,7 @@ static Block block(Bench *b, int version, uint32_t reference, size_t *column, vo
 }
 
 static void setup(Bench *b, int version, size_t n) {
-    *b = (Bench){.references = {X, U, K}, .one = 1, .gain = 0.5, .linked = NAN, .orders = {1, 1}};
+    *b = (Bench){.references = {X, U, K}, .one = 1, .gain = 0.5, .closes_at = -INFINITY, .linked = NAN, .closed = 1, .orders = {1, 1}};
     fill_functions(b, version);
     for (int32_t i = 0; i < 2; i++) {
         b->fakes[i] = (Fake){.next = 0.25, .bad_time = 1e9, .bad_status = 3};
@@ -249,10 +250,12 @@ static void setup(Bench *b, int version, size_t n) {
         .written = b->written, .wanted = b->wanted, .seen = b->seen, .slopes = b->slopes, .orders = b->orders,
         .n = 2, .n_discrete = 1, .fast = {&b->blocks[0], 1}, .slow = {&b->blocks[1], 1}, .longest_step = 0.125,
     };
-    b->link = (Link){.source = {&b->blocks[4], 1}, .destination = {&b->blocks[5], 1}, .gains = &b->gain,
-                     .values = &b->linked, .fresh = &b->fresh, .n = 1};
+    b->link = (Link){.source = {&b->blocks[4], 1}, .destination = {&b->blocks[5], 1}, .members = &b->zero, .n = 1};
     b->system = (System){.components = b->components, .n_components = n, .links = &b->link, .n_links = n - 1,
-                         .forcing = &b->forcing};
+                         .moving = &b->link, .n_moving = n - 1, .forcing = &b->forcing};
+    b->system.wires = (Wires){.gains = &b->gain, .offsets = &b->offset, .closes_at = &b->closes_at,
+                              .typical = &b->gain, .values = &b->linked, .sizes = &b->largest, .fresh = &b->fresh,
+                              .closed = &b->closed, .n = 1};
     b->record = (Record){.access = {&b->blocks[2], n}, .n_values = n, .bound = INFINITY, .keep = 1, .every = 1};
     CHECK(kernel_system_open(&b->system) == 1);
 }

@@ -26,6 +26,8 @@ typedef enum {
     FAILED_GRID,        /* point `value` lies off the grid of the constant step */
     FAILED_MEMORY,      /* no memory */
     FAILED_READ_ONLY,   /* variables of this type cannot be set */
+    FAILED_LOOP,        /* an algebraic loop has no solution: `value` is left at connection `index`, see `message` */
+    FAILED_WIRE,        /* connection `index` passes `value`, which is not finite */
     PAUSED,             /* no failure: the caller may look after signals, then go on */
     N_FAILURES
 } FailureCode;

@@ -16,7 +16,7 @@ size_t kernel_sizeof(const char *structure) {
         {"Access", sizeof(Access)},   {"Signal", sizeof(Signal)},           {"Forcing", sizeof(Forcing)},
         {"Link", sizeof(Link)},       {"System", sizeof(System)},           {"Fourier", sizeof(Fourier)},
         {"Record", sizeof(Record)},   {"GearLibrary", sizeof(GearLibrary)}, {"Me", sizeof(Me)},
-        {"Cs", sizeof(Cs)},
+        {"Cs", sizeof(Cs)},           {"Wires", sizeof(Wires)},           {"Lti", sizeof(Lti)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         if (strcmp(sizes[i].name, structure) == 0) {

@@ -6,11 +6,13 @@
 #ifndef WORKBENCH_KERNEL_H
 #define WORKBENCH_KERNEL_H
 
+#include "algebraic.h"
 #include "cs.h"
+#include "lti.h"
 #include "me.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 2 };
+enum { KERNEL_VERSION = 3 };
 
 #ifdef _WIN32
 #define KERNEL_EXPORT __declspec(dllexport)

@@ -14,11 +14,16 @@ static bool is_discard(const Failure *failure) {
     return failure->code == FAILED_STATUS && failure->status == FMI_DISCARD;
 }
 
+/* Whether other states may do: an FMU discards these, or a loop has no solution there. */
+static bool is_recoverable(const Failure *failure) {
+    return is_discard(failure) || failure->code == FAILED_LOOP || failure->code == FAILED_WIRE;
+}
+
 /* ---- what the solver sees ---- */
 
 static Evaluation outcome(System *system, const double *values, size_t n, bool done) {
     if (!done) {
-        return is_discard(&system->failure) ? RECOVERABLE : FAILED;
+        return is_recoverable(&system->failure) ? RECOVERABLE : FAILED;
     }
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(values[i])) {
@@ -29,7 +34,7 @@ static Evaluation outcome(System *system, const double *values, size_t n, bool d
 }
 
 static bool prepare(System *system, double t, const double *x) {
-    if (is_discard(&system->failure)) {
+    if (is_recoverable(&system->failure)) {
         failure_clear(&system->failure);
     }
     return system_put(system, t, x);
@@ -168,6 +173,9 @@ static bool solver_failed(Me *me) {
     Failure *failure = &me->system->failure;
     if (is_discard(failure) && me->solver->message[0]) {
         failure_clear(failure);
+    }
+    if (is_recoverable(failure)) {
+        return false; /* the connections say more than the solver */
     }
     snprintf(failure->message, sizeof failure->message, "%s", me->solver->message);
     return fail_at(failure, FAILED_SOLVER, me->solver->t);

@@ -67,7 +67,7 @@ static bool guard_zeno(Me *me) {
 /* One round: every component evaluates the event once. */
 static bool update_all(Me *me, bool *again, bool *states_changed) {
     System *system = me->system;
-    me->next_time = (double)INFINITY;
+    me->next_time = system_next_switch(system, me->time);
     for (size_t i = 0; i < system->n_components; i++) {
         const Component *component = &system->components[i];
         Answer answer = {0};
@@ -142,6 +142,7 @@ bool me_event(Me *me) {
     /* The FMUs must get the right limits now, and the left limits again on the way to the same break. */
     const double limit = system->limit;
     system->limit = (double)INFINITY;
+    system_switch(system, me->time);
     if (!system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
         !iterate(me, &states_changed)) {
         return false;

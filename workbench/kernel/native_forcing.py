@@ -15,7 +15,8 @@ from workbench.signals import Signal as PythonSignal
 
 __all__ = ["ForcedInput", "NativeForcing"]
 
-ForcedInput = tuple[Variable, PythonSignal, float, int]  # variable, signal, bias, component
+Ports = Sequence[tuple[int, Variable]]  # components, and their variables
+ForcedInput = tuple[Variable, PythonSignal, float, Ports]  # variable, signal, bias, what is written
 
 
 def _array(ctype: type[Any], values: Sequence[object]) -> ctypes.Array[Any]:
@@ -42,7 +43,7 @@ class NativeForcing:
             signals=ctypes.addressof(self._signals),
             bias=self._address(ctypes.c_double, [bias for _, _, bias, _ in inputs]),
             types=self._address(ctypes.c_int32, [self._type(i) for i in range(n)]),
-            owners=self._address(ctypes.c_int32, [owner for *_, owner in inputs]),
+            owners=self._address(ctypes.c_int32, [ports[0][0] for *_, ports in inputs]),
             discrete=self._address(ctypes.c_int32, [int(d) for d in discrete]),
             written=ctypes.addressof(self.written),
             wanted=self._address(ctypes.c_double, [0.0] * n),
@@ -71,15 +72,17 @@ class NativeForcing:
         return native
 
     def _type(self, i: int) -> int:
-        variable, _, _, owner = self._inputs[i]
+        variable, _, _, ports = self._inputs[i]
+        owner = next(number for number, found in ports if found.type == variable.type)
         return value_type(self._system.instances[owner].TYPES[variable.type])
 
     def _access(self, chosen: Sequence[int]) -> Access:
         parts = []
-        for owner in dict.fromkeys(self._inputs[i][3] for i in chosen):
-            columns = [i for i in chosen if self._inputs[i][3] == owner]
-            access = self._system.instances[owner].access([self._inputs[i][0] for i in columns])
-            parts.append(native_access(access, columns=columns, component=owner))
+        ports = [(i, owner, variable) for i in chosen for owner, variable in self._inputs[i][3]]
+        for owner in dict.fromkeys(number for _, number, _ in ports):
+            own = [(i, variable) for i, number, variable in ports if number == owner]
+            access = self._system.instances[owner].access([variable for _, variable in own])
+            parts.append(native_access(access, columns=[i for i, _ in own], component=owner))
         native, kept = join_access(parts)
         self._kept.append(kept)
         return native

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from ctypes import POINTER, c_double, c_int32, c_int64, c_size_t, c_void_p
+from ctypes import POINTER, c_double, c_int32, c_void_p
 from functools import lru_cache
 from typing import Any
 
 from workbench.kernel.library import kernel
+from workbench.kernel.structs import Lti
 
-__all__ = ["Lti", "lti_addresses"]
+__all__ = ["Lti", "call_back", "lti_addresses"]
 
 _FUNCTION = ctypes.CFUNCTYPE(c_int32, POINTER(c_double), POINTER(c_double))
 
@@ -28,38 +29,11 @@ _NAMES: Mapping[str, str] = {
 }
 
 
-class Lti(ctypes.Structure):
-    """lti.h: one block; the caller owns what it points to."""
-
-    time: float
-    start: float
-    dt: float
-    ticks: int
-    ticking: int
-
-    _fields_ = (
-        ("nx", c_size_t),
-        ("nu", c_size_t),
-        ("ny", c_size_t),
-        ("a", c_void_p),
-        ("b", c_void_p),
-        ("c", c_void_p),
-        ("d", c_void_p),
-        ("memory", c_void_p),
-        ("next", c_void_p),
-        ("function", c_void_p),
-        ("dt", c_double),
-        ("start", c_double),
-        ("time", c_double),
-        ("ticks", c_int64),
-        ("ticking", c_int32),
-    )
-
-    def set_function(self, function: Callable[[Any, Any], int]) -> object:
-        """Let outputs be `function(u, y)`; returns what must live as long as this structure."""
-        callback = _FUNCTION(function)
-        self.function = ctypes.cast(callback, c_void_p)
-        return callback
+def call_back(native: Lti, function: Callable[[Any, Any], int]) -> object:
+    """Let a block's outputs be `function(u, y)`; returns what must live as long as the block."""
+    callback = _FUNCTION(function)
+    native.function = ctypes.cast(callback, c_void_p)
+    return callback
 
 
 @lru_cache(maxsize=1)

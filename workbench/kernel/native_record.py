@@ -21,11 +21,19 @@ Recorded = tuple[Variable, int]  # variable, component
 
 
 class NativeRecord:
-    """What is recorded; made once for each list of variables. `close` frees its rows."""
+    """What is recorded; made once for each list of variables. `close` frees its rows.
 
-    def __init__(self, system: NativeSystem, variables: Sequence[Recorded]) -> None:
+    Args:
+        system: what is driven.
+        variables: the components' variables.
+        shown: what the session calls them; None: as the components do.
+    """
+
+    def __init__(
+        self, system: NativeSystem, variables: Sequence[Recorded], shown: Sequence[Variable] | None = None
+    ) -> None:
         self._library = system.library
-        self.variables = tuple(variable for variable, _ in variables)
+        self.variables = tuple(variable for variable, _ in variables) if shown is None else tuple(shown)
         parts = []
         for owner in dict.fromkeys(c for _, c in variables):
             columns = [i for i, (_, c) in enumerate(variables) if c == owner]

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from workbench.fmi.instance import Instance
-from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Wiring
 from workbench.kernel.library import kernel
-from workbench.kernel.native_access import native_access
 from workbench.kernel.native_signals import Trouble
-from workbench.kernel.structs import FUNCTIONS, Access, Component, Link, System
+from workbench.kernel.native_wiring import native_wiring
+from workbench.kernel.structs import FUNCTIONS, Component, System
 
-__all__ = ["Connection", "NativeSystem"]
+__all__ = ["NativeSystem"]
 
 _NAMES: Mapping[int, Mapping[str, str]] = {
     1: {
@@ -41,45 +40,32 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
 }
 
 
-@dataclass(frozen=True)
-class Connection:
-    """destination = gain · source, between two components of a system.
-
-    Attributes:
-        source, destination: the variables.
-        from_component, to_component: their components' numbers.
-        gain: factor.
-    """
-
-    source: Variable
-    destination: Variable
-    from_component: int
-    to_component: int
-    gain: float = 1.0
-
-
 class NativeSystem:
     """The components and their connections, in the order in which they are evaluated.
 
-    Attributes:
+    Args:
         instances: the FMUs; they must stay open as long as this is used.
+        wiring: their connections, on whose arrays the kernel works; None: there are none.
+
+    Attributes:
+        instances: the FMUs.
         structure: what the kernel works on.
         trouble: holds what callbacks into Python raised.
     """
 
-    def __init__(self, instances: Sequence[Instance], connections: Sequence[Connection] = ()) -> None:
+    def __init__(self, instances: Sequence[Instance], wiring: Wiring | None = None) -> None:
         self.library = kernel()
         self.instances = tuple(instances)
         self.trouble = Trouble()
         self._kept: list[Any] = []
         self._components = (Component * len(instances))(*(self._component(i) for i in instances))
-        self._links = (Link * max(len(connections), 1))(*(self._link(c) for c in connections))
         self.structure = System(
             components=ctypes.addressof(self._components),
             n_components=len(instances),
-            links=ctypes.addressof(self._links),
-            n_links=len(connections),
         )
+        if wiring is not None and wiring.connections:
+            kept = native_wiring(self.structure, self.instances, wiring)
+            self._kept.append(kept)
         self.address = ctypes.addressof(self.structure)
         self.library.kernel_system_open(self.address)
 
@@ -103,27 +89,6 @@ class NativeSystem:
             slopes_work=True,
             time=instance.time,
         )
-
-    def _link(self, connection: Connection) -> Link:
-        """One connection each: a source may depend on the destination before it."""
-        source = self._one(connection.source, connection.from_component)
-        destination = self._one(connection.destination, connection.to_component)
-        gain, value, fresh = (ctypes.c_double(v) for v in (connection.gain, float("nan"), 0.0))
-        self._kept += [gain, value, fresh]
-        return Link(
-            source=source,
-            destination=destination,
-            gains=ctypes.addressof(gain),
-            values=ctypes.addressof(value),
-            fresh=ctypes.addressof(fresh),
-            n=1,
-            discrete=not connection.destination.is_continuous_input,
-        )
-
-    def _one(self, variable: Variable, component: int) -> Access:
-        access, kept = native_access(self.instances[component].access([variable]), columns=[0], component=component)
-        self._kept.append(kept)
-        return access
 
     def hold_inputs(self) -> None:
         """Give no slopes of inputs, also to FMUs that take them."""

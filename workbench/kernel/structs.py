@@ -20,11 +20,13 @@ __all__ = [
     "Forcing",
     "Fourier",
     "Link",
+    "Lti",
     "Me",
     "Record",
     "Signal",
     "System",
     "Type",
+    "Wires",
 ]
 
 MESSAGE = 256
@@ -188,11 +190,56 @@ class Link(ctypes.Structure):
     _fields_ = (
         ("source", Access),
         ("destination", Access),
-        ("gains", c_void_p),
-        ("values", c_void_p),
-        ("fresh", c_void_p),
+        ("members", c_void_p),
         ("n", c_size_t),
-        ("discrete", c_int32),
+        ("work", c_void_p),
+        ("jacobian", c_void_p),
+        ("known", c_void_p),
+    )
+
+
+class Wires(ctypes.Structure):
+    """system.h."""
+
+    _fields_ = (
+        ("gains", c_void_p),
+        ("offsets", c_void_p),
+        ("closes_at", c_void_p),
+        ("typical", c_void_p),
+        ("values", c_void_p),
+        ("sizes", c_void_p),
+        ("fresh", c_void_p),
+        ("closed", c_void_p),
+        ("n", c_size_t),
+    )
+
+
+class Lti(ctypes.Structure):
+    """lti.h: one block; the caller owns what it points to."""
+
+    time: float
+    start: float
+    dt: float
+    ticks: int
+    ticking: int
+    function: Any
+
+    _fields_ = (
+        ("nx", c_size_t),
+        ("nu", c_size_t),
+        ("ny", c_size_t),
+        ("a", c_void_p),
+        ("b", c_void_p),
+        ("c", c_void_p),
+        ("d", c_void_p),
+        ("memory", c_void_p),
+        ("next", c_void_p),
+        ("function", c_void_p),
+        ("dt", c_double),
+        ("start", c_double),
+        ("time", c_double),
+        ("ticks", c_int64),
+        ("ticking", c_int32),
     )
 
 
@@ -204,6 +251,9 @@ class System(ctypes.Structure):
         ("n_components", c_size_t),
         ("links", c_void_p),
         ("n_links", c_size_t),
+        ("moving", c_void_p),
+        ("n_moving", c_size_t),
+        ("wires", Wires),
         ("nx", c_size_t),
         ("nz", c_size_t),
         ("forcing", c_void_p),
@@ -313,4 +363,5 @@ class Cs(ctypes.Structure):
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
+    Wires, Lti,
 )  # fmt: skip

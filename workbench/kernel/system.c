@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "algebraic.h"
+
 void system_go_on(System *system) {
     system->pause_at = system->steps + STEPS_BETWEEN_PAUSES;
     failure_clear(&system->failure);
@@ -11,23 +13,63 @@ bool system_pauses(System *system, double time) {
     return system->steps >= system->pause_at && !fail_at(&system->failure, PAUSED, time);
 }
 
-static bool link_propagate(System *system, Link *link, bool *changed) {
-    if (!access_read(&link->source, system->components, link->fresh, &system->failure)) {
+static double passed(const Wires *wires, size_t i) {
+    return wires->closed[i] ? wires->gains[i] * wires->fresh[i] + wires->offsets[i] : 0.0;
+}
+
+bool link_read(System *system, Link *link, double *values) {
+    const Wires *wires = &system->wires;
+    if (!access_read(&link->source, system->components, wires->fresh, &system->failure)) {
         return false;
     }
     for (size_t i = 0; i < link->n; i++) {
-        const double value = link->gains[i] * link->fresh[i];
-        *changed = *changed || !(value == link->values[i]);
-        link->values[i] = value;
+        values[i] = passed(wires, link->members[i]);
     }
-    return access_write(&link->destination, system->components, link->values, &system->failure);
+    return true;
+}
+
+bool link_write(System *system, Link *link, const double *values) {
+    for (size_t i = 0; i < link->n; i++) {
+        system->wires.values[link->members[i]] = values[i];
+    }
+    return access_write(&link->destination, system->components, system->wires.values, &system->failure);
+}
+
+static bool link_propagate(System *system, Link *link, bool *changed) {
+    const Wires *wires = &system->wires;
+    if (!access_read(&link->source, system->components, wires->fresh, &system->failure)) {
+        return false;
+    }
+    for (size_t i = 0; i < link->n; i++) {
+        const size_t wire = link->members[i];
+        const double value = passed(wires, wire);
+        if (!isfinite(value)) {
+            return fail_value(&system->failure, FAILED_WIRE, system->components[0].time, wire, value);
+        }
+        *changed = *changed || !(value == wires->values[wire]);
+        wires->values[wire] = value;
+    }
+    return access_write(&link->destination, system->components, wires->values, &system->failure);
+}
+
+static bool loop_propagate(System *system, Link *link, bool *changed) {
+    if (!loop_solve(system, link, system->components[0].time)) {
+        return false;
+    }
+    const double *start = link->work + LOOP_START * link->n;
+    for (size_t i = 0; i < link->n; i++) {
+        *changed = *changed || !(start[i] == system->wires.values[link->members[i]]);
+    }
+    return true;
 }
 
 bool system_propagate(System *system, bool events, bool *changed) {
     bool some = false;
-    for (size_t i = 0; i < system->n_links; i++) {
-        Link *link = &system->links[i];
-        if ((events || !link->discrete) && !link_propagate(system, link, &some)) {
+    Link *links = events ? system->links : system->moving;
+    const size_t n = events ? system->n_links : system->n_moving;
+    for (size_t i = 0; i < n; i++) {
+        Link *link = &links[i];
+        if (!(link->work ? loop_propagate(system, link, &some) : link_propagate(system, link, &some))) {
             return false;
         }
     }
@@ -35,6 +77,22 @@ bool system_propagate(System *system, bool events, bool *changed) {
         *changed = some;
     }
     return true;
+}
+
+void system_switch(System *system, double time) {
+    const Wires *wires = &system->wires;
+    for (size_t i = 0; i < wires->n; i++) {
+        wires->closed[i] = time >= wires->closes_at[i];
+    }
+}
+
+double system_next_switch(const System *system, double time) {
+    const Wires *wires = &system->wires;
+    double first = (double)INFINITY;
+    for (size_t i = 0; i < wires->n; i++) {
+        first = wires->closes_at[i] > time ? fmin(first, wires->closes_at[i]) : first;
+    }
+    return first;
 }
 
 bool system_put(System *system, double t, const double *x) {

@@ -1,7 +1,8 @@
 /* system.h: a list of components with connections; a single FMU is a list of one. One code path drives all.
  *
- * The caller owns all memory a System points to. Links are evaluated in the order given, which must be such
- * that every source is up to date when it is read: feed-through loops are not solved here.
+ * The caller owns all memory a System points to. Links are evaluated in the order given, which must be such that
+ * every source is up to date when it is read; what depends on itself without delay is one link, a loop. The twin of
+ * workbench/system/propagation.py; the caller's arrays are shared with it.
  */
 #ifndef WORKBENCH_KERNEL_SYSTEM_H
 #define WORKBENCH_KERNEL_SYSTEM_H
@@ -9,21 +10,36 @@
 #include "access.h"
 #include "forcing.h"
 
-/* destination[i] = gain[i] · source[i]: outputs of one component to inputs of another. */
+/* Connections that are evaluated together: outputs of components to inputs of others. */
 typedef struct {
-    Access source, destination; /* columns 0 … n-1 */
-    const double *gains;        /* [n] */
-    double *values;             /* [n] what the destination sees */
-    double *fresh;              /* [n] scratch */
+    Access source, destination; /* columns are numbers of connections */
+    const size_t *members;      /* [n] numbers of the connections */
     size_t n;
-    int32_t discrete; /* the destination may change at events only */
+    double *work;     /* scratch, see `loop_doubles`; NULL: no loop */
+    double *jacobian; /* [n][n] of a loop's residual, by rows */
+    int32_t *known;   /* whether that can be used */
 } Link;
+
+/* destination = gain · source + offset, 0 before it closes. Arrays [n]. */
+typedef struct {
+    const double *gains, *offsets;
+    const double *closes_at; /* [s] */
+    const double *typical;   /* nominal values of the destinations */
+    double *values;          /* what the destinations see */
+    double *sizes;           /* largest magnitude each value of a loop has had */
+    double *fresh;           /* scratch */
+    int32_t *closed;
+    size_t n;
+} Wires;
 
 typedef struct {
     Component *components;
     size_t n_components;
-    Link *links;
+    Link *links; /* at events */
     size_t n_links;
+    Link *moving; /* in continuous time: those whose values can change there */
+    size_t n_moving;
+    Wires wires;
     size_t nx, nz;              /* sums over the components */
     Forcing *forcing;           /* in force */
     int64_t evaluations;        /* right-hand sides */
@@ -42,6 +58,15 @@ bool system_pauses(System *system, double time);
 
 /* Copy what is connected; `events`: discrete inputs too. `changed` (may be NULL): whether a value did. */
 bool system_propagate(System *system, bool events, bool *changed);
+/* Read what is connected by `link`, as its destinations are to see it, to `values` [link->n]. */
+bool link_read(System *system, Link *link, double *values);
+/* Let the destinations of `link` see `values` [link->n]. */
+bool link_write(System *system, Link *link, const double *values);
+
+/* At events: close the connections that are due at `time` [s]. */
+void system_switch(System *system, double time);
+/* The next time > `time` at which one closes [s]. */
+double system_next_switch(const System *system, double time);
 
 /* Model exchange: set time [s], states and the continuous inputs of that time. */
 bool system_put(System *system, double t, const double *x);

@@ -9,6 +9,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
+from workbench.session.algebraic_error import unsolved
 from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
 from workbench.session.me import too_many_events, too_many_steps
 
@@ -21,14 +22,14 @@ class Situation:
 
     Attributes:
         failure: the note.
-        instances: the FMUs.
+        whole: the FMU, or the system of several.
         recorded: the variables that are recorded.
         solver: its name.
         fixed: constant communication step [s]; NaN: none.
     """
 
     failure: Failure
-    instances: Sequence[Instance]
+    whole: Instance
     recorded: Sequence[Variable] = ()
     solver: str = ""
     fixed: float = float("nan")
@@ -41,7 +42,7 @@ class Situation:
     @property
     def instance(self) -> Instance:
         """The FMU that failed, told when."""
-        instance = self.instances[self.failure.component]
+        instance = self.whole.parts[self.failure.component]
         instance.time = self.failure.time
         return instance
 
@@ -70,7 +71,7 @@ def _ended(now: Situation) -> Exception:
 
 
 def _iteration(now: Situation) -> Exception:
-    name = now.instance.description.model_name
+    name = now.whole.description.model_name
     return now.error(f"{name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds")
 
 
@@ -83,7 +84,7 @@ def _bound(now: Situation) -> Exception:
 
 
 def _state(now: Situation) -> Exception:
-    names = [s.name for i in now.instances for s in _states(i)]
+    names = [s.name for s in _states(now.whole)]
     return now.error(f"state {names[now.failure.index]} is not a finite number")
 
 
@@ -126,10 +127,27 @@ def _read_only(_now: Situation) -> Exception:
     return InputError("inputs of this type cannot be set")
 
 
+def _label(now: Situation, index: int) -> str:
+    wiring = now.whole.wiring
+    return wiring.connections[index].label if wiring is not None else f"connection {index}"
+
+
+def _loop(now: Situation) -> Exception:
+    wiring, worst = now.whole.wiring, int(now.failure.index)
+    loops = [] if wiring is None else [g.members for g in wiring.loops() if worst in g.members]
+    names = [_label(now, i) for i in (loops[0] if loops else (worst,))]
+    value = now.failure.message.decode("utf-8", "replace")
+    return unsolved(names, _label(now, worst), value, now.failure.value, now.failure.time)
+
+
+def _wire(now: Situation) -> Exception:
+    return now.error(f"{_label(now, now.failure.index)} passes {now.failure.value:g}, not a finite number")
+
+
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
     _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _early,
-    _event_mode, _grid, _memory, _read_only,
+    _event_mode, _grid, _memory, _read_only, _loop, _wire,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 

@@ -50,7 +50,8 @@ class Loop:
     """
 
     def __init__(self, instance: Instance, solver: str) -> None:
-        self.system = NativeSystem([instance])
+        self.instance = instance
+        self.system = NativeSystem(instance.parts, instance.wiring)
         self._solver = solver
         self._records: dict[tuple[str, ...], NativeRecord] = {}
         self._sums: dict[tuple[int, int], NativeFourier] = {}
@@ -62,7 +63,7 @@ class Loop:
         """Put `forcing` in force, with what the FMU sees now."""
         native = self._native
         if native is None or (self._forcing is not forcing and self._signals != forcing.signals):
-            inputs = [(v, s, b, 0) for v, s, b in forcing.inputs()]
+            inputs = [(v, s, b, self.instance.ports(v)) for v, s, b in forcing.inputs()]
             native = self._native = NativeForcing(self.system, inputs, longest_step=forcing.longest_step)
             self._signals = forcing.signals
             native.apply()
@@ -74,7 +75,8 @@ class Loop:
         """Return what records `variables`."""
         key = tuple(v.name for v in variables)
         if key not in self._records:
-            self._records[key] = NativeRecord(self.system, [(v, 0) for v in variables])
+            places = [self.instance.ports(v)[0] for v in variables]
+            self._records[key] = NativeRecord(self.system, [(found, part) for part, found in places], variables)
         record = self._records[key]
         structure = record.structure
         record.trust_declaration()
@@ -109,6 +111,7 @@ class Loop:
         while not done and self.system.structure.failure.code == PAUSED:
             done = go_on(address)  # signal handlers of Python had their turn before
         self.system.sync_times()
+        self.instance.time = self.system.instances[0].time
         self.check(done, record.variables, fixed=getattr(native, "fixed", math.nan))
 
     def check(self, done: int, recorded: Sequence[Variable] = (), *, fixed: float = math.nan) -> None:
@@ -116,7 +119,7 @@ class Loop:
         self.system.trouble.check()
         if not done:
             failure = self.system.structure.failure
-            raise exception_of(Situation(failure, self.system.instances, recorded, self._solver, fixed))
+            raise exception_of(Situation(failure, self.instance, recorded, self._solver, fixed))
 
     @staticmethod
     def rows(record: NativeRecord, forcing: Forcing) -> Record:

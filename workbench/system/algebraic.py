@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import SimulationError
+from workbench.session.algebraic_error import unsolved
 
-__all__ = ["Loop", "solve_loop", "unsolved"]
+__all__ = ["Loop", "solve_loop"]
 
 Floats = NDArray[np.float64]
 
@@ -84,7 +84,9 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
             return _found(loop, v)
         else:
             break
-    raise unsolved(loop.labels, v, g - v, _scale(loop, v, g), time)
+    residual = g - v
+    worst = int(np.argmax(np.where(np.isfinite(residual), np.abs(residual) / _scale(loop, v, g), np.inf)))
+    raise unsolved(loop.labels, loop.labels[worst], f"{v[worst]:.6g}", float(residual[worst]), time)
 
 
 def _found(loop: Loop, v: Floats) -> Floats:
@@ -128,15 +130,3 @@ def _step(loop: Loop, v: Floats, g: Floats) -> tuple[Floats, Floats] | None:
             return new, answer
         part *= 0.5
     return None
-
-
-def unsolved(labels: Sequence[str], values: Floats, residual: Floats, scale: Floats, time: float) -> SimulationError:
-    """Return the error for a loop without a solution."""
-    worst = int(np.argmax(np.where(np.isfinite(residual), np.abs(residual) / scale, np.inf)))
-    names = ", ".join(labels)
-    return SimulationError(
-        f"the algebraic loop through {names} has no solution near {labels[worst]} = {values[worst]:.6g}: "
-        f"residual {residual[worst]:.3g} is left; put a lag or a delay into one of these connections, or check their "
-        "gains and signs (a loop gain of exactly 1 has no solution)",
-        time=time,
-    )

@@ -23,7 +23,7 @@ from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import EventInfo, Instance, StepResult
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
-from workbench.kernel.native_lti import Lti, lti_addresses
+from workbench.kernel.native_lti import Lti, call_back, lti_addresses
 from workbench.system.description import (
     FunctionComponent,
     GainComponent,
@@ -72,7 +72,7 @@ class BlockInstance(Instance):
             dt=linear.dt,
         )
         if self._function is not None:
-            self._callback = self.native.set_function(self._call_back)
+            self._callback = call_back(self.native, self._call_back)
         self.u, self.state, self.y = np.split(self.memory, [nu, nu + nx])
         self.state[:] = linear.x0
         self.source, self.folder = description.model_name, Path()

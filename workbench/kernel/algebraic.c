@@ -1,0 +1,252 @@
+/* algebraic.c: Newton's method with damping for algebraic loops; the twin of workbench/system/algebraic.py.
+ *
+ * Source: J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983, 6.3.
+ */
+#include "algebraic.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define CONVERGED 1e-12 /* residual, of the largest magnitude that the value has had */
+#define ACCEPTED 1e-9   /* the same where rounding lets it become no smaller */
+#define MAX_ITERATIONS 50
+#define SHORTEST (1.0 / 1024.0)
+#define SLOW 0.1 /* a Jacobian that reduces the residual by less than this is found anew */
+#define PERTURBATION (1.0 / 67108864.0) /* 2^-26 */
+#define TINY 1e-300
+
+enum { VECTORS = 7 };
+
+size_t loop_doubles(size_t n) {
+    return VECTORS * n + n * n;
+}
+
+typedef struct {
+    System *system;
+    Link *link;
+    size_t n;
+    /* [n] each: present values and answers, those of a trial, the scale of residuals, direction, where it began. */
+    double *v, *g, *new_v, *new_g, *scale, *step, *start;
+    double *matrix; /* [n][n] */
+} Loop;
+
+static Loop loop_of(System *system, Link *link) {
+    const size_t n = link->n;
+    double *w = link->work;
+    return (Loop){system, link, n, w, w + n, w + 2 * n, w + 3 * n, w + 4 * n, w + 5 * n, w + 6 * n, w + 7 * n};
+}
+
+/* What the components answer to v. */
+static bool respond(Loop *loop, const double *v, double *g) {
+    return link_write(loop->system, loop->link, v) && link_read(loop->system, loop->link, g);
+}
+
+static double larger(double a, double b) {
+    return isfinite(b) && b > a ? b : a;
+}
+
+static void rescale(Loop *loop, const double *v, const double *g, bool anew) {
+    const double *sizes = loop->system->wires.sizes;
+    for (size_t i = 0; i < loop->n; i++) {
+        const double least = anew ? larger(TINY, sizes[loop->link->members[i]]) : loop->scale[i];
+        loop->scale[i] = larger(larger(least, fabs(v[i])), fabs(g[i]));
+    }
+}
+
+static double norm(const Loop *loop, const double *v, const double *g) {
+    double size = 0.0;
+    for (size_t i = 0; i < loop->n; i++) {
+        const double part = fabs(g[i] - v[i]) / loop->scale[i];
+        if (!isfinite(part)) {
+            return (double)INFINITY;
+        }
+        size = fmax(size, part);
+    }
+    return size;
+}
+
+static bool find_jacobian(Loop *loop) {
+    const size_t n = loop->n;
+    double *jacobian = loop->link->jacobian;
+    for (size_t j = 0; j < n; j++) {
+        const double typical = loop->system->wires.typical[loop->link->members[j]];
+        memcpy(loop->new_v, loop->v, n * sizeof(double));
+        loop->new_v[j] += PERTURBATION * (loop->scale[j] > TINY ? loop->scale[j] : typical);
+        if (!respond(loop, loop->new_v, loop->new_g)) {
+            return false;
+        }
+        const double distance = loop->new_v[j] - loop->v[j];
+        for (size_t i = 0; i < n; i++) {
+            jacobian[i * n + j] = (loop->new_g[i] - loop->g[i]) / distance - (i == j ? 1.0 : 0.0);
+        }
+    }
+    *loop->link->known = 1;
+    return true;
+}
+
+static void swap_rows(double *a, double *b, size_t n) {
+    for (size_t i = 0; i < n; i++) {
+        const double kept = a[i];
+        a[i] = b[i];
+        b[i] = kept;
+    }
+}
+
+static size_t pivot_row(const double *a, size_t n, size_t k) {
+    size_t best = k;
+    for (size_t i = k + 1; i < n; i++) {
+        best = fabs(a[i * n + k]) > fabs(a[best * n + k]) ? i : best;
+    }
+    return best;
+}
+
+/* Gaussian elimination of matrix · step = right, with the right side in `step`; false: singular. */
+static bool eliminate(double *a, double *right, size_t n) {
+    for (size_t k = 0; k < n; k++) {
+        const size_t p = pivot_row(a, n, k);
+        if (!(fabs(a[p * n + k]) > 0.0)) {
+            return false;
+        }
+        if (p != k) {
+            swap_rows(a + k * n, a + p * n, n);
+            swap_rows(right + k, right + p, 1);
+        }
+        for (size_t i = k + 1; i < n; i++) {
+            const double factor = a[i * n + k] / a[k * n + k];
+            for (size_t j = k; j < n; j++) {
+                a[i * n + j] -= factor * a[k * n + j];
+            }
+            right[i] -= factor * right[k];
+        }
+    }
+    for (size_t k = n; k-- > 0;) {
+        for (size_t j = k + 1; j < n; j++) {
+            right[k] -= a[k * n + j] * right[j];
+        }
+        right[k] /= a[k * n + k];
+    }
+    return true;
+}
+
+static bool find_direction(Loop *loop) {
+    memcpy(loop->matrix, loop->link->jacobian, loop->n * loop->n * sizeof(double));
+    for (size_t i = 0; i < loop->n; i++) {
+        loop->step[i] = loop->v[i] - loop->g[i];
+    }
+    if (!eliminate(loop->matrix, loop->step, loop->n)) {
+        return false;
+    }
+    for (size_t i = 0; i < loop->n; i++) {
+        if (!isfinite(loop->step[i])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+typedef enum { BETTER, NOT_BETTER, BROKEN } Outcome;
+
+/* Go along Newton's direction as far as the residual becomes smaller; *ratio: by how much it did. */
+static Outcome take_step(Loop *loop, double *ratio) {
+    if (!find_direction(loop)) {
+        return NOT_BETTER;
+    }
+    for (double part = 1.0; part >= SHORTEST; part *= 0.5) {
+        for (size_t i = 0; i < loop->n; i++) {
+            loop->new_v[i] = loop->v[i] + part * loop->step[i];
+        }
+        if (!respond(loop, loop->new_v, loop->new_g)) {
+            return BROKEN;
+        }
+        rescale(loop, loop->v, loop->g, true);
+        rescale(loop, loop->new_v, loop->new_g, false);
+        const double before = norm(loop, loop->v, loop->g);
+        const double after = norm(loop, loop->new_v, loop->new_g);
+        if (after < (1.0 - 1e-4 * part) * before) {
+            memcpy(loop->v, loop->new_v, loop->n * sizeof(double));
+            memcpy(loop->g, loop->new_g, loop->n * sizeof(double));
+            rescale(loop, loop->v, loop->g, true);
+            *ratio = norm(loop, loop->v, loop->g) / before;
+            return BETTER;
+        }
+    }
+    return NOT_BETTER;
+}
+
+static bool found(Loop *loop) {
+    double *sizes = loop->system->wires.sizes;
+    for (size_t i = 0; i < loop->n; i++) {
+        double *size = &sizes[loop->link->members[i]];
+        *size = fmax(*size, fabs(loop->v[i]));
+    }
+    return true;
+}
+
+/* Note which value is worst; the caller's first guess is put back. */
+static bool unsolved(Loop *loop, double time) {
+    Failure *failure = &loop->system->failure;
+    size_t worst = 0;
+    rescale(loop, loop->v, loop->g, true);
+    for (size_t i = 1; i < loop->n; i++) {
+        const double here = fabs(loop->g[i] - loop->v[i]) / loop->scale[i];
+        const double there = fabs(loop->g[worst] - loop->v[worst]) / loop->scale[worst];
+        worst = here > there || !isfinite(here) ? i : worst;
+    }
+    if (failure->code == NO_FAILURE) {
+        snprintf(failure->message, sizeof failure->message, "%.6g", loop->v[worst]);
+    }
+    return fail_value(failure, FAILED_LOOP, time, loop->link->members[worst], loop->g[worst] - loop->v[worst]);
+}
+
+static bool newton(Loop *loop, double time) {
+    bool fresh = false;
+    if (!respond(loop, loop->v, loop->g)) {
+        return false;
+    }
+    for (int i = 0; i < MAX_ITERATIONS; i++) {
+        rescale(loop, loop->v, loop->g, true);
+        const double size = norm(loop, loop->v, loop->g);
+        if (size <= CONVERGED) {
+            return found(loop);
+        }
+        if (!*loop->link->known) {
+            if (!find_jacobian(loop)) {
+                return false;
+            }
+            fresh = true;
+        }
+        double ratio = 0.0;
+        const Outcome outcome = take_step(loop, &ratio);
+        if (outcome == BROKEN) {
+            return false;
+        }
+        if (outcome == BETTER) {
+            if (ratio > SLOW) {
+                *loop->link->known = 0;
+                fresh = false;
+            }
+        } else if (!fresh) {
+            *loop->link->known = 0;
+        } else if (size <= ACCEPTED) {
+            return respond(loop, loop->v, loop->g) && found(loop);
+        } else {
+            break;
+        }
+    }
+    return unsolved(loop, time);
+}
+
+bool loop_solve(System *system, Link *link, double time) {
+    Loop loop = loop_of(system, link);
+    for (size_t i = 0; i < link->n; i++) {
+        loop.v[i] = loop.start[i] = system->wires.values[link->members[i]];
+    }
+    if (newton(&loop, time)) {
+        return true;
+    }
+    for (size_t i = 0; i < link->n; i++) {
+        system->wires.values[link->members[i]] = loop.start[i];
+    }
+    return false;
+}

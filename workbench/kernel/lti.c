@@ -1,0 +1,124 @@
+#include "lti.h"
+
+#include <string.h>
+
+#include "kernel.h"
+
+enum { OK = 0 };
+
+typedef struct {
+    int again, terminate, nominals_changed, states_changed, timed;
+    double next_time;
+} EventInfo;
+
+/* Declared here because only their addresses are used. */
+KERNEL_EXPORT int lti_set_time(Lti *lti, double time);
+KERNEL_EXPORT int lti_set_states(Lti *lti, const double *x, size_t n);
+KERNEL_EXPORT int lti_get_states(Lti *lti, double *x, size_t n);
+KERNEL_EXPORT int lti_get_derivatives(Lti *lti, double *dx, size_t n);
+KERNEL_EXPORT int lti_enter_event_mode(Lti *lti);
+KERNEL_EXPORT int lti_enter_continuous_mode(Lti *lti);
+KERNEL_EXPORT int lti_update(Lti *lti, EventInfo *info);
+KERNEL_EXPORT int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values);
+KERNEL_EXPORT int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values);
+
+static double *states(const Lti *lti) {
+    return lti->memory + lti->nu;
+}
+
+/* out = left · x + right · u, with `rows` rows. */
+static void combine(const Lti *lti, const double *left, const double *right, size_t rows, double *out) {
+    const double *u = lti->memory;
+    const double *x = states(lti);
+    for (size_t i = 0; i < rows; i++) {
+        double sum = 0.0;
+        for (size_t j = 0; j < lti->nx; j++) {
+            sum += left[i * lti->nx + j] * x[j];
+        }
+        for (size_t j = 0; j < lti->nu; j++) {
+            sum += right[i * lti->nu + j] * u[j];
+        }
+        out[i] = sum;
+    }
+}
+
+/* Bring the outputs up to date; those of a sampled system stand between ticks. */
+static int evaluate(const Lti *lti) {
+    double *y = states(lti) + lti->nx;
+    if (lti->function) {
+        return lti->function(lti->memory, y);
+    }
+    if (lti->dt == 0.0 || lti->ticking) {
+        combine(lti, lti->c, lti->d, lti->ny, y);
+    }
+    return OK;
+}
+
+static double tick(const Lti *lti, int64_t after) {
+    return lti->start + (double)(lti->ticks + after) * lti->dt;
+}
+
+int lti_set_time(Lti *lti, double time) {
+    lti->time = time;
+    return OK;
+}
+
+int lti_set_states(Lti *lti, const double *x, size_t n) {
+    memcpy(states(lti), x, n * sizeof *x);
+    return OK;
+}
+
+int lti_get_states(Lti *lti, double *x, size_t n) {
+    memcpy(x, states(lti), n * sizeof *x);
+    return OK;
+}
+
+int lti_get_derivatives(Lti *lti, double *dx, size_t n) {
+    combine(lti, lti->a, lti->b, n, dx);
+    return OK;
+}
+
+int lti_enter_event_mode(Lti *lti) {
+    lti->ticking = lti->dt > 0.0 && lti->time >= tick(lti, 0);
+    return OK;
+}
+
+int lti_enter_continuous_mode(Lti *lti) {
+    if (!lti->ticking) {
+        return OK;
+    }
+    const int status = evaluate(lti);
+    combine(lti, lti->a, lti->b, lti->nx, lti->next);
+    memcpy(states(lti), lti->next, lti->nx * sizeof(double));
+    lti->ticks++;
+    lti->ticking = 0;
+    return status;
+}
+
+int lti_update(Lti *lti, EventInfo *info) {
+    memset(info, 0, sizeof *info);
+    info->timed = lti->dt > 0.0;
+    info->next_time = tick(lti, lti->ticking);
+    return OK;
+}
+
+int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values) {
+    int status = OK;
+    for (size_t i = 0; i < n; i++) {
+        if (references[i] >= lti->nu + lti->nx) {
+            status = evaluate(lti);
+            break;
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        values[i] = lti->memory[references[i]];
+    }
+    return status;
+}
+
+int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values) {
+    for (size_t i = 0; i < n; i++) {
+        lti->memory[references[i]] = values[i];
+    }
+    return OK;
+}

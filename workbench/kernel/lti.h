@@ -1,0 +1,23 @@
+/* lti.h: components that are no FMUs: linear systems, continuous or sampled, gains, sums, and functions of the
+ * caller's. They are called through FMI 2.0's signatures. The twin of workbench/system/blocks.py, on the same memory.
+ */
+#ifndef WORKBENCH_KERNEL_LTI_H
+#define WORKBENCH_KERNEL_LTI_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* dx/dt = A x + B u, or at ticks x = A x + B u; y = C x + D u. The caller owns what it points to. */
+typedef struct {
+    size_t nx, nu, ny;
+    const double *a, *b, *c, *d; /* by rows */
+    double *memory;              /* [nu + nx + ny] inputs, states, outputs; the index is the value reference */
+    double *next;                /* [nx] scratch */
+    int32_t (*function)(const double *u, double *y); /* in place of C and D; not NULL: returns an FMI status */
+    double dt;                   /* sample period [s]; 0: continuous */
+    double start, time;          /* of the first tick; present [s] */
+    int64_t ticks;               /* done */
+    int32_t ticking;             /* in event mode, and a tick is due */
+} Lti;
+
+#endif

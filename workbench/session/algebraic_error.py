@@ -1,0 +1,27 @@
+"""The error for an algebraic loop that has no solution; the same from both drivers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from workbench.errors import SimulationError
+
+__all__ = ["unsolved"]
+
+
+def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, time: float) -> SimulationError:
+    """Return the error.
+
+    Args:
+        labels: of the loop's connections.
+        worst: the connection with the largest residual, relative to its size.
+        value: on it, as text.
+        residual: left there.
+        time: [s].
+    """
+    return SimulationError(
+        f"the algebraic loop through {', '.join(labels)} has no solution: at best {worst} is {value} with a residual "
+        f"of {residual:.3g}; put a lag or a delay into one of these connections, or check their gains and signs (a "
+        "loop gain of exactly 1 has none)",
+        time=time,
+    )
