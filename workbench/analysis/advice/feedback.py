@@ -2,7 +2,8 @@
 
 In open loop the inputs know nothing of past prediction errors. So the part of u that its own past does not foretell
 must not correlate with earlier residuals of the long equation. The residuals are white and, in open loop,
-independent of the whole input; then the correlations are normal whatever the input is
+independent of the whole input; then the correlations are normal whatever the input is. Slow disturbances show better
+in the whole of what the inputs do not explain, one sample before: that is tested besides
 (L. Ljung, System Identification, 2nd ed., sections 13.4 and 16.6).
 
 Feedback without any noise cannot be seen so: there are no errors to react to.
@@ -21,8 +22,9 @@ from workbench.session.base import Floats
 __all__ = ["judge_feedback", "reactions"]
 
 _LAGS = 10
-_CERTAIN = 1e-5  # probability of a false alarm
-_LEAST_SHARE = 0.01  # of the unforeseen input that past errors explain
+_CERTAIN = 1e-4  # probability of a false alarm
+_LEAST_SHARE = 0.005  # of the unforeseen input that past errors explain
+_SPAN = 100  # lags over which correlations of the input with itself count
 
 
 def reactions(study: Study) -> tuple[Floats, float, float]:
@@ -31,8 +33,10 @@ def reactions(study: Study) -> tuple[Floats, float, float]:
     The correlations have shape (lags, m, p): [τ − 1, j, i] of input j with residual i, τ samples before; the
     probability is the smallest over the inputs and outputs, times their number.
     """
+    first = study.arx.lags
     e = study.arx.residual[:, study.varying_outputs]
-    u = study.u[study.arx.lags :, study.varying_inputs]
+    rest = (study.y - study.explained)[first:, study.varying_outputs]
+    u = study.u[first:, study.varying_inputs]
     correlation = np.zeros((_LAGS, u.shape[1], e.shape[1]))
     probability, share = 1.0, 0.0
     for j in range(u.shape[1]):
@@ -43,7 +47,10 @@ def reactions(study: Study) -> tuple[Floats, float, float]:
         for i in range(e.shape[1]):
             past = lagged(e[:, [i]], 1, _LAGS, start)
             correlation[:, j, i], p, s = _react(v, past)
-            probability, share = min(probability, p * u.shape[1] * e.shape[1]), max(share, s)
+            slow = _react_slowly(v, rest[start - 1 : -1, i])
+            pairs = 2.0 * u.shape[1] * e.shape[1]
+            probability = min(probability, pairs * p, pairs * slow[0])
+            share = max(share, s, slow[1])
     return correlation, min(probability, 1.0), share
 
 
@@ -65,8 +72,10 @@ def judge_feedback(study: Study) -> Finding:
 
 
 def _unforeseen(u: Floats, column: int) -> Floats | None:
-    """Return the part of an input that the past of all does not foretell; None where it foretells everything."""
-    lags = max(2, min(20, len(u) // (8 * u.shape[1])))
+    """Return the part of an input that the past of all does not foretell; None: nothing, or too short a record."""
+    lags = max(_LAGS, min(20, len(u) // (8 * u.shape[1])))
+    if len(u) < 3 * lags * (1 + u.shape[1]):
+        return None
     past = lagged(u, 1, lags, lags)
     target = u[lags:, column]
     theta = linalg.lstsq(past, target, cond=1e-9, lapack_driver="gelsy")[0]
@@ -85,3 +94,19 @@ def _react(v: Floats, past: Floats) -> tuple[Floats, float, float]:
     covariance = linalg.toeplitz(own) / len(v)
     statistic = float(r @ linalg.solve(covariance + 1e-9 * np.eye(len(r)) / len(v), r, assume_a="pos"))
     return r, float(stats.chi2.sf(statistic, len(r))), float(statistic / len(v))
+
+
+def _react_slowly(v: Floats, before: Floats) -> tuple[float, float]:
+    """Return probability and share for the unexplained output one sample before, which gathers slow disturbances.
+
+    Of two independent signals the sum Σ v w has the variance n Σ R_v R_w.
+    """
+    v, w = v - v.mean(), before - before.mean()
+    size = np.sqrt((v @ v) * (w @ w))
+    if size <= 0.0:
+        return 1.0, 0.0
+    r = float(v @ w / size)
+    lags = range(1, min(_SPAN, len(v) // 4))
+    both = [(v[k:] @ v[:-k]) * (w[k:] @ w[:-k]) / size**2 for k in lags]
+    variance = max(1.0 + 2.0 * sum(both), 0.3) / len(v)
+    return float(stats.chi2.sf(r**2 / variance, 1)), r**2

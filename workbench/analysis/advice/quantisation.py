@@ -12,6 +12,7 @@ __all__ = ["judge_quantisation", "resolution"]
 
 _COARSE = 20.0  # steps in a standard deviation; noise of 1.4 % of the signal
 _VERY_COARSE = 5.0
+_FEW_LEVELS = 64  # of an input: more are a continuous one
 _EVEN = 1e-3  # of a step
 
 
@@ -40,9 +41,13 @@ def judge_quantisation(study: Study) -> Finding:
     data = study.experiment
     inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))
     steps = {n: resolution(data.y[:, i]) for i, n in enumerate(data.output_names)}
-    fine = {n: study.spread[i] / steps[n] for i, n in enumerate(data.output_names) if steps[n] > 0.0}
-    # A gain passes the levels of its input on: that is no quantisation.
-    coarse = {n: v for n, v in fine.items() if v < _COARSE and len(np.unique(data.y)) > inputs}
+    # A gain passes the few levels of its input on: that is no quantisation.
+    fine = {
+        n: float(study.spread[i]) / steps[n]
+        for i, n in enumerate(data.output_names)
+        if steps[n] > 0.0 and (inputs > _FEW_LEVELS or len(np.unique(data.y[:, i])) > inputs)
+    }
+    coarse = {n: v for n, v in fine.items() if v < _COARSE}
     if not coarse:
         return Finding("quantisation", "good", "no coarse steps", "", {"steps": steps})
     name = min(coarse, key=lambda n: coarse[n])

@@ -20,8 +20,9 @@ from workbench.session.base import Floats
 
 __all__ = ["Rest", "judge_saturation", "rests"]
 
-_MOVES = 0.05  # of an input's range
+_MOVES = 0.01  # of an input's range
 _FEW_LEVELS = 8
+_AGAIN = 3
 _LINEAR_DB = 60.0
 _ENOUGH = 0.1  # of the stretches
 
@@ -54,7 +55,9 @@ def rests(study: Study) -> list[Rest]:
             found.append(Rest(name, flat, moving, _is_limit(study, name, flat.value)))
     for j, name in enumerate(data.input_names):
         if len(np.unique(data.u[:, j])) > _FEW_LEVELS:
-            found += [Rest(name, flat, 0.0, False) for flat in flat_extremes(data.u[:, j])]
+            # A held input rests at its extreme once by chance; a clipped one again and again.
+            clipped = [flat for flat in flat_extremes(data.u[:, j]) if flat.stretches >= _AGAIN]
+            found += [Rest(name, flat, 0.0, known=False) for flat in clipped]
     return found
 
 
@@ -83,9 +86,10 @@ def judge_saturation(study: Study) -> Finding:
     if inputs:
         advice = "use the record only if the input was measured behind its limit"
         return Finding("saturation", "watch", f"{_text(study, inputs)}: it is clipped", advice, values, marks)
-    if found and np.min(signal_to_rest_db(study)[study.varying_outputs]) < _LINEAR_DB:
-        evidence = f"{_text(study, found)}, the input resting as well: a limit, or the settled response"
-        advice = "two levels cannot tell; repeat with a smaller amplitude or more levels, or name the limits"
+    again = [r for r in found if r.flat.stretches >= _AGAIN]
+    if again and np.min(signal_to_rest_db(study)[study.varying_outputs]) < _LINEAR_DB:
+        evidence = f"{_text(study, again)}, the input resting as well: a limit, or the settled response"
+        advice = "such an input cannot tell; repeat with a smaller amplitude or a moving input, or name the limits"
         return Finding("saturation", "watch", evidence, advice, values, marks)
     return Finding("saturation", "good", "no signal rests at a limit", "", values)
 

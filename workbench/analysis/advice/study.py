@@ -71,8 +71,8 @@ class Study:
 
     @cached_property
     def spread(self) -> Floats:
-        """Standard deviation of each output, shape (p,), at least the smallest positive number."""
-        return np.asarray(np.maximum(np.std(self.y, axis=0), 1e-300), dtype=np.float64)
+        """Standard deviation of each output, shape (p,), at least the smallest normal number."""
+        return np.asarray(np.maximum(np.std(self.y, axis=0), np.finfo(np.float64).tiny), dtype=np.float64)
 
     @cached_property
     def arx(self) -> LongArx:
@@ -102,7 +102,7 @@ class Study:
         return np.asarray(tamed - tamed.mean(axis=0))
 
     def _left(self, simulated: Floats) -> float:
-        return float(np.mean(np.var(self.y - simulated, axis=0) / self.spread**2))
+        return float(np.mean(np.var((self.y - simulated) / self.spread, axis=0)))
 
     @property
     def explained(self) -> Floats:

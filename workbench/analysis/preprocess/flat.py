@@ -13,8 +13,8 @@ __all__ = ["Flat", "find_saturation", "flat_extremes"]
 
 _STILL = 1e-6  # of the range
 _LONG = 3  # samples in a row
-_SHARE = 0.005  # of the record
-_FEW = 2  # stretches
+_SHARE = 0.002  # of the record
+_FEW = 6  # samples in all
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Flat:
 
 
 def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
-    """Return the highest and the lowest level if the signal rests there repeatedly.
+    """Return the highest and the lowest level if the signal rests there.
 
     Noise behind a limit hides it from this test: `still` must then be larger than the noise.
 
@@ -57,7 +57,7 @@ def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
     if span == 0.0:
         return []
     found = [_at(x, float(level), still * span, upper) for level, upper in ((x.max(), True), (x.min(), False))]
-    return [f for f in found if f.stretches >= _FEW and f.share >= _SHARE]
+    return [f for f in found if len(f.samples) >= _FEW and f.share >= _SHARE]
 
 
 def find_saturation(experiment: Experiment, *, still: float = _STILL) -> dict[str, list[Flat]]:

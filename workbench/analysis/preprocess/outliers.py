@@ -43,7 +43,8 @@ def find_outliers(experiment: Experiment, *, threshold: float = THRESHOLD) -> di
 
     Each output is interpolated linearly from its neighbours on both sides and from the inputs around; a sample
     stands out if its error exceeds `threshold` robust standard deviations (median absolute deviation) and 2 % of
-    the signal's range. The largest is replaced first and the fit repeated, as an outlier disturbs its neighbours.
+    the signal's range. The largest of a neighbourhood is replaced first and the fit repeated, as
+    an outlier disturbs its neighbours.
     Inputs are not searched: what stands out there may well have been applied.
 
     Not for outliers in long rows: a burst is its own neighbourhood.
@@ -96,7 +97,10 @@ def _search(y: Floats, u: Floats, threshold: float) -> tuple[tuple[int, ...], Fl
     low, high = np.quantile(repaired, [0.005, 0.995])
     visible = _VISIBLE * max(high - low, 1e-300)
     for _ in range(_ROUNDS):
-        error = _interpolation_error(repaired, u)
+        error, weights = _interpolation_error(repaired, u, found)
+        if found:
+            repaired = _repaired(repaired, error, weights, found)
+            error, weights = _interpolation_error(repaired, u, found)
         limit = max(threshold * _robust_spread(error), visible)
         worst = _peaks(np.abs(error), limit)
         if not worst.size:
@@ -104,7 +108,6 @@ def _search(y: Floats, u: Floats, threshold: float) -> tuple[tuple[int, ...], Fl
         found.update(worst.tolist())
         if len(found) > _MOST * len(y):
             return (), y  # so many: that is the signal's nature
-        repaired[worst] -= error[worst]
     return tuple(sorted(found)), repaired
 
 
@@ -125,17 +128,36 @@ def _without_gross(y: Floats) -> tuple[Floats, set[int]]:
     return np.interp(np.arange(len(y)), good, y[good]), set(np.flatnonzero(gross).tolist())
 
 
-def _interpolation_error(y: Floats, u: Floats) -> Floats:
-    """Return y − its linear interpolation from neighbours and inputs, shape (n,); 0 near both ends."""
+def _interpolation_error(y: Floats, u: Floats, found: set[int]) -> tuple[Floats, Floats]:
+    """Return y − its linear interpolation from neighbours and inputs, shape (n,), and the neighbours' weights.
+
+    The error is 0 near both ends. Rows in which a found outlier takes part are left out of the fit. The weights have
+    shape (2w + 1,), 0 in the middle.
+    """
     n, w = len(y), _NEIGHBOURS
     window = lagged(y[:, None], 0, 2 * w, 2 * w)
-    centre = window[:, w]
     columns = np.hstack([np.delete(window, w, axis=1), lagged(u, 0, 2 * w, 2 * w), np.ones((n - 2 * w, 1))])
-    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    theta = linalg.lstsq(columns, centre, cond=1e-10, lapack_driver="gelsy")[0]
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    spoilt = np.isin(np.arange(n), list(found)).astype(np.float64)[:, None]
+    clean: NDArray[np.bool_] = np.sum(lagged(spoilt, 0, 2 * w, 2 * w), axis=1) == 0.0
+    if np.mean(clean) < 0.5:
+        clean = np.ones(n - 2 * w, dtype=np.bool_)
+    theta = linalg.lstsq(columns[clean] / scale, window[clean, w], cond=1e-10, lapack_driver="gelsy")[0] / scale
     error = np.zeros(n)
-    error[w : n - w] = centre - columns @ theta
-    return error
+    error[w : n - w] = window[:, w] - columns @ theta
+    return error, np.insert(theta[: 2 * w], w, 0.0)
+
+
+def _repaired(y: Floats, error: Floats, weights: Floats, found: set[int]) -> Floats:
+    """Return the signal with the found samples where all their errors vanish, each other's neighbours included."""
+    at = np.array(sorted(found))
+    distance = at[:, None] - at[None, :] + _NEIGHBOURS
+    near = (distance >= 0) & (distance <= 2 * _NEIGHBOURS)
+    # The window runs from the newest sample to the oldest: weight i belongs to y[k + w − i].
+    effect = np.eye(len(at)) - np.where(near, weights[np.clip(distance, 0, 2 * _NEIGHBOURS)], 0.0)
+    new = y.copy()
+    new[at] -= np.linalg.lstsq(effect, error[at], rcond=1e-8)[0]
+    return new
 
 
 def _robust_spread(error: Floats) -> float:

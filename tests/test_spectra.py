@@ -1,0 +1,150 @@
+"""Spectral density and coherence against closed forms and against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
+from workbench.analysis.experiment import make_experiment
+from workbench.analysis.spectra import Coherence, SpectralDensity, coherence, sdf
+from workbench.errors import InputError
+
+
+def test_density_of_white_noise_is_flat_and_its_integral_the_variance() -> None:
+    u = 3.0 * white(20_000)
+    found = sdf(data(u, u), columns=["u"], length=200)
+    level = found.density[2:-2, 0]
+    assert np.mean(level) == pytest.approx(9.0 * 2.0 * DT, rel=0.03)
+    # The scatter is the one that the settings promise.
+    assert np.std(level) / np.mean(level) == pytest.approx(found.settings.random_error, rel=0.25)
+    integral = np.sum(found.density[:, 0]) * (found.frequency_hz[1] - found.frequency_hz[0])
+    assert integral == pytest.approx(np.var(u), rel=0.03)
+    low, high = found.settings.interval_95
+    assert np.mean((low * level < 9.0 * 2.0 * DT) & (high * level > 9.0 * 2.0 * DT)) > 0.9
+
+
+def test_spectra_end_at_nyquist() -> None:
+    u = white(1000)
+    assert sdf(data(u, u), segments=10).frequency_hz[-1] == pytest.approx(0.5 / DT)
+    assert coherence(data(u, u), segments=10).frequency_hz[-1] == pytest.approx(0.5 / DT)
+
+
+def test_output_density_is_input_density_times_gain_squared() -> None:
+    u = white(60_000)
+    found = sdf(data(u, response(u)), length=600)
+    _, h = signal.freqz(B, A, worN=found.frequency_hz, fs=1.0 / DT)
+    ratio = found.density[3:-3, 1] / found.density[3:-3, 0] / np.abs(h[3:-3]) ** 2
+    assert np.max(np.abs(10.0 * np.log10(ratio))) < 0.3
+
+
+def test_coherence_of_noise_has_its_closed_form_and_scatter() -> None:
+    """γ² = |H|²Φu/(|H|²Φu + Φv)."""
+    u = white(60_000)
+    noise = 0.5 * white(60_000, seed=9)
+    found = coherence(data(u, response(u) + noise), length=1000)
+    _, h = signal.freqz(B, A, worN=found.frequency_hz, fs=1.0 / DT)
+    expected = np.abs(h) ** 2 / (np.abs(h) ** 2 + 0.25)
+    error = (found.multiple[2:-2, 0] - expected[2:-2]) / np.maximum(found.standard_deviation[2:-2, 0], 1e-3)
+    assert np.sqrt(np.mean(error**2)) < 1.3
+    assert np.max(np.abs(found.response[2:-2, 0, 0] - h[2:-2])) < 0.15
+
+
+def test_unrelated_data_stay_below_the_level_of_chance() -> None:
+    found = coherence(data(white(20_000, 5), white(20_000, 6)), segments=40)
+    assert np.mean(found.multiple[1:-1, 0] > found.significance_95) == pytest.approx(0.05, abs=0.03)
+    assert np.mean(found.multiple[1:-1, 0]) == pytest.approx(np.mean(found.bias[1:-1, 0]), rel=0.2)
+
+
+def test_two_inputs_explain_together_what_neither_explains_alone() -> None:
+    u = np.column_stack([white(20_000, 1), white(20_000, 2)])
+    found = coherence(make_experiment(DT, u, u[:, 0] + u[:, 1]), segments=100)
+    assert np.median(found.multiple) > 0.999
+    assert np.median(found.ordinary[:, 0, 0]) == pytest.approx(0.5, abs=0.05)
+    chance = coherence(make_experiment(DT, u, white(20_000, 3)), segments=100)
+    assert np.mean(chance.multiple > chance.significance_95) == pytest.approx(0.05, abs=0.03)
+
+
+def test_one_input_twice_is_no_more_than_once() -> None:
+    u = white(10_000)
+    y = with_noise(response(u), 10.0)
+    once = coherence(data(u, y))
+    twice = coherence(make_experiment(DT, np.column_stack([u, 2.0 * u]), y))
+    np.testing.assert_allclose(twice.multiple, once.multiple, atol=1e-6)
+
+
+def test_multiple_coherence_of_one_input_is_the_ordinary_one_and_does_not_depend_on_units() -> None:
+    u, y = white(4000), with_noise(response(white(4000)), 10.0)
+    found = coherence(data(u, y))
+    np.testing.assert_allclose(found.multiple, found.ordinary[:, :, 0], rtol=1e-9)
+    _, direct = signal.coherence(u, y, nperseg=200)
+    np.testing.assert_allclose(found.multiple[1:-1, 0], direct[1:-1], rtol=1e-9)
+    np.testing.assert_allclose(coherence(data(1e6 * u, 1e-3 * y)).multiple, found.multiple, rtol=1e-6)
+
+
+def test_without_excitation_there_is_no_coherence() -> None:
+    u, y = np.ones(1000), white(1000)
+    assert np.all(np.isnan(coherence(data(u, y)).multiple))
+    assert coherence(data(u, y)).to_dict()["multiple"]["y"][3] is None
+
+
+def test_settings_say_what_was_done() -> None:
+    u = white(3000)
+    settings = coherence(data(u, u), segments=20, overlap=0.0, window="boxcar").settings
+    assert (settings.length, settings.averages, settings.used) == (150, 20, 3000)
+    assert settings.effective_averages == pytest.approx(20.0)
+    assert settings.resolution_hz == pytest.approx(1.0 / (150 * DT))
+    overlapping = coherence(data(u, u), segments=20).settings
+    assert overlapping.averages == 39
+    assert 20.0 < overlapping.effective_averages < 39.0
+    assert overlapping.to_dict()["interval_95"][0] < 1.0
+
+
+def test_band_of_a_held_input() -> None:
+    """The density of levels held for h samples falls by 3 dB at 0.443/(h·dt)."""
+    u = prbs(40_000, hold=5)
+    assert sdf(data(u, u), length=400).band_hz("u", 3.9) == pytest.approx(0.443 / (5 * DT), rel=0.35)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": "han"}, "did you mean hann"),
+        ({"segments": 20, "length": 10}, "not both"),
+        ({"overlap": 1.0}, "overlap must be"),
+        ({"segments": 900}, "fewer segments"),
+        ({"segments": 0}, "at least 1"),
+        ({"length": 2000}, "all at most"),
+    ],
+)
+def test_wrong_settings_are_refused(options: dict[str, object], message: str) -> None:
+    u = white(1000)
+    with pytest.raises(InputError, match=message):
+        coherence(data(u, u), **options)  # type: ignore[arg-type]
+
+
+def test_too_few_segments_and_unknown_columns_are_refused() -> None:
+    u = white(1000)
+    with pytest.raises(InputError, match="would be 1 whatever"):
+        coherence(data(u, u), segments=1, overlap=0.0)
+    with pytest.raises(InputError, match="no column 'x'"):
+        sdf(data(u, u), columns=["x"])
+    with pytest.raises(InputError, match="no column of this spectrum"):
+        sdf(data(u, u)).band_hz("z")
+
+
+def test_pictures_and_tables(tmp_path: Path) -> None:
+    u = np.column_stack([white(2000, 1), white(2000, 2)])
+    experiment = make_experiment(DT, u, u @ [[1.0, 0.2], [0.0, 1.0]])
+    results: tuple[SpectralDensity | Coherence, ...] = (sdf(experiment), coherence(experiment))
+    for number, result in enumerate(results):
+        result.plot(tmp_path / f"{number}.png")
+        result.to_csv(tmp_path / f"{number}.csv")
+        lines = (tmp_path / f"{number}.csv").read_text(encoding="utf-8").splitlines()
+        assert lines[0].startswith("frequency [Hz],")
+        assert len(lines) == 1 + len(result.frequency_hz)
+    with pytest.raises(InputError, match="cannot be written"):
+        sdf(experiment).to_csv(tmp_path)
