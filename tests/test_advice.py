@@ -218,7 +218,9 @@ def test_outliers_drift_steps_and_a_line_are_found_at_their_place() -> None:
     size = float(np.std(y))
     spoilt = y.copy()
     spoilt[700] += 5.0 * size
-    assert advise(data(u, spoilt)).finding("outliers").marks == {"y": (700,)}
+    outlier = advise(data(u, spoilt))
+    assert outlier.finding("outliers").marks == {"y": (700,)}
+    assert [f.topic for f in outlier.concerns] == ["outliers"]
     drifting = advise(data(u, y + np.linspace(0.0, size, N))).finding("trend")
     assert drifting.verdict == "watch"
     assert drifting.values["drift"]["y"] == pytest.approx(size, rel=0.3)

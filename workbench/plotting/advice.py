@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, label, save
-from workbench.plotting.spectra import draw_coherence
 
 if TYPE_CHECKING:
     from workbench.analysis.advice.result import Advice, Finding
@@ -44,7 +43,9 @@ def plot_advice(advice: Advice, path: str | Path | None = None) -> Figure:
     figure = Figure(figsize=(9.0, sum(heights) + 0.9), layout="constrained")
     FigureCanvasAgg(figure)
     axes = list(figure.subplots(panels + 2, 1, height_ratios=heights, squeeze=False)[:, 0])
-    axes[0].set_title(f"{advice.experiment.name}: data advice, {advice.worst}", loc="left", fontweight="bold")
+    axes[0].set_title(
+        f"{advice.experiment.name}: advice on the data, worst verdict: {advice.worst}", loc="left", fontweight="bold"
+    )
     _record(axes[:panels], advice)
     _coherence(axes[panels], advice)
     _verdicts(axes[-1], advice.findings, texts)
@@ -89,8 +90,13 @@ def _coherence(ax: Axes, advice: Advice) -> None:
     except InputError as error:
         ax.text(0.5, 0.5, str(error), ha="center", va="center", fontsize=8.5, transform=ax.transAxes, wrap=True)
         return
-    for i in range(advice.experiment.n_outputs):
-        draw_coherence(ax, found, i)
+    for i, name in enumerate(found.output_names):
+        colour = COLOURS[(i + 1) % len(COLOURS)]
+        ax.plot(found.frequency_hz[1:], found.multiple[1:, i], color=colour, linewidth=1.3, label=name)
+    ax.axhline(found.significance_95, color="#888888", linestyle="--", linewidth=0.9)
+    if len(found.output_names) > 1:
+        ax.legend(fontsize=8.0, framealpha=0.9, edgecolor="#cccccc")
+    ax.set_ylim(0.0, 1.04)
     ax.set_ylabel("coherence", fontsize=8.5)
     ax.set_xlabel(f"frequency [Hz]; {found.settings.describe()}", fontsize=8.5)
     ax.set_xlim(0.0, found.settings.nyquist_hz)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from workbench.analysis.spectra.coherence import Coherence
     from workbench.analysis.spectra.density import SpectralDensity
 
-__all__ = ["draw_coherence", "plot_coherence", "plot_density"]
+__all__ = ["plot_coherence", "plot_density"]
 
 _DEEPEST_DB = 90.0  # below the peak: rounding
 
@@ -61,7 +61,7 @@ def plot_coherence(result: Coherence, path: str | Path | None = None) -> Figure:
     source = result.input_names[0] if len(result.input_names) == 1 else "inputs"
     figure, axes = rows(len(result.output_names), title=f"{result.name}: coherence with {source}")
     for i, ax in enumerate(axes):
-        draw_coherence(ax, result, i)
+        _draw(ax, result, i)
     _foot(axes[-1], result.settings.nyquist_hz, result.settings.describe())
     if len(result.input_names) > 1:
         axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
@@ -70,14 +70,8 @@ def plot_coherence(result: Coherence, path: str | Path | None = None) -> Figure:
     return figure
 
 
-def draw_coherence(ax: Axes, result: Coherence, output: int) -> None:
-    """Draw one output's coherence into a picture.
-
-    Args:
-        ax: where.
-        result: what.
-        output: which, from 0.
-    """
+def _draw(ax: Axes, result: Coherence, output: int) -> None:
+    """Draw one output's coherence into a picture."""
     frequency = result.frequency_hz[1:]
     several = len(result.input_names) > 1
     for j, name in enumerate(result.input_names if several else ()):

@@ -19,6 +19,7 @@ __all__ = ["judge_disturbance", "strongest_line"]
 _HIGH = 40.0  # times the level around: by chance once in 10¹⁴ with 2000 lines, with a margin for an uncertain level
 _AROUND = 41  # lines
 _LEAST_SHARE = 0.05  # of the unexplained variance
+_SLOW = 8  # periods in the record: fewer are a drift
 _VISIBLE = 1e-6  # of the output's variance
 
 
@@ -30,15 +31,17 @@ def strongest_line(rest: Floats, dt: float) -> tuple[float, float, float]:
         dt: sampling interval [s].
     """
     window = np.hanning(len(rest))  # so that slow parts do not leak over all lines
-    power = np.abs(np.fft.rfft((rest - rest.mean()) * window))[2:-1] ** 2
+    power = np.abs(np.fft.rfft((rest - rest.mean()) * window))[:-1] ** 2
+    power[:2] = power[2]  # what the window leaves of the mean
     total = float(np.sum(power))
     if total <= 0.0 or power.size < 2 * _AROUND:
         return 0.0, 0.0, 0.0
     level = ndimage.median_filter(power, _AROUND, mode="nearest") / np.log(2.0)
     height = power / np.maximum(level, 1e-12 * total)
+    height[:_SLOW] = 0.0
     k = int(np.argmax(height))
     share = float(np.sum(power[max(k - 2, 0) : k + 3])) / total
-    return (k + 2) / (len(rest) * dt), share, float(height[k])
+    return k / (len(rest) * dt), share, float(height[k])
 
 
 def judge_disturbance(study: Study) -> Finding:

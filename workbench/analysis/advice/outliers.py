@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from workbench.analysis.advice.result import Finding
 from workbench.analysis.advice.study import Study
-from workbench.analysis.preprocess.outliers import find_outliers
 
 __all__ = ["judge_outliers"]
 
 
 def judge_outliers(study: Study) -> Finding:
-    """Judge by `preprocess.find_outliers`."""
-    found = {name: at for name, at in find_outliers(study.experiment).items() if at}
+    """Judge by `preprocess.find_outliers`; the other questions are asked about repaired data."""
+    found = study.outliers
     values = {name: len(at) for name, at in found.items()}
     if not found:
         return Finding("outliers", "good", "none", "", values)

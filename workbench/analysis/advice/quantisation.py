@@ -38,7 +38,7 @@ def resolution(y: Floats) -> float:
 
 def judge_quantisation(study: Study) -> Finding:
     """Judge the steps of each output against its standard deviation."""
-    data = study.experiment
+    data = study.raw  # repaired samples lie on no step
     inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))
     steps = {n: resolution(data.y[:, i]) for i, n in enumerate(data.output_names)}
     # A gain passes the few levels of its input on: that is no quantisation.

@@ -46,7 +46,7 @@ class Rest:
 
 def rests(study: Study) -> list[Rest]:
     """Return every output, and every input of many levels, that rests at its extreme."""
-    data = study.experiment
+    data = study.raw
     late = _delay_of_outputs(study)
     found = []
     for i, name in enumerate(data.output_names):

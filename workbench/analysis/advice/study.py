@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.long_arx import LongArx, fit_long_arx
+from workbench.analysis.preprocess.outliers import remove_outliers
 from workbench.analysis.preprocess.settle import settling_samples
 from workbench.analysis.spectra.coherence import Coherence, coherence
 from workbench.analysis.spectra.density import SpectralDensity, sdf
@@ -36,7 +37,10 @@ class Study:
         limits: output → lowest and highest value its hardware allows.
 
     Attributes:
-        experiment: the data; of a long record the beginning, without what is still settling.
+        experiment: the data; of a long record the beginning, without what is still settling, outliers repaired, lest
+            one fault be taken for another.
+        raw: the same with the outliers.
+        outliers: output → samples that stand out.
         settling: so many samples were left out at the beginning.
         order, limits: as given.
         u: inputs without their means, shape (n, m).
@@ -56,7 +60,10 @@ class Study:
             )
         first = experiment.part(0, min(experiment.n_samples, _MOST_SAMPLES))
         self.settling = _settled(first)
-        self.experiment = first.part(self.settling)
+        self.raw = first.part(self.settling)
+        repaired = remove_outliers(self.raw)
+        self.outliers = {name: at for name, at in repaired.samples.items() if at}
+        self.experiment = repaired.experiment
         self.order = order
         self.limits = dict(limits or {})
         self.u = _centred(self.experiment.u)

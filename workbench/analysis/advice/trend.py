@@ -16,7 +16,7 @@ __all__ = ["drifts", "judge_trend"]
 
 _LARGE = 0.3  # of a standard deviation over the whole record
 _OFFSET = 0.05  # of a standard deviation
-_SIGNIFICANT = 5.5
+_SIGNIFICANT = 8.0  # standard deviations, which twelve blocks leave uncertain
 
 
 def drifts(study: Study) -> tuple[Floats, Floats]:
