@@ -43,7 +43,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _description(path: Path, data: Mapping[str, Any]) -> SystemDescription:
-    table = read_table(SystemTable, data, "the file")
+    table = read_table(SystemTable, data, "")
     experiment = read_table(ExperimentTable, table.experiment, "[experiment]")
     return SystemDescription(
         name=table.name or path.stem,

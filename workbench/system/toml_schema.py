@@ -120,7 +120,7 @@ def read_table(kind: type[_Read], data: object, where: str) -> _Read:
     Args:
         kind: of the table.
         data: as the TOML reader returns it.
-        where: the table, for messages, such as "[connections]".
+        where: the table, for messages, such as "[experiment]"; empty: the whole file.
 
     Raises:
         InputError: a key that is unknown (with near names) or missing, a value of the wrong type.
@@ -128,7 +128,7 @@ def read_table(kind: type[_Read], data: object, where: str) -> _Read:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{where}: {_message(kind, error.errors())}") from None
+        raise InputError(f"{where}{': ' if where else ''}{_message(kind, error.errors())}") from None
 
 
 def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
@@ -141,11 +141,15 @@ def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
     if first["type"] == "missing":
         return f"key '{path[-1]}' is missing"
     # The branches of a union come as names after the key.
+    if kind is SystemTable and len(path) > 1:
+        table, path = f"[{path[0]}] ", path[1:]
+    else:
+        table = ""
     name = ".".join(p for p in path if not p.startswith(("list[", "function-")) and p not in _BRANCHES)
     value = f", not {first['input']!r}" if isinstance(first["input"], str | int | float | bool) else ""
     same = [e["msg"] for e in ordered if e["loc"][:1] == first["loc"][:1]]
     said = " or ".join(dict.fromkeys(_said(m) for m in same)).replace(" or must be", " or")
-    return f"key '{name}' {said}{value}"
+    return f"{table}key '{name}' {said}{value}"
 
 
 _BRANCHES = ("str", "bool", "int", "float")
