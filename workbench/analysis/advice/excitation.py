@@ -88,8 +88,7 @@ def _order_of(u: Floats) -> int | None:
         return 0
     if _changes(u) <= _FEW_CHANGES:
         return None  # a transient: lines do not describe it
-    # A trend over the record would be a line next to 0 Hz.
-    power = np.abs(np.fft.rfft(signal.detrend(u) * signal.get_window("blackmanharris", len(u)))) ** 2
+    power = np.abs(np.fft.rfft(_tapered(u))) ** 2
     # What lies within the main lobe of 0 Hz is the rest of the constant part.
     power[:2] = 0.0
     regions, count = ndimage.label(power > 10.0 ** (0.1 * _FAINT_DB) * power.max())
@@ -97,6 +96,17 @@ def _order_of(u: Floats) -> int | None:
     # One line is 7 bins wide at this level, each further one that merges with it adds its distance.
     lines = float(np.sum(np.maximum(1.0, 1.0 + np.floor((widths - 7.0) / _LINE_WIDTH))))
     return None if 2.0 * lines >= _HIGHEST else int(2.0 * lines)
+
+
+def _tapered(u: Floats) -> Floats:
+    """Return u times the window, its mean and trend taken out: a trend would be a line next to 0 Hz.
+
+    The straight line is weighed by the window: without, a sine of a few periods would leave one of its own.
+    """
+    window = signal.get_window("blackmanharris", len(u))
+    line = np.stack([np.ones(len(u)), np.linspace(-1.0, 1.0, len(u))])
+    tapered: Floats = window * (u - np.linalg.solve(line * window @ line.T, line * window @ u) @ line)
+    return tapered
 
 
 def _dependent(study: Study) -> int | None:

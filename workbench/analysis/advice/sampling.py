@@ -55,7 +55,7 @@ def judge_sampling(study: Study) -> Finding:
 
 def output_hold(study: Study) -> int:
     """Return after how many samples the outputs change, 1 unless they do so at regular distances only."""
-    moved = np.any(np.abs(np.diff(study.y, axis=0)) > 1e-12 * study.spread, axis=1)
+    moved = np.any(np.abs(np.diff(study.raw.y, axis=0)) > 1e-12 * study.spread, axis=1)
     at = np.flatnonzero(moved)
     if len(at) < 10:
         return 1
