@@ -17,7 +17,8 @@ def judge_outliers(study: Study) -> Finding:
     name, at = max(found.items(), key=lambda pair: len(pair[1]))
     when = ", ".join(f"{study.experiment.time[k]:.6g}" for k in at[:3])
     more = ", …" if len(at) > 3 else ""
-    evidence = f"{len(at)} sample{'s' if len(at) > 1 else ''} of {name} stand{'' if len(at) > 1 else 's'} out, at {when}{more} s"
+    some = f"{len(at)} samples of {name} stand out" if len(at) > 1 else f"1 sample of {name} stands out"
+    evidence = f"{some}, at {when}{more} s"
     marks = {n: tuple(k + study.settling for k in a) for n, a in found.items()}
     share = max(len(a) for a in found.values()) / study.experiment.n_samples
     advice = "repair them with remove_outliers, or cut the record there"
