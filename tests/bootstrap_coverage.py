@@ -82,7 +82,7 @@ def cases(
 def main(systems: int = 100, replicates: int = 200, samples: int = 1000) -> None:
     print(f"{systems} systems each, {replicates} replicates, {samples} samples")  # noqa: T201
     for order in (1, 2, 3, 4):
-        found = list(cases(order, systems, replicates=replicates, samples=samples, first=10_000))
+        found = list(cases(order, systems, replicates=replicates, samples=samples, first=20_000))
         held = [b.holds_all(s.poles) for s, b in found]
         full = [h for h, (_, b) in zip(held, found, strict=True) if b.determined == order]
         print(  # noqa: T201

@@ -126,8 +126,8 @@ def test_the_same_seed_gives_the_same_and_another_nearly_the_same() -> None:
 def test_same_settings_repeat_the_estimate() -> None:
     rng = np.random.default_rng(6)
     data = noisy_record(random_system(3, rng), rng, 800)
-    for options in ({}, {"method": "cva"}, {"method": "moesp", "biased": True}, {"delay": 1}):
-        found = estimate(data.u, data.y, DT, order=3, **options)  # type: ignore[arg-type]
+    for method, biased, delay in (("n4sid", False, 0), ("cva", False, 0), ("moesp", True, 0), ("n4sid", False, 1)):
+        found = estimate(data.u, data.y, DT, order=3, method=method, biased=biased, delay=delay)
         again = same_settings(found)(data.u, data.y)
         assert match(found.model.poles, again) == pytest.approx(found.model.poles, abs=1e-9)
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.panels import ABOVE, LEGEND, panels
+from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ Complex = NDArray[np.complex128]
 
 _BARS = 24
 _GREY = "#b8c4ce"
+_SMALL = 0.15  # half axes of regions that deserve a magnified picture
 _FAR = 1.6  # zeros further out are named instead of drawn
 
 
@@ -57,7 +60,8 @@ def plot_order(result: SubspaceEstimate, path: str | Path | None = None) -> Figu
         ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=13))
         ax.grid(visible=False, axis="x")
     grid[-1][0].set_xlabel("order")
-    figure.supxlabel(f"order {result.order}: {result.order_reason}", x=0.01, ha="left", fontsize=8.5)
+    reason = "\n".join(wrap(f"order {result.order}: {result.order_reason}", LINE))
+    figure.supxlabel(reason, x=0.01, ha="left", fontsize=8.5)
     if path is not None:
         save(figure, path)
     return figure
@@ -122,7 +126,7 @@ def plot_poles(
     """
     poles, zeros = model.undelayed().poles, model.undelayed().zeros
     title = f"{model.name}: poles and zeros of the model of order {len(poles)}"
-    figure, ax, side = _plane(title)
+    figure, ax, side, cells = _plane(title)
     if bootstrap is not None:
         _regions(ax, bootstrap)
     near = zeros[np.abs(zeros) <= _FAR]
@@ -131,7 +135,7 @@ def plot_poles(
     _mark(ax, cancellations)
     _legend(ax, bootstrap, cancellations)
     _table(side, poles, model.dt, bootstrap)
-    _zooms(figure, bootstrap)
+    _zooms(figure, cells, bootstrap)
     far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
     if far:
         outside = f"zeros outside the picture: {', '.join(_text(z) for z in far)}"
@@ -152,19 +156,19 @@ def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Fig
         InputError: unknown suffix, file cannot be written.
     """
     poles = np.array([r.pole for r in result.regions], dtype=np.complex128)
-    figure, ax, side = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
+    figure, ax, side, cells = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
     _regions(ax, result)
     ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
     _legend(ax, result, ())
     _table(side, poles, result.dt, result)
-    _zooms(figure, result)
+    _zooms(figure, cells, result)
     if path is not None:
         save(figure, path)
     return figure
 
 
-def _plane(title: str) -> tuple[Figure, Axes, Axes]:
-    """Return a figure with the plane of discrete poles and room for a table."""
+def _plane(title: str) -> tuple[Figure, Axes, Axes, GridSpec]:
+    """Return a figure with the plane of discrete poles, room for a table, and the grid they lie in."""
     figure, grid = panels(1, 1, title=title, width=9.6, height=5.0)
     ax = grid[0][0]
     cells = figure.add_gridspec(2, 4)
@@ -179,7 +183,7 @@ def _plane(title: str) -> tuple[Figure, Axes, Axes]:
     ax.set_xlabel("real part [1]")
     ax.set_ylabel("imaginary part [1]")
     side.set_axis_off()
-    return figure, ax, side
+    return figure, ax, side, cells
 
 
 def _regions(ax: Axes, bootstrap: PoleBootstrap) -> None:
@@ -208,13 +212,12 @@ def _region(ax: Axes, region: PoleRegion) -> None:
     ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
 
 
-def _zooms(figure: Figure, bootstrap: PoleBootstrap | None) -> None:
-    """Magnify the regions of two poles, those that the least is known of."""
+def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | None) -> None:
+    """Magnify two regions that are too small to be seen, those nearest to the unit circle."""
     if bootstrap is None:
         return
-    upper = [r for r in bootstrap.regions if r.determined and r.pole.imag >= 0.0]
-    cells = figure.add_gridspec(2, 4)
-    for k, region in enumerate(sorted(upper, key=lambda r: -r.half_axes[0])[:2]):
+    upper = [r for r in bootstrap.regions if r.determined and r.pole.imag >= 0.0 and r.half_axes[0] < _SMALL]
+    for k, region in enumerate(sorted(upper, key=lambda r: abs(abs(r.pole) - 1.0))[:2]):
         ax = figure.add_subplot(cells[1, 2 + k])
         ax.grid(visible=True, color="#dddddd", linewidth=0.6)
         _clouds(ax, bootstrap)

@@ -76,7 +76,7 @@ def _finish(axes: list[Axes], result: Overlay) -> None:
     axes[2].set_ylabel("difference [dB]")
     axes[3].set_ylabel("difference [deg]")
     axes[3].set_xlabel("frequency [Hz]")
-    axes[2].set_title(f"curves less {result.reference}", loc="left")
+    axes[2].set_title(f"curves less {result.reference}", loc="left", fontsize=9.5)
     for ax in axes:
         ax.axvline(result.nyquist_hz, color="#888888", linestyle=":", linewidth=1.0)
     for ax in axes[2:]:

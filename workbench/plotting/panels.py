@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-__all__ = ["ABOVE", "LEGEND", "panels"]
+__all__ = ["ABOVE", "LEGEND", "LINE", "panels"]
 
 LEGEND: dict[str, Any] = {"fontsize": 8.5, "framealpha": 0.9, "edgecolor": "#cccccc"}
+LINE = 105  # characters of small print that fit below a picture
 # A legend over the panel, where it covers no curve.
 ABOVE: dict[str, Any] = {
     "loc": "lower left", "bbox_to_anchor": (-0.01, 0.98), "fontsize": 8.5, "frameon": False, "borderaxespad": 0.2,

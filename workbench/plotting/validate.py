@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, label, save
-from workbench.plotting.panels import ABOVE, panels
+from workbench.plotting.panels import ABOVE, LINE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["plot_fit", "plot_residuals"]
 
 _SHOWN = 300  # samples that can still be told apart over the width of a page
-_LINE = 105  # characters that fit below the picture
 _DARK = "#333333"
 _BAND: dict[str, Any] = {"color": COLOURS[4], "alpha": 0.25, "linewidth": 0.0}
 _EDGE: dict[str, Any] = {"color": "#666666", "linewidth": 0.9, "linestyle": "--"}
@@ -165,5 +164,5 @@ def _verdicts(figure: Figure, residuals: Residuals) -> None:
     if residuals.autocorrelation is None or residuals.cross is None:
         return
     words = (residuals.autocorrelation.words, *residuals.cross.words)
-    lines = [line for text in words for line in wrap(text, _LINE, subsequent_indent="    ")]
+    lines = [line for text in words for line in wrap(text, LINE, subsequent_indent="    ")]
     figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=8.5)

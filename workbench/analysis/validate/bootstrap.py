@@ -262,4 +262,6 @@ def _words(region: PoleRegion, level: str) -> str:
         return f"pole {name}: not determined by the data"
     long, short = region.half_axes
     size = f"± {long:.2g}" if region.on_axis else f"half axes {long:.2g} and {short:.2g}"
-    return f"pole {name}: {level} region {size}"
+    far = abs(region.bias) > 2.0 * region.spread
+    doubt = f"; its replicates lie {abs(region.bias):.2g} beside it: biased, or the noise is not what the model says"
+    return f"pole {name}: {level} region {size}{doubt if far else ''}"

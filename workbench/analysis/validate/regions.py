@@ -14,9 +14,10 @@ __all__ = ["PoleRegion", "pole_regions"]
 
 Complex = NDArray[np.complex128]
 
-SCATTER = 0.2  # a pole whose replicates scatter more (root mean square) over the unit disc is not determined
+SCATTER = 0.15  # a pole whose replicates scatter more (root mean square) over the unit disc is not determined
 WIDER = 2.0  # how much wider the other regions become where one is not
 REAL = 0.975  # part of the replicates that must be real for a region on the real axis
+_ON_AXIS = 1e-12  # imaginary parts below are none
 _TINY = 1e-12  # least variance: of poles that never move, as those of noise-free data
 
 
@@ -93,8 +94,8 @@ def pole_regions(poles: Complex, replicates: Complex, *, confidence: float, join
 
     The ellipse has the shape of the replicates' scatter about the estimate (their second moment, so that their bias
     widens it) and a size that holds the wanted part of them; a pole and nearly all of its replicates on the real
-    axis make an interval of it. Jointly, all ellipses are widened by one factor until the wanted part of the replicates
-    has all its poles inside at once.
+    axis make an interval of it. Jointly, all ellipses hold a larger part of their replicates, each the same, so that
+    the wanted part of the replicates has all its poles inside at once (balanced: Beran, J. Am. Stat. Assoc. 83, 1988).
 
     A pole that the data do not determine, as of an order too high, is found anywhere by the replicates. Around such a
     point the distribution of the estimates says nothing about where the true pole is, and the other estimates depend
@@ -107,16 +108,14 @@ def pole_regions(poles: Complex, replicates: Complex, *, confidence: float, join
         confidence: between 0 and 1.
         joint: all regions together hold their poles with this confidence, not each for itself.
     """
-    away = replicates - poles
+    away = _with_mirror_images(poles, replicates) - poles
     spread = np.sqrt(np.mean(np.abs(replicates - replicates.mean(axis=0)) ** 2, axis=0))
     known = spread <= SCATTER
-    axis = (np.abs(poles.imag) < 1e-12) & (np.mean(np.abs(replicates.imag) < 1e-12, axis=0) >= REAL)
+    axis = (np.abs(poles.imag) < _ON_AXIS) & (np.mean(np.abs(replicates.imag) < _ON_AXIS, axis=0) >= REAL)
     moments = [_moment(column, bool(real)) for column, real in zip(away.T, axis, strict=True)]
     squares = np.array([_squares(column, M) for column, M in zip(away.T, moments, strict=True)])
-    size = _quantile(squares, confidence)
-    if joint and known.any():
-        together = np.max(squares[known] / size[known, None], axis=0)
-        size = size * max(1.0, float(_quantile(together[None, :], confidence)[0]))
+    level = _level(squares[known], confidence) if joint else confidence
+    size = _quantile(squares, level)
     if not known.all():
         size = size * WIDER**2
     return tuple(
@@ -132,6 +131,16 @@ def pole_regions(poles: Complex, replicates: Complex, *, confidence: float, join
     )
 
 
+def _with_mirror_images(poles: Complex, replicates: Complex) -> Complex:
+    """Return the replicates and their mirror images at the real axis, shape (2 R, n).
+
+    The poles of a real system are their own mirror image. Which of two poles is called the upper one is chance where
+    replicates are real; so the regions of real poles lie level, and those of a pair mirror each other.
+    """
+    partner = [int(np.argmin(np.abs(poles - p.conjugate()))) for p in poles]
+    return np.vstack([replicates, replicates[:, partner].conj()])
+
+
 def _moment(away: Complex, real: bool) -> Floats:  # noqa: FBT001 - a helper of two arguments
     """Return the second moment of real and imaginary parts, shape (2, 2), never singular."""
     parts = np.vstack([away.real, np.zeros_like(away.real) if real else away.imag])
@@ -143,6 +152,15 @@ def _squares(away: Complex, moment: Floats) -> Floats:
     parts = np.vstack([away.real, away.imag])
     squares: Floats = np.einsum("ik,ik->k", parts, np.linalg.solve(moment, parts))
     return squares
+
+
+def _level(squares: Floats, confidence: float) -> float:
+    """Return the level at which regions of all rows together hold the wanted part of the columns."""
+    if len(squares) < 2:
+        return confidence
+    ranks = np.argsort(np.argsort(squares, axis=1), axis=1).max(axis=0) + 1.0
+    together: float = float(_quantile(ranks[None, :], confidence)[0]) / squares.shape[1]
+    return max(confidence, together)
 
 
 def _quantile(squares: Floats, confidence: float) -> Floats:
