@@ -1,6 +1,8 @@
-/* algebraic.c: Newton's method with damping for algebraic loops; the twin of workbench/system/algebraic.py.
+/* algebraic.c: Newton's method with damping for algebraic loops, Levenberg and Marquardt's where its
+ * matrix is singular; the twin of workbench/system/algebraic.py.
  *
- * Source: J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983, 6.3.
+ * Source: J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983,
+ * 6.3 and 10.2.
  */
 #include "algebraic.h"
 
@@ -8,8 +10,11 @@
 #include <stdio.h>
 #include <string.h>
 
-#define CONVERGED 1e-12 /* residual, of the largest magnitude that the value has had */
-#define ACCEPTED 1e-9   /* the same where rounding lets it become no smaller */
+/* Residual, of the largest magnitude that the value has had. Solutions go down to rounding where that is cheap: event
+ * indicators inside a loop must have one sign at one point, from wherever the solution came. */
+#define EXACT 1e-15
+#define CONVERGED 1e-12 /* enough if the kept Jacobian makes it no smaller */
+#define ACCEPTED 1e-9   /* enough if rounding lets it become no smaller */
 #define MAX_ITERATIONS 50
 #define SHORTEST (1.0 / 1024.0)
 #define SLOW 0.1 /* a Jacobian that reduces the residual by less than this is found anew */
@@ -57,13 +62,13 @@ static void rescale(Loop *loop, const double *v, const double *g, bool anew) {
 static double norm(const Loop *loop, const double *v, const double *g) {
     double size = 0.0;
     for (size_t i = 0; i < loop->n; i++) {
-        const double part = fabs(g[i] - v[i]) / loop->scale[i];
+        const double part = (g[i] - v[i]) / loop->scale[i];
         if (!isfinite(part)) {
             return (double)INFINITY;
         }
-        size = fmax(size, part);
+        size += part * part;
     }
-    return size;
+    return sqrt(size);
 }
 
 static bool find_jacobian(Loop *loop) {
@@ -129,15 +134,55 @@ static bool eliminate(double *a, double *right, size_t n) {
     return true;
 }
 
-static bool find_direction(Loop *loop) {
-    memcpy(loop->matrix, loop->link->jacobian, loop->n * loop->n * sizeof(double));
+/* The Jacobian in values relative to their scale. */
+static double relative(const Loop *loop, size_t i, size_t j) {
+    return loop->link->jacobian[i * loop->n + j] * loop->scale[j] / loop->scale[i];
+}
+
+static void newton_equations(Loop *loop) {
     for (size_t i = 0; i < loop->n; i++) {
-        loop->step[i] = loop->v[i] - loop->g[i];
+        loop->step[i] = (loop->v[i] - loop->g[i]) / loop->scale[i];
+        for (size_t j = 0; j < loop->n; j++) {
+            loop->matrix[i * loop->n + j] = relative(loop, i, j);
+        }
+    }
+}
+
+static void damped_equations(Loop *loop, double damping) {
+    const size_t n = loop->n;
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        loop->step[i] = 0.0;
+        for (size_t k = 0; k < n; k++) {
+            loop->step[i] += relative(loop, k, i) * (loop->v[k] - loop->g[k]) / loop->scale[k];
+        }
+        for (size_t j = 0; j < n; j++) {
+            double sum = 0.0;
+            for (size_t k = 0; k < n; k++) {
+                sum += relative(loop, k, i) * relative(loop, k, j);
+            }
+            loop->matrix[i * n + j] = sum;
+        }
+        largest = fmax(largest, loop->matrix[i * n + i]);
+    }
+    for (size_t i = 0; i < n; i++) {
+        loop->matrix[i * n + i] += damping * largest;
+    }
+}
+
+/* Newton's direction; with damping that of Levenberg and Marquardt. */
+static bool find_direction(Loop *loop, double damping) {
+    rescale(loop, loop->v, loop->g, true);
+    if (damping > 0.0) {
+        damped_equations(loop, damping);
+    } else {
+        newton_equations(loop);
     }
     if (!eliminate(loop->matrix, loop->step, loop->n)) {
         return false;
     }
     for (size_t i = 0; i < loop->n; i++) {
+        loop->step[i] *= loop->scale[i];
         if (!isfinite(loop->step[i])) {
             return false;
         }
@@ -147,12 +192,9 @@ static bool find_direction(Loop *loop) {
 
 typedef enum { BETTER, NOT_BETTER, BROKEN } Outcome;
 
-/* Go along Newton's direction as far as the residual becomes smaller; *ratio: by how much it did. */
-static Outcome take_step(Loop *loop, double *ratio) {
-    if (!find_direction(loop)) {
-        return NOT_BETTER;
-    }
-    for (double part = 1.0; part >= SHORTEST; part *= 0.5) {
+/* Go along the direction as far as the residual becomes smaller; *ratio: by how much it did. */
+static Outcome go_along(Loop *loop, double shortest, double *ratio) {
+    for (double part = 1.0; part >= shortest; part *= 0.5) {
         for (size_t i = 0; i < loop->n; i++) {
             loop->new_v[i] = loop->v[i] + part * loop->step[i];
         }
@@ -169,6 +211,20 @@ static Outcome take_step(Loop *loop, double *ratio) {
             rescale(loop, loop->v, loop->g, true);
             *ratio = norm(loop, loop->v, loop->g) / before;
             return BETTER;
+        }
+    }
+    return NOT_BETTER;
+}
+
+/* `hard`: try all that may help; else one step of Newton's, to come nearer to rounding. */
+static Outcome take_step(Loop *loop, bool hard, double *ratio) {
+    static const double dampings[] = {0.0, 1e-6, 1e-3, 1.0}; /* the first is Newton's method itself */
+    const size_t n = hard ? sizeof dampings / sizeof dampings[0] : 1;
+    for (size_t i = 0; i < n; i++) {
+        const double shortest = hard ? SHORTEST : 1.0;
+        const Outcome outcome = find_direction(loop, dampings[i]) ? go_along(loop, shortest, ratio) : NOT_BETTER;
+        if (outcome != NOT_BETTER) {
+            return outcome;
         }
     }
     return NOT_BETTER;
@@ -207,7 +263,7 @@ static bool newton(Loop *loop, double time) {
     for (int i = 0; i < MAX_ITERATIONS; i++) {
         rescale(loop, loop->v, loop->g, true);
         const double size = norm(loop, loop->v, loop->g);
-        if (size <= CONVERGED) {
+        if (size <= EXACT) {
             return found(loop);
         }
         if (!*loop->link->known) {
@@ -217,16 +273,16 @@ static bool newton(Loop *loop, double time) {
             fresh = true;
         }
         double ratio = 0.0;
-        const Outcome outcome = take_step(loop, &ratio);
+        const Outcome outcome = take_step(loop, size > CONVERGED, &ratio);
         if (outcome == BROKEN) {
             return false;
         }
         if (outcome == BETTER) {
-            if (ratio > SLOW) {
+            if (ratio > SLOW && size > CONVERGED) {
                 *loop->link->known = 0;
                 fresh = false;
             }
-        } else if (!fresh) {
+        } else if (!fresh && size > CONVERGED) {
             *loop->link->known = 0;
         } else if (size <= ACCEPTED) {
             return respond(loop, loop->v, loop->g) && found(loop);

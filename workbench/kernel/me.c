@@ -9,6 +9,7 @@
 
 enum { MAX_STEPS = 20000 }; /* between two recorded points or events */
 static const double CAUTION_GROWS = 8.0;
+static const double NEAR = 1e-6; /* of the time scale */
 
 static bool is_discard(const Failure *failure) {
     return failure->code == FAILED_STATUS && failure->status == FMI_DISCARD;
@@ -35,6 +36,9 @@ static Evaluation outcome(System *system, const double *values, size_t n, bool d
 
 static bool prepare(System *system, double t, const double *x) {
     if (is_recoverable(&system->failure)) {
+        if (!is_discard(&system->failure)) {
+            system->unsolved = system->failure;
+        }
         failure_clear(&system->failure);
     }
     return system_put(system, t, x);
@@ -174,8 +178,13 @@ static bool solver_failed(Me *me) {
     if (is_discard(failure) && me->solver->message[0]) {
         failure_clear(failure);
     }
+    /* A connection that gives no value just ahead says more than a solver that comes to a stop before it. */
+    const Failure *unsolved = &me->system->unsolved;
+    if (!is_recoverable(failure) && unsolved->code && fabs(unsolved->time - me->solver->t) <= NEAR * me->span) {
+        *failure = *unsolved;
+    }
     if (is_recoverable(failure)) {
-        return false; /* the connections say more than the solver */
+        return false;
     }
     snprintf(failure->message, sizeof failure->message, "%s", me->solver->message);
     return fail_at(failure, FAILED_SOLVER, me->solver->t);

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -43,10 +44,10 @@ def _wires(wiring: Wiring, kept: list[Any]) -> Wires:
         "typical": [abs(c.destination.nominal or 1.0) for c in connections],
         "fresh": [0.0] * len(connections),
     }
-    arrays = {name: np.array(values) for name, values in numbers.items()}
+    arrays: dict[str, NDArray[Any]] = {name: np.array(values) for name, values in numbers.items()}
     kept.append(arrays)
-    shared = {"values": wiring.values, "sizes": wiring.sizes, "closed": wiring.closed}
-    return Wires(n=len(connections), **{name: a.ctypes.data for name, a in (arrays | shared).items()})
+    arrays |= {"values": wiring.values, "sizes": wiring.sizes, "closed": wiring.closed}
+    return Wires(n=len(connections), **{name: a.ctypes.data for name, a in arrays.items()})
 
 
 def _link(instances: Sequence[Instance], wiring: Wiring, group: Group, memory: int, kept: list[Any]) -> Link:

@@ -262,6 +262,7 @@ class System(ctypes.Structure):
         ("pause_at", c_int64),
         ("limit", c_double),
         ("failure", Failure),
+        ("unsolved", Failure),
     )
 
 

@@ -7,6 +7,7 @@
 void system_go_on(System *system) {
     system->pause_at = system->steps + STEPS_BETWEEN_PAUSES;
     failure_clear(&system->failure);
+    failure_clear(&system->unsolved);
 }
 
 bool system_pauses(System *system, double time) {

@@ -47,6 +47,7 @@ typedef struct {
     int64_t pause_at;           /* steps at which a run lets the caller look after signals */
     double limit;               /* no signal is evaluated later than this [s] */
     Failure failure;
+    Failure unsolved; /* of connections, that a shorter step may have avoided: the last one */
 } System;
 
 enum { STEPS_BETWEEN_PAUSES = 1000 };

@@ -20,8 +20,8 @@ def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, tim
         time: [s].
     """
     return SimulationError(
-        f"the algebraic loop through {', '.join(labels)} has no solution: at best {worst} is {value} with a residual "
-        f"of {residual:.3g}; put a lag or a delay into one of these connections, or check their gains and signs (a "
-        "loop gain of exactly 1 has none)",
+        f"no solution was found for the algebraic loop through {', '.join(labels)}: at best {worst} is {value} with a "
+        f"residual of {residual:.3g}; put a lag or a delay into one of these connections, or check their gains and "
+        "signs (a loop gain of exactly 1 has no solution)",
         time=time,
     )

@@ -14,13 +14,17 @@ __all__ = ["Loop", "solve_loop"]
 
 Floats = NDArray[np.float64]
 
-CONVERGED = 1e-12  # residual, of the largest magnitude that the value has had
-ACCEPTED = 1e-9  # the same where rounding lets it become no smaller
+# Residual, of the largest magnitude that the value has had. Solutions go down to rounding where that is cheap: event
+# indicators inside a loop must have one sign at one point, from wherever the solution came.
+EXACT = 1e-15
+CONVERGED = 1e-12  # enough if the kept Jacobian makes it no smaller
+ACCEPTED = 1e-9  # enough if rounding lets it become no smaller
 MAX_ITERATIONS = 50
 SHORTEST = 1.0 / 1024.0  # damping
 SLOW = 0.1  # a Jacobian that reduces the residual by less than this is found anew
 PERTURBATION = 2.0**-26  # √ε
 TINY = 1e-300
+DAMPINGS = (0.0, 1e-6, 1e-3, 1.0)  # the first is Newton's method itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +52,8 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
     """Return the solution nearest to `start` that Newton's method finds, and leave the components at it.
 
     Newton's method with the Jacobian by differences, kept while it serves, and halving of steps that do not reduce
-    the residual (J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations,
-    1983, 6.3). Relations inside the components are those of the moment: at events the event iteration goes on
+    the residual; where its matrix is singular, the method of Levenberg and Marquardt (J. Dennis, R. Schnabel,
+    Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983, 6.3 and 10.2). Relations inside the components are those of the moment: at events the event iteration goes on
     until loop and relations agree. The twin of workbench/kernel/algebraic.c.
 
     Args:
@@ -66,18 +70,18 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
     for _ in range(MAX_ITERATIONS):
         scale = _scale(loop, v, g)
         size = _norm(g - v, scale)
-        if size <= CONVERGED:
+        if size <= EXACT:
             return _found(loop, v)
         if not loop.known[0]:
             _find_jacobian(loop, v, g, scale)
             fresh = True
-        better = _step(loop, v, g)
+        better = _step(loop, v, g, DAMPINGS if size > CONVERGED else DAMPINGS[:1])
         if better is not None:
             scale = _scale(loop, *better)
-            if _norm(better[1] - better[0], scale) > SLOW * _norm(g - v, scale):
+            if size > CONVERGED and _norm(better[1] - better[0], scale) > SLOW * _norm(g - v, scale):
                 loop.known[0], fresh = 0, False
             v, g = better
-        elif not fresh:
+        elif not fresh and size > CONVERGED:
             loop.known[0] = 0
         elif size <= ACCEPTED:
             loop.respond(v)
@@ -100,7 +104,8 @@ def _scale(loop: Loop, v: Floats, g: Floats) -> Floats:
 
 
 def _norm(r: Floats, scale: Floats) -> float:
-    size = float(np.max(np.abs(r) / scale))
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = float(np.linalg.norm(r / scale))
     return size if np.isfinite(size) else np.inf
 
 
@@ -113,16 +118,35 @@ def _find_jacobian(loop: Loop, v: Floats, g: Floats, scale: Floats) -> None:
     loop.known[0] = 1
 
 
-def _step(loop: Loop, v: Floats, g: Floats) -> tuple[Floats, Floats] | None:
-    """Return the next v with g(v); None if no step along Newton's direction reduces the residual."""
+def _step(loop: Loop, v: Floats, g: Floats, dampings: Sequence[float]) -> tuple[Floats, Floats] | None:
+    """Return the next v with g(v); None if no step along any direction reduces the residual."""
+    for damping in dampings:
+        direction = _direction(loop, v, g, damping)
+        shortest = SHORTEST if len(dampings) > 1 else 1.0
+        better = None if direction is None else _along(loop, v, g, direction, shortest)
+        if better is not None:
+            return better
+    return None
+
+
+def _direction(loop: Loop, v: Floats, g: Floats, damping: float) -> Floats | None:
+    """Return Newton's direction; with damping that of Levenberg and Marquardt, in values relative to their scale."""
+    scale = _scale(loop, v, g)
+    matrix, right = loop.jacobian * scale / scale[:, None], (v - g) / scale
+    if damping:
+        square = matrix.T @ matrix
+        matrix, right = square + damping * np.max(np.diag(square)) * np.eye(len(v)), matrix.T @ right
     try:
-        direction = -np.linalg.solve(loop.jacobian, g - v)
+        direction: Floats = scale * np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
         return None
-    if not np.isfinite(direction).all():
-        return None
+    return direction if np.isfinite(direction).all() else None
+
+
+def _along(loop: Loop, v: Floats, g: Floats, direction: Floats, shortest: float) -> tuple[Floats, Floats] | None:
+    """Go along a direction as far as the residual becomes smaller."""
     part = 1.0
-    while part >= SHORTEST:
+    while part >= shortest:
         new = v + part * direction
         answer = loop.respond(new)
         scale = np.maximum(_scale(loop, v, g), _scale(loop, new, answer))

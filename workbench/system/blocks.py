@@ -125,7 +125,8 @@ class BlockInstance(Instance):
             return np.empty(0)
         name = self.description.model_name
         try:
-            y = np.atleast_1d(np.asarray(self._function(u), dtype=np.float64))
+            with np.errstate(all="ignore"):  # a solution is sought with it
+                y = np.atleast_1d(np.asarray(self._function(u), dtype=np.float64))
         except Exception as error:
             raise SimulationError(
                 f"{name}: the function raised {type(error).__name__}: {error}", time=self.time
