@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from workbench.errors import InputError, article
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.system.description import Connection, Port, Resolved, SystemDescription, Wire
+from workbench.system.description import Component, Connection, FmuComponent, Port, Resolved, SystemDescription, Wire
 from workbench.system.health_units import UnitCheck, declared_unit
 from workbench.system.names import NameTable
 
@@ -158,7 +158,7 @@ class _Resolver:
 
     def _unconnected(self) -> Iterable[str]:
         free = [
-            self._full(Port(k, v)) + _start(v, declared_unit(self.description.components[k], v))
+            self._full(Port(k, v)) + _start(self.description.components[k], v)
             for k, group in enumerate(self.variables)
             for v in group
             if v.causality == "input" and (k, v.name) not in self.drivers
@@ -171,11 +171,14 @@ class _Resolver:
         return f"{self.description.components[port.component].name}.{port.variable.name}"
 
 
-def _start(variable: Variable, unit: str | None) -> str:
-    if variable.start is None:
+def _start(component: Component, variable: Variable) -> str:
+    """Return where an input stands, for a note: the value that the system sets, else the FMU's."""
+    start = component.set.get(variable.name, variable.start) if isinstance(component, FmuComponent) else variable.start
+    if start is None:
         return ""
-    value = f"{variable.start:g}" if isinstance(variable.start, float) else str(variable.start)
-    return f" = {value}{f' {unit}' if unit else ''}"
+    unit = declared_unit(component, variable)
+    value = f"{start:g}" if isinstance(start, float) else str(start)
+    return f" = {value}{f' {unit}' if unit and unit != '1' else ''}"
 
 
 def _check_unique(names: Sequence[str]) -> None:
