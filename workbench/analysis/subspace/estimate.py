@@ -151,9 +151,12 @@ def _fit(data: tuple[Floats, Floats], A: Floats, C: Floats, noise: Noise, *, fee
 
 
 def _weight(error: Floats) -> Floats | None:
-    """Return the inverse root of the error's covariance, None where some combination of outputs has no error."""
+    """Return the inverse root of the error's covariance.
+
+    None where some combination of outputs has no error, and where all have much the same so that it would not matter.
+    """
     values, vectors = np.linalg.eigh(error.T @ error / len(error))
-    if values[0] <= 1e-10 * values[-1]:
+    if values[0] <= 1e-10 * values[-1] or values[0] > 0.5 * values[-1]:
         return None
     weight: Floats = (vectors / np.sqrt(values)).T
     return weight

@@ -9,9 +9,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from workbench.session.base import Floats
 
-__all__ = ["HankelFactor", "factorise", "lower", "pseudo_inverse", "triangular"]
+__all__ = ["ROUNDING", "HankelFactor", "excitation", "factorise", "lower", "pseudo_inverse", "triangular"]
 
 _LEAST_CHUNK = 4096  # columns of the Hankel matrix worked on at a time; fewer cost more calls, more need more memory
+_ENOUGH = 8  # columns per row that show whether rows are independent
 ROUNDING = float(np.finfo(np.float64).eps)
 
 
@@ -49,17 +50,6 @@ class HankelFactor:
         """Return the past of i samples, inputs then outputs, `shift` samples later."""
         return np.vstack([self.u(shift, self.horizon + shift), self.y(shift, self.horizon + shift)])
 
-    @property
-    def excitation(self) -> int:
-        """Block rows of the input that are linearly independent (persistent excitation, Verhaegen & Verdult 10.2.4)."""
-        size = 2 * self.horizon * self.inputs
-        if size == 0:
-            return 2 * self.horizon
-        corner = self.L[:size, :size]
-        floor = 1e3 * ROUNDING * size * float(np.linalg.norm(corner, 2))
-        weak = np.flatnonzero(np.abs(np.diag(corner)) <= floor)
-        return 2 * self.horizon if weak.size == 0 else int(weak[0]) // self.inputs
-
 
 def factorise(u: Floats, y: Floats, horizon: int) -> HankelFactor:
     """Return the triangular factor of the block Hankel matrix without ever forming that matrix.
@@ -75,16 +65,45 @@ def factorise(u: Floats, y: Floats, horizon: int) -> HankelFactor:
     """
     (samples, m), p = u.shape, y.shape[1]
     columns = samples - 2 * horizon + 1
-    rows = 2 * horizon * (m + p)
-    chunk = max(_LEAST_CHUNK, 4 * rows)
+    L = _lower_factor((u, y), 2 * horizon)
+    return HankelFactor(L / np.sqrt(columns), horizon, m, p, columns)
+
+
+def _lower_factor(signals: tuple[Floats, ...], length: int) -> Floats:
+    """Return L of [H1; H2; …] = L Q, the block Hankel matrices of `length` block rows of each signal."""
+    rows = length * sum(s.shape[1] for s in signals)
+    columns, chunk = len(signals[0]) - length + 1, max(_LEAST_CHUNK, 4 * rows)
     factor = np.zeros((0, rows))
     for first in range(0, columns, chunk):
-        last = min(first + chunk, columns)
-        piece = np.hstack([_windows(signal[first : last + 2 * horizon - 1], 2 * horizon) for signal in (u, y)])
+        last = min(first + chunk, columns) + length - 1
+        piece = np.hstack([_windows(s[first:last], length) for s in signals])
         factor = triangular(np.vstack([factor, piece]))
     square = np.zeros((rows, rows))
     square[: len(factor)] = factor
-    return HankelFactor(square.T / np.sqrt(columns), horizon, m, p, columns)
+    return square.T
+
+
+def excitation(u: Floats, length: int) -> int:
+    """Return how many successive block rows of the input are linearly independent, at most `length`.
+
+    The order of persistent excitation (Verhaegen & Verdult 2007, section 10.2.4). The beginning of a long record is
+    asked first: what is independent there is so in the whole.
+
+    Args:
+        u: shape (N, m).
+        length: block rows that are looked at; less than N.
+    """
+    beginning = u[: length + _ENOUGH * length * u.shape[1]]
+    found = _independent(beginning, length)
+    return found if found == length or len(beginning) == len(u) else _independent(u, length)
+
+
+def _independent(u: Floats, length: int) -> int:
+    size = length * u.shape[1]
+    corner = _lower_factor((u,), length)
+    floor = 1e3 * ROUNDING * size * float(np.linalg.norm(corner, 2))
+    weak = np.flatnonzero(np.abs(np.diag(corner)) <= floor)
+    return length if weak.size == 0 else int(weak[0]) // u.shape[1]
 
 
 def _windows(signal: Floats, length: int) -> Floats:

@@ -3,18 +3,26 @@
 A short horizon cannot tell slow poles apart, a long one costs variance and time; what is best depends on the
 unknown poles. In trials (orders 1 to 6, poles up to 0.995, 20 dB) a horizon of 2 n + 2 lost a factor of 100 against
 30 to 50 block rows where poles were slow, and 50 lost a factor of two where they were fast. So several are tried, and
-the one whose model simulates the record best is taken.
+the one whose model simulates the record best is taken; of a record too long for that, n + 2 only.
 """
 
 from __future__ import annotations
 
 from workbench.errors import InputError
 
-__all__ = ["candidates", "check_length", "first_horizon", "largest_order", "least_horizon", "within_excitation"]
+__all__ = [
+    "candidates",
+    "check_length",
+    "first_horizon",
+    "largest_excitation",
+    "largest_order",
+    "least_horizon",
+    "within_excitation",
+]
 
 _ROOM = 12  # block rows beyond the largest order in the first look
 _TRIED = (20, 40)
-_EFFORT = 4e9  # operations allowed for a horizon besides the first
+_EFFORT = 4e9  # samples × rows² allowed for a horizon that is not the least
 
 
 def largest_horizon(samples: int, inputs: int, outputs: int) -> int:
@@ -26,6 +34,16 @@ def largest_horizon(samples: int, inputs: int, outputs: int) -> int:
         outputs: p.
     """
     return (samples + 1) // (2 * (inputs + outputs + 1))
+
+
+def largest_excitation(size: tuple[int, int, int]) -> int:
+    """Return how many shifts of the input a record can show to be independent.
+
+    Args:
+        size: N, m and p.
+    """
+    samples, m, _ = size
+    return (samples + 1) // (m + 1)
 
 
 def largest_order(horizon: int, outputs: int) -> int:
@@ -85,7 +103,8 @@ def first_horizon(order: int | None, most: int, size: tuple[int, int, int]) -> i
     if least_horizon(order, p) > limit:
         most_possible = largest_order(limit, p)
         raise InputError(f"order {order} is too high: {size[0]} samples of {p} output(s) allow {most_possible} at most")
-    return min(2 * order + 2, limit)
+    usual = 2 * order + 2
+    return min(usual if _affordable(usual, size) else order + 2, limit)
 
 
 def candidates(order: int, first: int, size: tuple[int, int, int]) -> tuple[int, ...]:
@@ -96,10 +115,14 @@ def candidates(order: int, first: int, size: tuple[int, int, int]) -> tuple[int,
         first: horizon of the first look.
         size: N, m and p.
     """
-    samples, m, p = size
     limit = largest_horizon(*size) // 2
     wanted = {2 * order + 2, *(h for h in _TRIED if h > 2 * order + 2)} - {first}
-    return tuple(h for h in sorted(wanted) if h <= limit and samples * (2.0 * h * (m + p)) ** 2 <= _EFFORT)
+    return tuple(h for h in sorted(wanted) if h <= limit and _affordable(h, size))
+
+
+def _affordable(horizon: int, size: tuple[int, int, int]) -> bool:
+    samples, m, p = size
+    return samples * (2.0 * horizon * (m + p)) ** 2 <= _EFFORT
 
 
 def within_excitation(excited: int, order: int | None, outputs: int) -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from workbench.analysis.subspace.hankel import HankelFactor, factorise
+from workbench.analysis.subspace.hankel import HankelFactor, excitation, factorise
 from workbench.analysis.subspace.horizon import (
     candidates,
     check_length,
     first_horizon,
+    largest_excitation,
     largest_order,
     within_excitation,
 )
@@ -55,12 +56,15 @@ def first_trial(record: tuple[Floats, Floats], settings: Settings) -> Trial:
     horizon = first_horizon(settings.order, settings.most, size) if settings.horizon is None else settings.horizon
     check_length(horizon, size)
     _check_allowed(settings.order, horizon, size[2])
-    trial = _look(record, horizon, settings)
-    excited = trial.factor.excitation
-    if excited >= 2 * horizon:
+    wanted = 2 * horizon + (settings.order or horizon)
+    excited = excitation(record[0], min(wanted, largest_excitation(size)))
+    if excited >= min(wanted, largest_excitation(size)):
+        trial = _look(record, horizon, settings)
         return replace(trial, fixed=settings.horizon is not None or not trial.space.noisy)
     shorter = min(within_excitation(excited, settings.order, size[2]), horizon)
-    note = f"the inputs excite {excited} orders only: horizon {shorter} instead of {horizon}"
+    note = (
+        f"the inputs excite {excited} orders only: horizon {shorter} instead of {horizon}" if shorter < horizon else ""
+    )
     return replace(_look(record, shorter, settings), fixed=True, note=note)
 
 
