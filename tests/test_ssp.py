@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,16 +13,20 @@ from fmpy.ssp import ssd as fmpy_ssd
 from lxml import etree
 
 from tests.system_fmus import plain_fmu
+from workbench.analysis.simulate import simulate
 from workbench.errors import FmuError, InputError, WorkbenchError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import Experiment
 from workbench.fmi.variable import Variable
+from workbench.signals import Sine
+from workbench.system.connect import open_description
 from workbench.system.description import (
     Connection,
     FmuComponent,
     FunctionComponent,
     GainComponent,
     LinearComponent,
+    SumComponent,
     SystemDescription,
 )
 from workbench.system.fmu_facts import fmu_facts
@@ -552,6 +557,57 @@ def test_written_package_is_read_back_the_same(tmp_path: Path) -> None:
     write_ssp(found, tmp_path / "again.ssp")
     first = zipfile.ZipFile(tmp_path / "loop.ssp").read("SystemStructure.ssd")
     assert zipfile.ZipFile(tmp_path / "again.ssp").read("SystemStructure.ssd") == first
+
+
+def test_written_package_simulates_to_the_same_bytes(tmp_path: Path) -> None:
+    given = SystemDescription(
+        name="loop",
+        components=(
+            FmuComponent(name="rudder", file="fmu:Rudder", interface="me", set={"pS": 2.0e7}),
+            SumComponent(name="s", signs=(1.0, -1.0), unit="deg"),
+            GainComponent(name="k", gain=0.7, units={"u": "deg", "y": "rad"}),
+        ),
+        connections=(
+            Connection(source="s.y", destination="k.u"),
+            Connection(source="k.y", destination="rudder.delC", unit="deg", closes_at=0.3),
+            Connection(source="rudder.del", destination="s.u2"),
+        ),
+        inputs={"command": ("s.u1",)},
+        outputs={"angle": "rudder.del"},
+    )
+    write_ssp(given, tmp_path / "loop.ssp")
+    histories = []
+    for system in (given, read_system(tmp_path / "loop.ssp")):
+        with open_description(system) as model:
+            result = simulate(model, stop=1.0, inputs={"command": Sine(amplitude=2.0, frequency=2.0)})
+        result.to_csv(tmp_path / "angle.csv")
+        histories.append((tmp_path / "angle.csv").read_bytes())
+    assert histories[0] == histories[1]
+    assert np.ptp(np.loadtxt(tmp_path / "angle.csv", delimiter=",", skiprows=1)[:, -1]) > 0.1
+
+
+def test_packages_stand_in_system_files(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_ssp(
+            SystemDescription(
+                name=name,
+                components=(FmuComponent(name="lag", file="fmu:FirstOrderLag"),),
+                inputs={"u": ("lag.u",)},
+                outputs={"y": "lag.y"},
+            ),
+            tmp_path / f"{name}.ssp",
+        )
+    file = tmp_path / "both.toml"
+    file.write_text('[components]\na = "a.ssp"\nb = "b.ssp"\n[connections]\n"b.u" = "a.y"\n[outputs]\ny = "b.y"\n')
+    system = read_system(file)
+    assert system.connections == (Connection(source="a.lag.y", destination="b.lag.u"),)
+    files = [Path(c.file) for c in system.components if isinstance(c, FmuComponent)]
+    gc.collect()
+    assert len(files) == 2
+    assert all(f.is_file() for f in files)
+    del system
+    gc.collect()
+    assert not any(f.exists() for f in files)
 
 
 def test_unpacked_fmus_are_packed(tmp_path: Path) -> None:

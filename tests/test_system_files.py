@@ -167,6 +167,53 @@ def test_other_files_are_no_systems(tmp_path: Path) -> None:
     assert "a folder without SystemStructure.ssd" in message_of(tmp_path)
 
 
+INNER = """
+[components]
+plant = "fmu:FirstOrderLag"
+k = 2
+[connections]
+"plant.u" = "k.y"
+[inputs]
+u = ["k.u"]
+[outputs]
+y = "plant.y"
+"""
+
+
+def test_systems_are_components_of_systems(tmp_path: Path) -> None:
+    (tmp_path / "inner.toml").write_text(INNER)
+    text = """
+[components]
+s = {sum = "+-"}
+a = "inner.toml"
+b = "inner.toml"
+[connections]
+"a.u" = "s.y"
+"b.u" = {from = "a.y", gain = 3}
+"s.u2" = "b.plant.y"
+[inputs]
+r = "s.u1"
+[outputs]
+y = "b.y"
+"""
+    system = read_system(written(tmp_path, text))
+    assert [c.name for c in system.components] == ["s", "a.plant", "a.k", "b.plant", "b.k"]
+    assert system.connections == (
+        Connection(source="a.k.y", destination="a.plant.u"),
+        Connection(source="b.k.y", destination="b.plant.u"),
+        Connection(source="s.y", destination="a.k.u"),
+        Connection(source="a.plant.y", destination="b.k.u", gain=3.0),
+        Connection(source="b.plant.y", destination="s.u2"),
+    )
+    assert system.outputs == {"y": "b.plant.y"}
+    said = message_of(written(tmp_path, text.replace('"b.u"', '"b.v"')))
+    assert said == "'v' is no input of the system 'b'; known: u"
+    said = message_of(written(tmp_path, text.replace('a = "inner.toml"', 'a = {model = "inner.toml", step = 1}')))
+    assert said == "[components] a: inner.toml is a system; set, interface, solver and step stand in its own file"
+    said = message_of(written(tmp_path, text.replace('a = "inner.toml"', 'a = "loop.toml"')))
+    assert said == "[components] a: loop.toml contains itself"
+
+
 # -- health ---------------------------------------------------------------------------------------
 
 PLANT = (

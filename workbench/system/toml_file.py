@@ -9,15 +9,21 @@ from typing import Any
 
 from workbench.errors import InputError
 from workbench.fmi.description import Experiment
-from workbench.system.description import Connection, SystemDescription
+from workbench.system.description import Component, Connection, FmuComponent, SystemDescription
+from workbench.system.nested import Inner, embed
+from workbench.system.read import is_system_file, read_system
 from workbench.system.toml_components import read_component
 from workbench.system.toml_schema import ConnectionTable, ExperimentTable, SystemTable, read_table
 
 __all__ = ["read_toml"]
 
 
-def read_toml(path: Path) -> SystemDescription:
+def read_toml(path: Path, parents: tuple[Path, ...] = ()) -> SystemDescription:
     """Return the system that a .toml file describes.
+
+    Args:
+        path: of the file.
+        parents: the files of the systems that this one is part of.
 
     Raises:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown
@@ -25,7 +31,7 @@ def read_toml(path: Path) -> SystemDescription:
     """
     data = _load(path)
     try:
-        return _description(path, data)
+        return _description(path, data, (*parents, path.resolve()))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -42,18 +48,33 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not TOML: {error}{twice}") from None
 
 
-def _description(path: Path, data: Mapping[str, Any]) -> SystemDescription:
+def _description(path: Path, data: Mapping[str, Any], parents: tuple[Path, ...]) -> SystemDescription:
     table = read_table(SystemTable, data, "")
     experiment = read_table(ExperimentTable, table.experiment, "[experiment]")
-    return SystemDescription(
+    parts = [_part(read_component(name, given, path.parent), parents) for name, given in table.components.items()]
+    outer = SystemDescription(
         name=table.name or path.stem,
-        components=tuple(read_component(name, given, path.parent) for name, given in table.components.items()),
+        components=(),
         connections=tuple(_connection(name, given) for name, given in _connections(table.connections)),
         inputs={name: (given,) if isinstance(given, str) else tuple(given) for name, given in table.inputs.items()},
         outputs=dict(table.outputs),
         default_experiment=Experiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
         source=str(path),
     )
+    return embed(outer, parts)
+
+
+def _part(component: Component, parents: tuple[Path, ...]) -> Component | Inner:
+    """Return a component, or the system that stands in its place."""
+    if not isinstance(component, FmuComponent) or not is_system_file(component.file):
+        return component
+    where, file = f"[components] {component.name}", Path(component.file)
+    if component != FmuComponent(name=component.name, file=component.file):
+        raise InputError(f"{where}: {file.name} is a system; set, interface, solver and step stand in its own file")
+    if file in parents:
+        raise InputError(f"{where}: {file.name} contains itself")
+    system = read_toml(file, parents) if file.suffix.lower() == ".toml" else read_system(file)
+    return Inner(component.name, system)
 
 
 def _connections(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
