@@ -52,9 +52,12 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
     """Return the solution nearest to `start` that Newton's method finds, and leave the components at it.
 
     Newton's method with the Jacobian by differences, kept while it serves, and halving of steps that do not reduce
-    the residual; where its matrix is singular, the method of Levenberg and Marquardt (J. Dennis, R. Schnabel,
-    Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983, 6.3 and 10.2). Relations inside the components are those of the moment: at events the event iteration goes on
-    until loop and relations agree. The twin of workbench/kernel/algebraic.c.
+    the residual; where its matrix is singular, the method of Levenberg and Marquardt. Relations inside the components
+    are those of the moment: at events the event iteration goes on until loop and relations agree. The twin of
+    workbench/kernel/algebraic.c.
+
+    Source: J. Dennis, R. Schnabel, Numerical Methods for Unconstrained Optimization and Nonlinear Equations, 1983,
+    6.3 and 10.2.
 
     Args:
         loop: what is solved.
@@ -75,7 +78,7 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
         if not loop.known[0]:
             _find_jacobian(loop, v, g, scale)
             fresh = True
-        better = _step(loop, v, g, DAMPINGS if size > CONVERGED else DAMPINGS[:1])
+        better = _step(loop, v, g, hard=size > CONVERGED)
         if better is not None:
             scale = _scale(loop, *better)
             if size > CONVERGED and _norm(better[1] - better[0], scale) > SLOW * _norm(g - v, scale):
@@ -118,12 +121,14 @@ def _find_jacobian(loop: Loop, v: Floats, g: Floats, scale: Floats) -> None:
     loop.known[0] = 1
 
 
-def _step(loop: Loop, v: Floats, g: Floats, dampings: Sequence[float]) -> tuple[Floats, Floats] | None:
-    """Return the next v with g(v); None if no step along any direction reduces the residual."""
-    for damping in dampings:
+def _step(loop: Loop, v: Floats, g: Floats, *, hard: bool) -> tuple[Floats, Floats] | None:
+    """Return the next v with g(v); None if no step reduces the residual.
+
+    `hard`: try all that may help; else one step of Newton's, to come nearer to rounding.
+    """
+    for damping in DAMPINGS if hard else DAMPINGS[:1]:
         direction = _direction(loop, v, g, damping)
-        shortest = SHORTEST if len(dampings) > 1 else 1.0
-        better = None if direction is None else _along(loop, v, g, direction, shortest)
+        better = None if direction is None else _along(loop, v, g, direction, SHORTEST if hard else 1.0)
         if better is not None:
             return better
     return None

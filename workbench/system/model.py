@@ -42,7 +42,7 @@ class Opened:
 
     @property
     def interface(self) -> str:
-        """ "me" if all components are, "cs" if there is none that is, else "mixed"."""
+        """The interface that all components have: "me", "cs", or "mixed"."""
         kinds = {p.interface for p in self.parts}
         return kinds.pop() if len(kinds) == 1 else "mixed"
 
@@ -122,12 +122,18 @@ def open_system(recipe: SystemRecipe) -> DescribedModel:
         InputError, FmuError: see `connect`.
     """
     with ExitStack() as undo:
-        parts = open_parts(recipe.system.components, undo, recipe.parts)
+        parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
         resolved = resolve(recipe.system, [p.description.variables for p in parts])
         opened = Opened(recipe.system, parts, resolved)
+        if recipe.interface not in ("auto", opened.interface):
+            raise InputError(f"{recipe.source}: interface {recipe.interface} is wanted, but {_kinds(opened)}")
         model = SYSTEMS[opened.interface](opened, recipe.with_parts(parts))
         undo.pop_all()
     return model
+
+
+def _kinds(opened: Opened) -> str:
+    return "its components have " + ", ".join(f"{p.name}: {p.interface}" for p in opened.parts)
 
 
 def _no_master(opened: Opened, recipe: SystemRecipe) -> DescribedModel:
