@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, label, save
-from workbench.plotting.panels import ABOVE, LINE, panels
+from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def _outputs(ax: Axes, result: Validation, k: int, shown: slice) -> None:
         text = f"{kind.kind}, fit {fit.fit_percent:.1f} %" if np.isfinite(fit.fit_percent) else f"{kind.kind}: unstable"
         values = kind.computed[shown, k] if good else np.full(len(time), np.nan)
         ax.plot(time, values, dash, color=colour, linewidth=1.2, label=text)
-    room = (float(np.ptp(y)) or 1.0) * 0.25  # what leaves it is wrong anyhow: an unstable model must not hide the rest
+    room = (float(np.ptp(y)) or 1.0) * 0.15  # what leaves it is wrong anyhow: an unstable model must not hide the rest
     ax.set_ylim(float(np.min(y)) - room, float(np.max(y)) + room)
     ax.legend(ncols=3, **ABOVE)
 
@@ -110,6 +112,7 @@ def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | 
             grid[2 + j][k].set_ylabel(f"correlation of\n{source} and residual")
             grid[2 + j][k].set_xlabel(f"lag [samples of {data.dt:g} s]")
     _verdicts(figure, residuals)
+    _explain(grid[1][0])
     if path is not None:
         save(figure, path)
     return figure
@@ -127,12 +130,11 @@ def _autocorrelation(ax: Axes, residuals: Residuals, k: int, dt: float) -> None:
     test = residuals.autocorrelation
     if test is None:
         return
-    ax.axhspan(-test.band, test.band, label="95 % band of each lag; orange: outside", **_BAND)
+    ax.axhspan(-test.band, test.band, **_BAND)
     _stems(ax, test.lags, test.values[:, k], (np.abs(test.values[:, k]) > test.band) & (test.lags > 0.0))
     ax.set_ylabel("autocorrelation")
     ax.set_xlabel(f"lag [samples of {dt:g} s]")
     ax.set_ylim(min(-0.15, 1.15 * float(np.min(test.values[:, k]))), 1.05)
-    ax.legend(ncols=2, **ABOVE)
 
 
 def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
@@ -140,17 +142,16 @@ def _cross(ax: Axes, residuals: Residuals, k: int, j: int) -> None:
     if test is None:
         return
     values, band, wide = test.values[:, k, j], float(test.band[k, j]), float(test.band_all[k, j])
-    ax.axhspan(-band, band, label="95 % band of each lag", **_BAND)
-    ax.axhline(wide, label="97.5 % band of all lags; orange: outside", **_EDGE)
+    ax.axhspan(-band, band, **_BAND)
+    ax.axhline(wide, **_EDGE)
     ax.axhline(-wide, **_EDGE)
     ax.axvline(-0.5, color="#888888", linewidth=0.7)
     _stems(ax, test.lags, values, np.abs(values) > wide)
     top = 1.5 * max(float(np.max(np.abs(values))), wide)
     ax.set_ylim(-top, top)
     for at, side in ((0.01, "left"), (0.99, "right")):
-        text = "lag < 0: feedback" if side == "left" else "lag ≥ 0: dynamics missed"
+        text = "feedback" if side == "left" else "dynamics missed"
         ax.text(at, 0.03, text, transform=ax.transAxes, ha=side, fontsize=8.0, color="#555555")
-    ax.legend(ncols=2, **ABOVE)
 
 
 def _stems(ax: Axes, lags: Floats, values: Floats, outside: np.ndarray[Any, Any]) -> None:
@@ -158,6 +159,12 @@ def _stems(ax: Axes, lags: Floats, values: Floats, outside: np.ndarray[Any, Any]
         ax.vlines(lags[chosen], 0.0, values[chosen], color=colour, linewidth=1.2)
         ax.plot(lags[chosen], values[chosen], "o", color=colour, markersize=3.0)
     ax.axhline(0.0, color="#888888", linewidth=0.7)
+
+
+def _explain(ax: Axes) -> None:
+    outside = Line2D([], [], color=COLOURS[1], marker="o", markersize=3.0, linewidth=1.2)
+    words = ["95 % band, each lag", "97.5 % band, all lags", "outside"]
+    ax.legend([Patch(**_BAND), Line2D([], [], **_EDGE), outside], words, loc="upper right", **LEGEND)
 
 
 def _verdicts(figure: Figure, residuals: Residuals) -> None:
