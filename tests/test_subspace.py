@@ -162,6 +162,19 @@ def test_delays_differ_by_input() -> None:
     assert np.allclose(found.model.undelayed().D, plant.D, atol=1e-8)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_gain_is_order_zero(noise: float) -> None:
+    rng = np.random.default_rng(6)
+    u = rng.standard_normal((300, 2))
+    gain = np.array([[1.0, -2.0], [0.5, 3.0]])
+    model = estimate(u, u @ gain.T + noise * rng.standard_normal((300, 2)), 0.1, order=0).model
+    assert model.order == 0
+    assert np.allclose(model.D, gain, atol=1e-9 + 0.3 * noise)
+    assert model.poles.shape == model.zeros.shape == (0,)
+    assert np.allclose(model.predict(u, u @ gain.T), u @ model.D.T)
+    assert np.allclose(model.response(np.array([1.0]))[0], model.D)
+
+
 def test_a_poor_input_shortens_the_horizon_and_a_sine_is_refused() -> None:
     k = np.arange(600.0)
     lines = sum(np.sin(2 * np.pi * f * k + f) for f in (0.03, 0.07, 0.11, 0.17, 0.23, 0.31))
@@ -180,7 +193,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"basis": "combind"}, "did you mean combined"),
     ({"method": "cva", "basis": "unscaled"}, "take moesp"),
     ({"order": "best"}, "neither a number nor 'auto'"),
-    ({"order": 0}, "1 or more"),
+    ({"order": -1}, "0 .a gain. or more"),
     ({"order": 60}, "too high: 200 samples"),
     ({"order": 5, "horizon": 4}, "too high: a horizon of 4"),
     ({"horizon": 1}, "horizon must be 2"),

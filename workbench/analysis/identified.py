@@ -216,7 +216,7 @@ class IdentifiedModel:
         A = self.A - self.K @ self.C if predicting else self.A
         free, _ = march(np.zeros((len(dy), len(self.C), self.order)), A, self.C)
         left = dy + self.y0 - rest
-        rows = free.reshape(-1, self.order)
+        rows = free.reshape(dy.size, self.order)
         good = np.isfinite(rows).all(axis=1) & np.isfinite(left).reshape(-1)
         found = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
         return np.asarray(found, dtype=np.float64)

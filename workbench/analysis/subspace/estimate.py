@@ -72,7 +72,7 @@ def estimate(
         u: inputs, shape (N, m) or (N,), held from sample to sample.
         y: outputs, shape (N, p) or (N,); y[k] holds the effect of u[k] if there is feedthrough.
         dt: sampling interval [s].
-        order: number of states without delays, or "auto".
+        order: number of states without delays, 0 for a gain, or "auto" (which gives 0 without noise only).
         method: name in `workbench.analysis.subspace.METHODS`; which weighting, see there.
         basis: the source report's keyword: "combined" weights outputs by their covariance (principal angles),
             "unscaled" does not (singular values); None: the method's own.

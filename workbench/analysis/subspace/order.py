@@ -120,8 +120,9 @@ def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
     why = f"smallest Bayesian criterion of the simulation error among orders 1 to {last}"
     if order > 1:
         why += f"; order {order - 1} would raise the error by {_percent(costs[order - 1] - costs[order])}"
-    if order < last and np.isfinite(costs[order + 1]):
-        why += f", order {order + 1} lower it by {_percent(costs[order] - costs[order + 1])} only"
+    if order < last:
+        above = order + 1 if np.isfinite(costs[order + 1]) else last
+        why += f"; order {above} would lower it by {_percent(costs[order] - costs[above])} only"
     notes = []
     if order == last > 1:
         notes.append(f"order {order} is the largest considered: allow more, or doubt the data")

@@ -63,8 +63,8 @@ def check_order_wish(order: int | str) -> int | None:
         if order != "auto":
             raise InputError(f"order '{order}' is neither a number nor 'auto'")
         return None
-    if order != int(order) or order < 1:
-        raise InputError(f"order must be a whole number, 1 or more, not {order}")
+    if order != int(order) or order < 0:
+        raise InputError(f"order must be a whole number, 0 (a gain) or more, not {order}")
     return int(order)
 
 

@@ -96,6 +96,8 @@ def noise_of(fit: StateFit, A: Floats, C: Floats) -> Noise:
     floor = 1e3 * ROUNDING * float(np.max(fit.scale[n:], initial=0.0))
     if np.linalg.norm(fit.residual[n:], 2) <= floor:
         return Noise(np.zeros((n, p)), R, "the data hold no noise beyond rounding: K is zero")
+    if n == 0:
+        return Noise(np.zeros((0, p)), R)
     try:
         return _riccati(covariance, A, C)
     except (np.linalg.LinAlgError, ValueError):
