@@ -288,11 +288,19 @@ def test_system_without_connectors_shows_those_of_its_components(tmp_path: Path)
     assert wires[0].factor == pytest.approx(1e-3, rel=1e-14)
 
 
-def test_connection_written_backwards_is_turned(tmp_path: Path) -> None:
+def test_direction_follows_from_the_connectors_not_from_start_and_end(tmp_path: Path) -> None:
     parts = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("input", "")}))
     system = read_system(two(tmp_path, minimal(parts + connections(wire("b.u", "a.y")))))
     assert system.connections == (Connection(source="a.y", destination="b.u"),)
-    assert "connection b.u → a.y is written backwards; taken from a.y to b.u" in system.notes
+
+
+def test_odd_definitions_of_units_are_told(tmp_path: Path) -> None:
+    """As one finds them: the factor of deg upside down."""
+    units = '<ssd:Units><ssc:Unit name="deg"><ssc:BaseUnit rad="1" factor="57.29746"/></ssc:Unit></ssd:Units>'
+    system = read_system(two(tmp_path, minimal(elements(component("a")), units)))
+    assert any(
+        n.startswith("unit 'deg' is defined with factor 57.2975 and offset 0 to base units") for n in system.notes
+    )
 
 
 def test_transformations_through_nested_systems_are_one(tmp_path: Path) -> None:
@@ -413,6 +421,17 @@ PARTS = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("i
         (minimal(elements(component("a"), component("a"))), "two elements are called 'a'; rename one"),
         (minimal(elements(component("c"))), "component 'c': the file 'resources/c.fmu' is missing in the package"),
         (minimal(""), "the system has no components"),
+        (
+            minimal(
+                elements(component("a", {"y": ("calculatedParameter", "")}), component("b", {"u": ("input", "")}))
+                + connections(wire("a.y", "b.u"))
+            ),
+            "connection a.y → b.u: a component's calculatedParameter is not handed over",
+        ),
+        (
+            minimal(PARTS + connections(wire("a.y", "b.u", 'startIndices="1"'))),
+            "takes elements of array 'y', which is not read",
+        ),
         (
             minimal(elements('<ssd:Component name="t" source="t.csv" type="application/table"/>')),
             "component 't': type 'application/table' is not read; only FMUs",

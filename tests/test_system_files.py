@@ -23,7 +23,7 @@ from workbench.system.description import (
     SystemDescription,
 )
 from workbench.system.fmu_facts import fmu_facts
-from workbench.system.health import resolve
+from workbench.system.health import resolve, settled
 from workbench.system.read import is_system_file, read_system
 from workbench.system.units import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
 
@@ -386,6 +386,13 @@ def test_unit_definitions_of_both_fmus_convert_with_a_note(tmp_path: Path) -> No
     result = resolve(description, [tuple(fmu_facts(str(f)).variables.values()) for f in files])
     assert result.wires[0].factor == pytest.approx(1e-3, rel=1e-14)
     assert result.notes == ("a.y → b.u: converted from mm to m by the unit definitions (× 0.001)",)
+    variables = [tuple(fmu_facts(str(f)).variables.values()) for f in files]
+    for file in files:
+        file.unlink()
+    with pytest.raises(InputError, match="units differ: mm → m"):
+        resolve(description, variables)
+    again = resolve(settled(description, result), variables)
+    assert (again.wires, again.notes) == (result.wires, ())
 
 
 def test_facts_of_broken_fmus_are_refused(tmp_path: Path) -> None:

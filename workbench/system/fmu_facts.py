@@ -91,9 +91,13 @@ def _read(folder: Path, path: Path) -> FmuFacts:
 
 
 def read_units(root: etree._Element) -> dict[str, Unit]:
-    """Return the units that an XML document of FMI 2 or 3 or of SSP defines by base units, whatever the namespace."""
+    """Return the units that a document defines by base units, whatever the namespace.
+
+    Args:
+        root: of a description of FMI 2 or 3, of an SSD or of an SSP parameter set.
+    """
     found = {}
-    for element in root.iterfind(".//{*}Unit"):
+    for element in (*root.iterfind("{*}UnitDefinitions/{*}Unit"), *root.iterfind("{*}Units/{*}Unit")):
         name, base = element.get("name"), element.find("{*}BaseUnit")
         if name is not None and base is not None:
             unit = _unit(name, base)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from workbench.errors import InputError, article
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.system.description import Component, Connection, FmuComponent, Port, Resolved, SystemDescription, Wire
-from workbench.system.health_units import UnitCheck, declared_unit
+from workbench.system.health_units import UnitCheck, all_units, declared_unit
 from workbench.system.names import NameTable
 
-__all__ = ["resolve"]
+__all__ = ["resolve", "settled"]
 
 
 def resolve(description: SystemDescription, variables: Sequence[Sequence[Variable]]) -> Resolved:
@@ -30,6 +31,28 @@ def resolve(description: SystemDescription, variables: Sequence[Sequence[Variabl
         return _Resolver(description, variables).resolved()
     except InputError as error:
         raise InputError(f"{description.source or f'system {description.name}'}: {error}") from None
+
+
+def settled(description: SystemDescription, resolved: Resolved) -> SystemDescription:
+    """Return the same system with every unit converted already, so that it resolves without the FMUs' files.
+
+    Args:
+        description: as it was resolved.
+        resolved: what `resolve` returned for it.
+    """
+    names = [c.name for c in description.components]
+    connections = tuple(
+        Connection(
+            source=f"{names[w.from_component]}.{w.source.name}",
+            destination=f"{names[w.to_component]}.{w.destination.name}",
+            gain=w.factor,
+            offset=w.offset,
+            convert=False,
+            closes_at=w.closes_at,
+        )
+        for w in resolved.wires
+    )
+    return replace(description, connections=connections, units=all_units(description))
 
 
 class _Resolver:

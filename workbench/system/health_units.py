@@ -17,7 +17,7 @@ from workbench.system.description import (
 from workbench.system.fmu_facts import fmu_facts
 from workbench.system.units import Unit, conversion, is_same_unit, known_unit
 
-__all__ = ["UnitCheck", "declared_unit"]
+__all__ = ["UnitCheck", "all_units", "declared_unit"]
 
 _Linear = tuple[float, float]
 
@@ -29,6 +29,22 @@ def declared_unit(component: Component, variable: Variable) -> str | None:
     if isinstance(component, SumComponent):
         return component.unit or None
     return component.units.get(variable.name) or None
+
+
+def all_units(description: SystemDescription) -> dict[str, Unit]:
+    """Return the definitions of the file and of all FMUs; where names clash, the first one."""
+    found = dict(description.units)
+    for component in description.components:
+        if isinstance(component, FmuComponent):
+            found = {**_fmu_units(component), **found}
+    return found
+
+
+def _fmu_units(component: FmuComponent) -> Mapping[str, Unit]:
+    try:
+        return fmu_facts(component.file).units
+    except WorkbenchError:  # the FMU is open elsewhere, its file may be gone; then other definitions must do
+        return {}
 
 
 class UnitCheck:
@@ -144,10 +160,7 @@ class UnitCheck:
         component = self.description.components[port.component]
         if not isinstance(component, FmuComponent):
             return self.description.units
-        try:
-            return {**self.description.units, **fmu_facts(component.file).units}
-        except WorkbenchError:  # the FMU is open elsewhere, its file may be gone; then the usual units must do
-            return self.description.units
+        return {**self.description.units, **_fmu_units(component)}
 
 
 def _chain(first: _Linear, then: _Linear) -> _Linear:

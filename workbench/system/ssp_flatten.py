@@ -95,8 +95,17 @@ class Flattener:
         return connector is not None and connector.kind in ("parameter", "calculatedParameter", "structuralParameter")
 
     def is_parameter_chain(self, chain: Chain) -> bool:
-        """Whether a chain hands over a parameter, which is no connection of a simulation."""
-        return self._is_parameter(chain.origin) or self._is_parameter(chain.hops[-1].end)
+        """Whether a chain hands over a parameter, which is no connection of a simulation.
+
+        Raises:
+            InputError: the parameter is one that a component calculates.
+        """
+        if not self._is_parameter(chain.origin) and not self._is_parameter(chain.hops[-1].end):
+            return False
+        if not self.nodes[chain.origin[0]].is_system:
+            names = f"{full_name(chain.origin)} → {full_name(chain.hops[-1].end)}"
+            raise InputError(f"connection {names}: a component's calculatedParameter is not handed over")
+        return True
 
     # -- connections, inputs, outputs -----------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from workbench.system.ssp_tree import ANNOTATION, Key, Node, read_tree
 from workbench.system.ssp_values import values_for
 from workbench.system.ssp_xml import Element, children, descend, number, package_file, parse, tag
 from workbench.system.toml_components import read_component
-from workbench.system.units import Unit
+from workbench.system.units import Unit, known_unit
 
 __all__ = ["read_ssd", "read_ssp"]
 
@@ -105,7 +106,7 @@ class _Reader:
         if system is None:
             raise InputError("holds no System")
         self._check_version()
-        root = read_tree(system, self.notes)
+        root = read_tree(system)
         components = [self._component(node) for node in root.walk() if not node.is_system]
         if not components:
             raise InputError("the system has no components")
@@ -122,7 +123,7 @@ class _Reader:
             inputs={name: tuple(targets) for name, targets in flat.inputs.items()},
             outputs=flat.outputs,
             default_experiment=_experiment(descend(self.ssd, "DefaultExperiment")),
-            notes=(*dict.fromkeys(self.notes), *self._foreign()),
+            notes=(*dict.fromkeys(self.notes), *_odd_units(self.units), *self._foreign()),
             units=self.units,
             source=source,
         )
@@ -211,6 +212,21 @@ class _Reader:
             hint = suggest(key[1], fmu.facts.variables)
             self.notes.append(f"{parameter.where}: '{key[1]}' is no variable of '{node.name}'; ignored ({hint})")
         return values
+
+
+def _odd_units(units: Mapping[str, Unit]) -> Iterator[str]:
+    """Yield a note for every definition that differs from what the symbol stands for usually."""
+    for name, unit in units.items():
+        usual = known_unit(name)
+        if usual is None:
+            continue
+        # Whether rad counts as a base unit is a matter of taste.
+        same = unit.exponents[:-1] == usual.exponents[:-1] and math.isclose(unit.factor, usual.factor, rel_tol=1e-3)
+        if not same or not math.isclose(unit.offset, usual.offset, rel_tol=1e-3):
+            yield (
+                f"unit '{name}' is defined with factor {unit.factor:g} and offset {unit.offset:g} to base units, but "
+                f"usually has {usual.factor:g} and {usual.offset:g}; conversions follow the file: check it"
+            )
 
 
 def _handed_over(end: Key, flattener: Flattener, bound: Mapping[Key, Parameter]) -> Parameter | None:

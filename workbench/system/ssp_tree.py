@@ -79,36 +79,36 @@ class Node:
             yield from node.walk()
 
 
-def read_tree(system: Element, notes: list[str]) -> Node:
+def read_tree(system: Element) -> Node:
     """Return the tree of a System element.
 
     Raises:
         InputError: a signal dictionary, an unknown element in a connection, a mapping transformation, two outputs
             connected.
     """
-    return _system(system, (), notes)
+    return _system(system, ())
 
 
-def _system(element: Element, path: tuple[str, ...], notes: list[str]) -> Node:
+def _system(element: Element, path: tuple[str, ...]) -> Node:
     _refuse_dictionaries(element)
     nodes: dict[str, Node] = {}
     for child in children(element, "Elements", "*"):
-        node = _element(child, path, notes)
+        node = _element(child, path)
         if node.path[-1] in nodes:
             raise InputError(f"two elements are called '{node.name}'; rename one")
         nodes[node.path[-1]] = node
     system = Node(path, element, _connectors(element), nodes, (), is_system=True)
-    hops = tuple(_hop(c, system, notes) for c in children(element, "Connections", "Connection"))
+    hops = tuple(_hop(c, system) for c in children(element, "Connections", "Connection"))
     return Node(path, element, system.connectors, nodes, hops, is_system=True)
 
 
-def _element(element: Element, path: tuple[str, ...], notes: list[str]) -> Node:
+def _element(element: Element, path: tuple[str, ...]) -> Node:
     name = element.get("name")
     if not name:
         raise InputError(f"a {tag(element)} of system '{'.'.join(path) or 'root'}' has no name")
     inner = (*path, name)
     if tag(element) == "System":
-        return _system(element, inner, notes)
+        return _system(element, inner)
     if tag(element) == "SignalDictionaryReference":
         raise InputError(f"'{name}' is a SignalDictionaryReference; signal dictionaries are not read: connect directly")
     if tag(element) != "Component":
@@ -136,16 +136,15 @@ def _connectors(element: Element) -> dict[str, Connector]:
 # -- connections ---------------------------------------------------------------------------------
 
 
-def _hop(element: Element, system: Node, notes: list[str]) -> Hop:
+def _hop(element: Element, system: Node) -> Hop:
     ends = [_end(element, side, system) for side in ("start", "end")]
     where = f"connection {ends[0][1]} → {ends[1][1]}"
     roles = [_role(key, system) for key, _ in ends]
     if roles in (["source", "source"], ["sink", "sink"]):
         what = "outputs" if roles[0] == "source" else "inputs"
         raise InputError(f"{where}: connects two {what}; a connection leads from an output to an input")
-    if roles == ["sink", "source"]:
-        notes.append(f"{where} is written backwards; taken from {ends[1][1]} to {ends[0][1]}")
-        ends.reverse()
+    if roles in (["sink", "source"], ["sink", None], [None, "source"]):
+        ends.reverse()  # start and end do not say which way values go, the kinds of the connectors do
     transformation = _transformation(element, where)
     return Hop(
         ends[0][0],
@@ -162,6 +161,10 @@ def _end(element: Element, side: str, system: Node) -> tuple[Key, str]:
     owner, name = element.get(f"{side}Element") or "", element.get(f"{side}Connector")
     if not name:
         raise InputError(f"a connection of system '{system.name}' has no {side}Connector")
+    if element.get(f"{side}Indices"):
+        raise InputError(
+            f"a connection of system '{system.name}' takes elements of the array '{name}', which is not read"
+        )
     if not owner:
         return (system.path, name), name
     if owner not in system.nodes:
@@ -177,9 +180,11 @@ def _role(key: Key, system: Node) -> str | None:
     own = key[0] == system.path
     node = system if own else system.nodes[key[0][-1]]
     connector = node.connectors.get(key[1])
-    kinds = {"input": own, "output": not own, "parameter": own, "calculatedParameter": not own}
-    gives = None if connector is None else kinds.get(connector.kind or "")
-    return None if gives is None else "source" if gives else "sink"
+    takes = {"input", "parameter", "structuralParameter"}
+    gives = {"output", "calculatedParameter", "local", "constant"}
+    kinds = {**dict.fromkeys(takes, own), **dict.fromkeys(gives, not own)}
+    is_source = None if connector is None else kinds.get(connector.kind or "")
+    return None if is_source is None else "source" if is_source else "sink"
 
 
 def _transformation(element: Element, where: str) -> tuple[float, float]:
