@@ -173,6 +173,11 @@ static void damped_equations(Loop *loop, double damping) {
 /* Newton's direction; with damping that of Levenberg and Marquardt. */
 static bool find_direction(Loop *loop, double damping) {
     rescale(loop, loop->v, loop->g, true);
+    for (size_t i = 0; i < loop->n; i++) {
+        if (!(loop->scale[i] > TINY)) {
+            loop->scale[i] = loop->system->wires.typical[loop->link->members[i]];
+        }
+    }
     if (damping > 0.0) {
         damped_equations(loop, damping);
     } else {

@@ -137,6 +137,7 @@ def _step(loop: Loop, v: Floats, g: Floats, *, hard: bool) -> tuple[Floats, Floa
 def _direction(loop: Loop, v: Floats, g: Floats, damping: float) -> Floats | None:
     """Return Newton's direction; with damping that of Levenberg and Marquardt, in values relative to their scale."""
     scale = _scale(loop, v, g)
+    scale = np.where(scale > TINY, scale, loop.typical)
     matrix, right = loop.jacobian * scale / scale[:, None], (v - g) / scale
     if damping:
         square = matrix.T @ matrix

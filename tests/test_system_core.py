@@ -1,0 +1,296 @@
+"""Connected model exchange systems: one ODE, held against closed forms, with both drivers."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+
+from tests.drivers import needs_kernel
+from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.system_models import LAG, difference, loop_of_two_saturations, run, unity_feedback
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.nfr import nfr
+from workbench.analysis.simulate import simulate
+from workbench.analysis.trim import trim
+from workbench.errors import InputError, SimulationError
+from workbench.model import load
+from workbench.signals import Constant, Sine, Step
+from workbench.system.connect import connect
+from workbench.workers import Workers
+
+both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
+
+SPRINGS = ("MassSpringSubSystem1", "MassSpringSubSystem2")
+
+
+@needs_gemseo
+@both
+def test_two_mass_spring_subsystems_are_the_whole(driver: str) -> None:
+    names = ["x1", "x2", "v1", "v2"]
+    first, second = (str(gemseo_fmu(name)) for name in SPRINGS)
+    with (
+        connect(
+            {"a": first, "b": second},
+            [("a.x1", "b.x1"), ("b.x2", "a.x2")],
+            outputs={"x1": "a.x1", "x2": "b.x2", "v1": "a.v1", "v2": "b.v2"},
+            tolerance=1e-10,
+            driver=driver,
+        ) as system,
+        load(gemseo_fmu("MassSpringSystem"), tolerance=1e-10, driver=driver) as whole,
+    ):
+        parts, one = (run(m, 10.0, {}, names) for m in (system, whole))
+        assert [s.name for s in system.states] == [f"{c}.{s.name}" for c, m in _opened(system) for s in m]
+    assert max(np.abs(parts.values[n] - one.values[n]).max() for n in names) < 1e-7
+
+
+def _opened(system: object) -> list[tuple[str, tuple[object, ...]]]:
+    found = []
+    for name, fmu in zip("ab", SPRINGS, strict=True):
+        with load(gemseo_fmu(fmu)) as model:
+            found.append((name, model.states))
+    return found  # type: ignore[return-value]
+
+
+@both
+def test_feedback_follows_the_closed_form(driver: str) -> None:
+    with unity_feedback(LAG, gain=4.0, driver=driver) as model:
+        record = run(model, 2.0, {"r": Step(time=0.5, value=1.0)}, ["y", "u", "p.u"])
+        found = lin(model)
+    since = np.maximum(record.time - 0.5, 0.0)
+    assert record.values["y"] == pytest.approx(0.8 * -np.expm1(-5.0 * since), abs=1e-8)
+    assert np.array_equal(record.values["u"], record.values["p.u"])
+    assert pytest.approx(np.array([[-5.0]])) == found.A
+    assert pytest.approx(np.array([[4.0]])) == found.B
+    assert pytest.approx(np.array([[1.0], [-4.0]])) == found.C
+    assert pytest.approx(np.array([[0.0], [4.0]])) == found.D
+
+
+@both
+def test_fmus_of_both_versions_are_trimmed_linearised_and_measured(driver: str) -> None:
+    with connect(
+        {"a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag@3"},
+        [("a.y", "b.u", {"gain": -0.5})],
+        inputs={"u": "a.u"},
+        outputs={"y": "b.y"},
+        start_values={"b.tau": 2.0},
+        driver=driver,
+    ) as model:
+        point = trim(model, fix={"u": 2.0}).point
+        assert point.x == pytest.approx({"a.x": 2.0, "b.x": -1.0})
+        assert pytest.approx(np.array([[-1.0, 0.0], [-0.25, -0.5]])) == lin(model).A
+        measured = nfr(model, "u", "y", [0.1], [1.0], workers=Workers(in_process=True))
+        assert model.snapshot_method() == "state"
+        assert simulate(model, stop=1.0, outputs=["a.x"]).time[-1] == 1.0
+    omega = 0.2 * np.pi
+    assert measured.gain[0, 0] == pytest.approx(0.5 / abs((1 + 1j * omega) * (1 + 2j * omega)), rel=1e-3)
+
+
+@both
+def test_one_input_drives_two_components(driver: str) -> None:
+    with connect(
+        {"a": "fmu:FirstOrderLag", "b": LAG, "s": difference("s", 1.0, -1.0)},
+        [("a.y", "s.u1"), ("b.y", "s.u2")],
+        inputs={"u": ["a.u", "b.u"]},
+        outputs={"y": "s.y"},
+        driver=driver,
+    ) as model:
+        record = run(model, 2.0, {"u": Sine(frequency=1.0)}, ["y", "a.y", "a.u", "b.u"])
+    assert np.abs(record.values["a.y"]).max() > 0.1
+    assert record.values["y"] == pytest.approx(0.0, abs=1e-5)
+    assert np.array_equal(record.values["a.u"], record.inputs["u"])
+    assert np.array_equal(record.values["b.u"], record.inputs["u"])
+
+
+@both
+def test_a_connection_closes_at_its_time(driver: str) -> None:
+    with connect(
+        {"p": LAG, "g": -4.0},
+        [("p.y", "g.u"), ("g.y", "p.u", {"closes_at": 1.0})],
+        outputs={"y": "p.y"},
+        start_values={"p.x": 1.0},
+        tolerance=1e-9,
+        driver=driver,
+    ) as model:
+        record = run(model, 2.0, {}, ["y", "p.u"])
+        with model.open_session(start_time=1.5) as late:
+            assert late.values(["p.u"])["p.u"] == pytest.approx(-4.0)
+    t = record.time
+    truth = np.where(t <= 1.0, np.exp(-t), np.exp(-1.0) * np.exp(-5.0 * (t - 1.0)))
+    assert record.values["y"] == pytest.approx(truth, abs=1e-8)
+    assert record.values["p.u"][t == 1.0] == pytest.approx([0.0, -4.0 * np.exp(-1.0)])
+
+
+@both
+def test_a_sampled_block_holds_its_output(driver: str) -> None:
+    block = control.ss([[0.5]], [[1.0]], [[1.0]], [[2.0]], 0.1)
+    with connect({"d": block}, inputs={"u": "d.u"}, outputs={"y": "d.y"}, driver=driver) as model:
+        record = run(model, 1.0, {"u": Constant(1.0)}, ["y"], rows=7)
+        found = lin(model)
+    _, truth = control.forced_response(block, np.arange(10) * 0.1, np.ones(10))
+    ticks = np.arange(10) * 0.1
+    held = truth[np.searchsorted(ticks, record.time + 1e-9, side="right") - 1]
+    right = np.append(np.diff(record.time) > 0.0, False)  # rows that are no left limits
+    assert record.values["y"][right] == pytest.approx(held[right], abs=1e-12)
+    assert (found.A, found.B, found.C, found.D) == (0.5, 1.0, 1.0, 2.0)
+    assert found.dt == pytest.approx(0.1)
+
+
+@both
+def test_snapshots_bring_a_system_back_to_the_last_bit(driver: str) -> None:
+    signals = {"r": Sine(frequency=0.5, amplitude=6.0)}
+    points = np.linspace(1.1, 2.0, 10)
+    with loop_of_two_saturations(driver) as model, model.open_session() as session:
+        assert model.snapshot_method() == "state"
+        session.advance(1.0, signals=signals)
+        saved = session.snapshot()
+        runs = []
+        for _ in range(2):
+            session.restore(saved)
+            runs.append(session.advance(2.0, signals=signals, record=["y"], points=points).values["y"])
+    assert np.array_equal(*runs)
+
+
+@needs_kernel
+def test_both_drivers_find_the_same_events_inside_a_loop() -> None:
+    signals = {"r": Sine(frequency=0.5, amplitude=6.0)}
+    records = []
+    for driver in ("python", "compiled"):
+        with loop_of_two_saturations(driver) as model:
+            records.append(run(model, 2.0, signals, ["y", "z", "s.u", "g.u"]))
+    a, b = records
+    assert a.time == pytest.approx(b.time, abs=1e-9)
+    assert np.count_nonzero(np.diff(a.time) == 0.0) >= 4
+    for record in records:
+        v = record.values
+        assert v["s.u"] == pytest.approx(6.0 * np.sin(np.pi * record.time) - 2.0 * v["z"], abs=1e-11)
+        assert v["g.u"] == pytest.approx(1.5 * v["y"], abs=1e-11)
+        assert np.abs(v["y"]).max() <= 1.0 + 1e-9
+    assert a.values["y"] == pytest.approx(b.values["y"], abs=1e-9)
+
+
+@both
+def test_a_linear_loop_is_solved_and_linearised_exactly(driver: str) -> None:
+    with connect(
+        {"e": difference("e", 1.0, -1.0), "k": 4.0, "p": LAG},
+        [("e.y", "k.u"), ("k.y", "e.u2"), ("k.y", "p.u")],
+        inputs={"r": "e.u1"},
+        outputs={"y": "k.y", "x": "p.y"},
+        driver=driver,
+    ) as model:
+        assert any("algebraic loop" in note for note in model.notes)
+        record = run(model, 1.0, {"r": Sine(frequency=1.0)}, ["y"])
+        exact = lin(model, method="exact")
+        differences = lin(model, method="difference")
+    assert record.values["y"] == pytest.approx(0.8 * np.sin(2.0 * np.pi * record.time), abs=1e-15)
+    for found in (exact, differences):
+        assert pytest.approx(np.array([[0.8]])) == found.B
+        assert pytest.approx(np.array([[0.8], [0.0]])) == found.D
+
+
+@both
+def test_a_python_function_inside_a_loop(driver: str) -> None:
+    with connect(
+        {"e": difference("e", 1.0, -3.0), "f": np.tanh, "p": LAG},
+        [("e.y", "f.u"), ("f.y", "e.u2"), ("f.y", "p.u")],
+        inputs={"r": "e.u1"},
+        outputs={"y": "f.y"},
+        driver=driver,
+    ) as model:
+        record = run(model, 1.0, {"r": Sine(frequency=1.0, amplitude=5.0)}, ["y"])
+        response = nfr(model, "r", "y", [1.0], [1e-3])  # in this process: the function cannot be sent
+    y = record.values["y"]
+    assert y == pytest.approx(np.tanh(5.0 * np.sin(2.0 * np.pi * record.time) - 3.0 * y), abs=1e-12)
+    assert response.gain[0, 0] == pytest.approx(0.25, rel=1e-3)
+
+
+@both
+def test_a_loop_whose_solution_ends_is_explained(driver: str) -> None:
+    """y = exp(r + y) has two solutions for r < −1 and none above; r = −1 at t = 0.26198 s."""
+    with (
+        connect(
+            {"e": difference("e", 1.0, 1.0), "f": np.exp, "p": LAG},
+            [("e.y", "f.u"), ("f.y", "e.u2"), ("f.y", "p.u")],
+            inputs={"r": "e.u1"},
+            outputs={"y": "f.y"},
+            driver=driver,
+        ) as model,
+        pytest.raises(SimulationError) as caught,
+    ):
+        run(model, 2.0, {"r": Sine(offset=-3.0, frequency=0.25, amplitude=5.0)}, ["y"])
+    assert "e.y → f.u" in str(caught.value)
+    assert "residual" in str(caught.value)
+    assert caught.value.time == pytest.approx(np.arcsin(0.4) / (0.5 * np.pi), abs=1e-3)
+
+
+@both
+def test_a_loop_gain_of_one_is_explained(driver: str) -> None:
+    with (
+        connect(
+            {"e": difference("e", 1.0, 1.0), "k": 1.0},
+            [("e.y", "k.u"), ("k.y", "e.u2")],
+            inputs={"r": "e.u1"},
+            outputs={"y": "k.y"},
+            driver=driver,
+        ) as model,
+        pytest.raises(SimulationError, match=r"no solution was found .* e.y → k.u, k.y → e.u2"),
+    ):
+        run(model, 1.0, {"r": Sine(frequency=1.0)}, ["y"])
+
+
+@both
+def test_an_error_in_a_python_function_is_told(driver: str) -> None:
+    def broken(u: np.ndarray) -> np.ndarray:
+        if u[0] > 0.5:
+            raise ValueError("too much")
+        return u
+
+    with (
+        connect({"a": LAG, "f": broken}, [("a.y", "f.u")], ["a.u"], {"y": "f.y"}, driver=driver) as model,
+        pytest.raises(SimulationError, match="f: the function raised ValueError: too much"),
+    ):
+        run(model, 3.0, {"a.u": Constant(1.0)}, ["y"])
+
+
+def test_workers_measure_a_system_as_this_process_does() -> None:
+    gains = []
+    for workers in (Workers(jobs=2), Workers(in_process=True)):
+        with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver="auto", tolerance=1e-6) as model:
+            gains.append(nfr(model, "r", "y", [0.5], [1.0], workers=workers).gain)
+    assert np.array_equal(*gains)
+    assert gains[0][0, 0] == pytest.approx(4.0 / abs(5.0 + 1j * np.pi), rel=1e-3)
+
+
+def test_a_packed_recipe_needs_no_file() -> None:
+    with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver="auto") as model:
+        packed, identity = model.recipe.packed(), model.recipe.identity()
+    with packed.open() as again:
+        assert pytest.approx(np.array([[-5.0]])) == lin(again).A
+        assert again.recipe.identity() == identity
+        assert identity != again.recipe.tighter(0.1).identity()
+
+
+@pytest.mark.parametrize(
+    ("components", "connections", "words"),
+    [
+        ({"a": "fmu:Rudderr"}, [], "component a: fmu:Rudderr: no bundled FMU of that name; did you mean Rudder"),
+        ({"a": [1]}, [], "component a: list is no component"),
+        ({"a": float("nan")}, [], "component a: a gain must be a finite number"),
+        ({"a": control.tf([1.0], [1.0, 1.0], True)}, [], "component a: discrete, but without a sampling interval"),
+        ({"a": 1.0, "b": 2.0}, [("a.y", "b.u", {"gian": 2.0})], "'gian' is no option; did you mean gain"),
+        ({"a": 1.0, "b": 2.0}, [("a.y",)], 'give \\("component.output", "component.input"\\)'),
+        ({"a": 1.0, "b": 2.0}, [("a.yy", "b.u")], "a.yy → b.u"),
+        ({"a": 1.0, "b": 2.0}, [("a.y", "b.u"), ("b.y", "b.u")], "b.u has two sources"),
+    ],
+)
+def test_bad_systems_are_refused_in_one_line(components: object, connections: object, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        connect(components, connections)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_names_in_a_system_are_refused() -> None:
+    with pytest.raises(InputError, match=r"did you mean a\.tau"):
+        connect({"a": "fmu:FirstOrderLag"}, start_values={"a.tua": 1.0})
+    with pytest.raises(InputError, match="co-simulation parts are not supported yet"):
+        connect({"a": load("fmu:FirstOrderLag", "cs"), "b": 2.0})
