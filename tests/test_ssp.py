@@ -430,7 +430,7 @@ PARTS = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("i
         ),
         (
             minimal(PARTS + connections(wire("a.y", "b.u", 'startIndices="1"'))),
-            "takes elements of array 'y', which is not read",
+            "takes elements of the array 'y', which is not read",
         ),
         (
             minimal(elements('<ssd:Component name="t" source="t.csv" type="application/table"/>')),
