@@ -155,8 +155,10 @@ def bootstrap_poles(
     what colour is left in the errors (Künsch, Annals of Statistics 17, 1989); the errors are scaled up by √(N/(N − k))
     for k fitted numbers for each output, since those of a fit are too small.
 
-    Not for: an order above what the data determine (the result says so, see `regions`); unstable models; systems that
-    are not linear, whose errors depend on the input: they are drawn as if they did not.
+    Not for: an order above what the data determine (the result says so, see `regions`); an order too low, also for the
+    disturbance: one with a pole of its own biases the poles of a model that has no room for it, and no bootstrap sees
+    that (residuals that are not white do); unstable models; systems that are not linear, whose errors depend on the
+    input: they are drawn as if they did not.
 
     Args:
         model: identified from `data`.
