@@ -17,7 +17,7 @@ from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
 from workbench.model.load import check_number
-from workbench.model.recipe import FmuRecipe
+from workbench.model.recipe import LoadRecipe
 from workbench.system.description import (
     Component,
     Connection,
@@ -27,7 +27,8 @@ from workbench.system.description import (
     LinearComponent,
     SystemDescription,
 )
-from workbench.system.model import open_system
+from workbench.system.model import SystemModel, open_system
+from workbench.system.nested import Inner, embed
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["connect", "open_description"]
@@ -68,9 +69,10 @@ def connect(
     carries a delay. Values that depend on each other directly (algebraic loops) are solved for by Newton's method.
 
     Args:
-        components: name → a path or `fmu:NAME`, a loaded FMU, a `control.StateSpace` or `TransferFunction`, a number (a
-            gain with input `u` and output `y`), a static function y = f(u) with `u` of shape (1,) and one output `y`,
-            or a component of `workbench.system.description` for all that these cannot say.
+        components: name → a path or `fmu:NAME`, a loaded FMU or system (it may be closed afterwards), a
+            `control.StateSpace` or `TransferFunction`, a number (a gain with input `u` and output `y`), a static
+            function y = f(u) with `u` of shape (1,) and one output `y`, or a component of
+            `workbench.system.description` for all that these cannot say.
         connections: ("plant.w", "controller.w"), or with options ("plant.w", "controller.w", {"gain": -1.0}):
             gain, offset, unit (in which the value is handed over), closes_at [s] (0 before that time).
         inputs: system input → component input, or several of them; names alone ("controller.w_ref") are inputs of
@@ -91,23 +93,27 @@ def connect(
         InputError: unknown names, types or units that do not fit, two sources for one input.
         FmuError: an FMU cannot be used.
     """
-    made = tuple(_component(n, value) for n, value in components.items())
+    parts = [_part(n, value) for n, value in components.items()]
     description = SystemDescription(
         name=name,
-        components=made,
+        components=(),
         connections=tuple(_connection(c) for c in connections),
         inputs=_inputs(inputs),
         outputs=_outputs(outputs),
         default_experiment=Experiment(),
     )
-    recipes = {n: m.recipe for n, m in components.items() if isinstance(m, FmuModel)}
+    starts = {
+        f"{name}.{inner}": value
+        for name, model in components.items()
+        if isinstance(model, SystemModel)
+        for inner, value in model.recipe.start_values.items()
+    }
     return open_description(
-        description,
-        recipes,
+        embed(description, parts),
         solver=solver,
         step=step,
         tolerance=tolerance,
-        start_values=start_values,
+        start_values={**starts, **(start_values or {})},
         bias=bias,
         driver=driver,
     )
@@ -115,7 +121,6 @@ def connect(
 
 def open_description(
     description: SystemDescription,
-    recipes: Mapping[str, FmuRecipe] | None = None,
     *,
     interface: str = "auto",
     solver: str = "auto",
@@ -129,7 +134,6 @@ def open_description(
 
     Args:
         description: the system.
-        recipes: component → how to open its FMU, in place of its file.
         interface: "auto", or what the whole system must be: "me" or "cs".
         solver: for model exchange.
         step: communication step of co-simulation [s].
@@ -147,7 +151,6 @@ def open_description(
         SystemRecipe(
             source=description.source or description.name,
             system=description,
-            parts=dict(recipes or {}),
             interface=interface,
             solver=solver,
             step=step,
@@ -160,6 +163,21 @@ def open_description(
 
 
 # -- components -------------------------------------------------------------------------------
+
+
+def _part(name: str, value: object) -> Component | Inner:
+    """Return what a user's value stands for, a system among them."""
+    if not isinstance(value, SystemModel):
+        return _component(name, value)
+    _refuse_bias(name, value.recipe)
+    return Inner(name, value.recipe.system)
+
+
+def _refuse_bias(name: str, recipe: LoadRecipe) -> None:
+    """Raise an InputError if a loaded model has a bias: its inputs are connected now."""
+    if recipe.bias:
+        names = ", ".join(recipe.bias)
+        raise InputError(f"component {name}: it was loaded with a bias on {names}; give the bias to the system")
 
 
 def _component(name: str, value: object) -> Component:
@@ -191,6 +209,7 @@ def _loaded(name: str, value: object) -> Component:
     if not isinstance(value, FmuModel):
         raise InputError(f"component {name}: only loaded FMUs can be connected; connect the parts of systems instead")
     recipe = value.recipe
+    _refuse_bias(name, recipe)
     return FmuComponent(
         name=name,
         file=recipe.source,
