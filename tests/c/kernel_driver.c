@@ -306,6 +306,50 @@ static void test_run(Run run, int version, size_t n) {
     kernel_record_free(&b.record);
 }
 
+/* The connection as an algebraic loop: it is none, and both ways give the same. */
+static void test_loop(Run run, int version) {
+    double last[2] = {0.0, 0.0};
+    for (int as_loop = 0; as_loop < 2; as_loop++) {
+        Bench b;
+        double work[8] = {0};
+        double jacobian = 0.0;
+        int32_t known = 0;
+        setup(&b, version, 2);
+        CHECK(loop_doubles(1) == sizeof work / sizeof work[0]);
+        b.link.work = as_loop ? work : NULL;
+        b.link.jacobian = &jacobian;
+        b.link.known = &known;
+        b.closes_at = 0.4;
+        b.closed = 0;
+        b.linked = 0.0;
+        CHECK(run(&b, 3.0));
+        CHECK(b.closed == 1);
+        CHECK(known == as_loop);
+        CHECK(!as_loop || fabs(jacobian + 1.0) < 1e-9);
+        last[as_loop] = b.record.data[(b.record.rows - 1) * b.record.width + 4];
+        kernel_record_free(&b.record);
+    }
+    CHECK(fabs(last[0] - last[1]) <= 1e-7 * fabs(last[0]));
+}
+
+/* A linear system: continuous, then sampled. */
+static void test_blocks(void) {
+    const double a = -1.0, bb = 1.0, c = 1.0, d = 2.0;
+    double memory[3] = {3.0, 5.0, 0.0};
+    double next = 0.0;
+    Lti lti = {.nx = 1, .nu = 1, .ny = 1, .a = &a, .b = &bb, .c = &c, .d = &d, .memory = memory, .next = &next};
+    const uint32_t y = 2;
+    double value = 0.0;
+    CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0);
+    CHECK(lti_get_derivatives(&lti, &value, 1) == 0 && value == -2.0);
+    lti.dt = 0.1;
+    memory[0] = 4.0;
+    CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0); /* held */
+    CHECK(lti_enter_event_mode(&lti) == 0 && lti.ticking);
+    CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 13.0);
+    CHECK(lti_enter_continuous_mode(&lti) == 0 && memory[1] == -1.0 && lti.ticks == 1);
+}
+
 static void test_failures(Run run, int version) {
     for (int status = 2; status <= 4; status++) {
         Bench b;
@@ -349,6 +393,8 @@ int main(void) {
         test_run(run_me, 2, n);
         test_run(run_cs, 3, n);
     }
+    test_loop(run_me, 2);
+    test_blocks();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);
     test_short_of_memory(run_me, 2);

@@ -51,4 +51,15 @@ KERNEL_EXPORT double kernel_signal_next_break(const Signal *signal, double t);
 KERNEL_EXPORT void kernel_fourier(Fourier *fourier, const double *rows, size_t n, size_t width, double *coefficients);
 KERNEL_EXPORT void kernel_fourier_result(const Fourier *fourier, double *coefficients);
 
+/* Blocks, with the signatures of FMI 2.0. */
+KERNEL_EXPORT int lti_set_time(Lti *lti, double time);
+KERNEL_EXPORT int lti_set_states(Lti *lti, const double *x, size_t n);
+KERNEL_EXPORT int lti_get_states(Lti *lti, double *x, size_t n);
+KERNEL_EXPORT int lti_get_derivatives(Lti *lti, double *dx, size_t n);
+KERNEL_EXPORT int lti_enter_event_mode(Lti *lti);
+KERNEL_EXPORT int lti_enter_continuous_mode(Lti *lti);
+KERNEL_EXPORT int lti_update(Lti *lti, LtiEventInfo *info);
+KERNEL_EXPORT int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values);
+KERNEL_EXPORT int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values);
+
 #endif

@@ -6,22 +6,6 @@
 
 enum { OK = 0 };
 
-typedef struct {
-    int again, terminate, nominals_changed, states_changed, timed;
-    double next_time;
-} EventInfo;
-
-/* Declared here because only their addresses are used. */
-KERNEL_EXPORT int lti_set_time(Lti *lti, double time);
-KERNEL_EXPORT int lti_set_states(Lti *lti, const double *x, size_t n);
-KERNEL_EXPORT int lti_get_states(Lti *lti, double *x, size_t n);
-KERNEL_EXPORT int lti_get_derivatives(Lti *lti, double *dx, size_t n);
-KERNEL_EXPORT int lti_enter_event_mode(Lti *lti);
-KERNEL_EXPORT int lti_enter_continuous_mode(Lti *lti);
-KERNEL_EXPORT int lti_update(Lti *lti, EventInfo *info);
-KERNEL_EXPORT int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values);
-KERNEL_EXPORT int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values);
-
 static double *states(const Lti *lti) {
     return lti->memory + lti->nu;
 }
@@ -95,7 +79,7 @@ int lti_enter_continuous_mode(Lti *lti) {
     return status;
 }
 
-int lti_update(Lti *lti, EventInfo *info) {
+int lti_update(Lti *lti, LtiEventInfo *info) {
     memset(info, 0, sizeof *info);
     info->timed = lti->dt > 0.0;
     info->next_time = tick(lti, lti->ticking);

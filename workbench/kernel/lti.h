@@ -20,4 +20,11 @@ typedef struct {
     int32_t ticking;             /* in event mode, and a tick is due */
 } Lti;
 
+/* FMI 2.0's fmi2EventInfo. */
+typedef struct {
+    int again, terminate, nominals_changed, states_changed, timed;
+    double next_time;
+} LtiEventInfo;
+
+
 #endif
