@@ -68,6 +68,11 @@ def first_order(data: wb.ExciteResult) -> wb.IdentifyResult:
     return wb.identify(data.identification, order=1, validation=data.validation)
 
 
+def a_gain(data: wb.ExciteResult) -> wb.IdentifyResult:
+    """Identify a gain: what the law is while its rate limiter rests."""
+    return wb.identify(data.identification, order=0, validation=data.validation)
+
+
 def of_law(seeds: Sequence[int]) -> list[Row]:
     """Figures of chapter 6.3."""
     full = [law(s, amplitude=1.0) for s in seeds]
@@ -108,8 +113,9 @@ def of_models(models: Sequence[wb.IdentifyResult]) -> list[Row]:
 def of_other_inputs(seeds: Sequence[int], models: Sequence[wb.IdentifyResult]) -> list[Row]:
     """What the input's amplitude and offset change."""
     positive = [first_order(law(s, amplitude=0.5, offset=0.5)) for s in seeds]
-    small = [first_order(law(s, amplitude=0.04, offset=0.3)) for s in seeds]
-    slow, slow_positive = ([first_order(swept(s, offset)) for s in seeds] for offset in (0.0, 0.5))
+    gentle = [law(s, amplitude=0.04, offset=0.3) for s in seeds]
+    small = [wb.identify(d.identification, validation=d.validation) for d in gentle]
+    slow, slow_positive = ([a_gain(swept(s, offset)) for s in seeds] for offset in (0.0, 0.5))
     failed = [wb.advise(law(s, amplitude=1.0, settings={"elevator_failed": 1.0}).identification) for s in seeds]
     seen = [float(a.finding("saturation").verdict != "good") for a in failed]
     own = [m.own.fit_percent["elevator"] for m in models]
@@ -118,9 +124,10 @@ def of_other_inputs(seeds: Sequence[int], models: Sequence[wb.IdentifyResult]) -
         Row("fit on the data of the fit, 0 … 1 [%]", "better", [m.own.fit_percent["elevator"] for m in positive]),
         Row("fit on other data, −1 … 1 [%]", "", [m.fit_percent for m in models]),
         Row("fit on other data, 0 … 1 [%]", "better", [m.fit_percent for m in positive]),
+        Row("order found, 0.26 … 0.34, limiter idle", "a gain would do", [float(m.order) for m in small]),
         Row("fit on other data, 0.26 … 0.34, limiter idle [%]", "> 95", [m.fit_percent for m in small]),
-        Row("fit, slow multisine, limiter idle, centred [%]", "", [m.fit_percent for m in slow]),
-        Row("fit, slow multisine, limiter idle, positive [%]", "better", [m.fit_percent for m in slow_positive]),
+        Row("fit of a gain, slow multisine, centred [%]", "", [m.fit_percent for m in slow]),
+        Row("fit of a gain, slow multisine, positive [%]", "better", [m.fit_percent for m in slow_positive]),
         Row("one elevator failed: the advice sees a limit (1)", "1", seen),
     ]
 

@@ -171,7 +171,7 @@ def test_a_gain_is_order_zero(noise: float) -> None:
     assert model.order == 0
     assert np.allclose(model.D, gain, atol=1e-9 + 0.3 * noise)
     assert model.poles.shape == model.zeros.shape == (0,)
-    assert np.allclose(model.predict(u, u @ gain.T), u @ model.D.T)
+    assert np.allclose(model.predict(u, u @ gain.T), u @ model.D.T + model.y0)
     assert np.allclose(model.response(np.array([1.0]))[0], model.D)
 
 

@@ -147,7 +147,7 @@ def test_operating_points_do_not_matter() -> None:
     data = noisy_record(random_system(2, rng), rng, 500)
     found = estimate(data.u, data.y, DT, order=2)
     there = data.with_data(u=data.u + 5.0, y=data.y - 7.0)
-    moved = found.model.named(u0=np.array([5.0]), y0=np.array([-7.0]))
+    moved = found.model.named(u0=np.array([5.0]), y0=found.model.y0 - 7.0)
     here = bootstrap_poles(found.model, data, same_settings(found), replicates=40)
     np.testing.assert_allclose(
         bootstrap_poles(moved, there, same_settings(found), replicates=40).replicates, here.replicates, rtol=1e-6

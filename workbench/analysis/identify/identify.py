@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from workbench.analysis.advice import Advice, advise
 from workbench.analysis.experiment import Experiment
@@ -16,9 +12,8 @@ from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.identify.prepare import Prepared, chosen, cut, prepare
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.subspace import SubspaceEstimate, estimate
-from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, validate
+from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["identify"]
 
@@ -90,7 +85,7 @@ def identify(
     advice.refuse(found.order)
     model = _named(found, prepared)
     other = _other(validation, prepared.data, settle, dt)
-    regions = _regions(found.with_model(model), prepared, options, bootstrap, seed)
+    regions = _regions(found.with_model(model), prepared, bootstrap, seed)
     return IdentifyResult(
         data=prepared.data,
         advice=advice,
@@ -119,7 +114,7 @@ def _named(found: SubspaceEstimate, prepared: Prepared) -> IdentifiedModel:
         output_units=data.output_units,
         name=data.name,
         u0=prepared.u0,
-        y0=prepared.y0,
+        y0=prepared.y0 + found.model.y0,
     )
 
 
@@ -134,16 +129,8 @@ def _other(
     return cut(other, settle)
 
 
-def _regions(
-    found: SubspaceEstimate, prepared: Prepared, options: dict[str, Any], replicates: int, seed: int
-) -> PoleBootstrap | None:
+def _regions(found: SubspaceEstimate, prepared: Prepared, replicates: int, seed: int) -> PoleBootstrap | None:
     if not replicates:
         return None
-    again = partial(_poles, dt=prepared.data.dt, order=found.order, options={**options, "horizon": found.horizon})
+    again = same_settings(found)
     return bootstrap_poles(found.model, prepared.data, again, replicates=replicates, seed=seed)
-
-
-def _poles(u: Floats, y: Floats, *, dt: float, order: int, options: dict[str, Any]) -> NDArray[np.complex128]:
-    """Return the poles that the same method finds in another record; those of delays are left out."""
-    centred = y - y.mean(axis=0)
-    return estimate(u, centred, dt, order=order, **options).model.undelayed().poles

@@ -66,7 +66,8 @@ def estimate(
 
     Not for data recorded in closed loop, where the projection along the future input is biased (Chiuso & Picci 2005;
     the data advice has a test). Not for a single sine or few lines: 2 · horizon + order independent shifts of the
-    input are needed. Offsets must be taken off before; a note says so where they are large.
+    input are needed. A constant part of each output is estimated beside (`y0` of the model); large offsets
+    are better taken off before, as a note says.
 
     Args:
         u: inputs, shape (N, m) or (N,), held from sample to sample.
@@ -135,7 +136,7 @@ def _identify(data: tuple[Floats, Floats], trial: Trial, order: int, settings: S
     noise = noise_of(states, A, C)
     fit = _fit(data, A, C, noise, feedthrough=settings.feedthrough)
     if settings.biased and not moved:
-        fit = InputFit(states.B, states.D, fit.x0)
+        fit = InputFit(states.B, states.D, fit.x0, fit.offset)
     return _Found(A, C, fit, noise, moved)
 
 

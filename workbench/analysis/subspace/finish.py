@@ -24,7 +24,7 @@ def model_of(
     Args:
         A: shape (n, n).
         C: shape (p, n), of outputs of size one.
-        fit: B, D, x0 of channels of size one.
+        fit: B, D, x0 and constant part of channels of size one.
         noise: likewise.
         record: with the sizes of the channels.
         delays: of the inputs [samples].
@@ -36,7 +36,7 @@ def model_of(
     A, B, C, D = with_chains((A, B, C, D), delays)
     model = IdentifiedModel(
         A=A, B=B, C=C, D=D, K=np.vstack([noise.K / sy, np.zeros((chain, p))]),
-        x0=np.append(fit.x0, np.zeros(chain)), dt=dt, u0=np.zeros(m), y0=np.zeros(p),
+        x0=np.append(fit.x0, np.zeros(chain)), dt=dt, u0=np.zeros(m), y0=sy * fit.offset,
         covariance=sy[:, None] * noise.covariance * sy, delay=delays if chain else (),
         input_names=tuple(f"u{k + 1}" for k in range(m)), output_names=tuple(f"y{k + 1}" for k in range(p)),
         input_units=(None,) * m, output_units=(None,) * p,

@@ -20,6 +20,9 @@ ROUNDING = float(np.finfo(np.float64).eps)
 class HankelFactor:
     """L of [U; Y] = L Q, all block rows in the order of time, divided by the root of the number of columns.
 
+    The mean of each row is taken off: a constant part of an input or output, which no mean over the whole record
+    takes off exactly, is no dynamics (it would be a pole at 1).
+
     Whatever subspace identification wants to know about the Hankel matrix H it can ask of L, since
     H Hᵀ / j = L Lᵀ, and L has as few columns as rows.
 
@@ -70,16 +73,21 @@ def factorise(u: Floats, y: Floats, horizon: int) -> HankelFactor:
 
 
 def _lower_factor(signals: tuple[Floats, ...], length: int) -> Floats:
-    """Return L of [H1; H2; …] = L Q, the block Hankel matrices of `length` block rows of each signal."""
+    """Return L of [H1; H2; …] = L Q, the block Hankel matrices of `length` block rows of each signal, rows centred.
+
+    A first row of ones takes the means with it; what is left of the others is orthogonal to it.
+    """
     rows = length * sum(s.shape[1] for s in signals)
     columns, chunk = len(signals[0]) - length + 1, max(_LEAST_CHUNK, 4 * rows)
-    factor = np.zeros((0, rows))
+    factor = np.zeros((0, rows + 1))
     for first in range(0, columns, chunk):
         last = min(first + chunk, columns) + length - 1
-        piece = np.hstack([_windows(s[first:last], length) for s in signals])
+        piece = np.hstack(
+            [np.ones((last - length + 1 - first, 1)), *(_windows(s[first:last], length) for s in signals)]
+        )
         factor = triangular(np.vstack([factor, piece]))
     square = np.zeros((rows, rows))
-    square[: len(factor)] = factor
+    square[: len(factor) - 1] = factor[1:, 1:]
     return square.T
 
 

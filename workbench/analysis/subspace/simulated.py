@@ -1,11 +1,11 @@
 """B, D and the initial state by linear least squares on the simulated output.
 
-With A and C given, the output y = C (qI − A)⁻¹ (B u + x0 δ) + D u is linear in B, D and x0 (Verhaegen & Verdult 2007,
-section 9.2.4.2; Ljung 1999, section 10.6). Noise at the output does not correlate with the regressors in open
-loop, so the estimate has no bias, whatever the colour of the noise.
+With A and C given, the output y = C (qI − A)⁻¹ (B u + x0 δ) + D u + c is linear in B, D, x0 and a constant c
+(Verhaegen & Verdult 2007, section 9.2.4.2; Ljung 1999, section 10.6). Noise at the output does not correlate with the
+regressors in open loop, so the estimate has no bias, whatever the colour of the noise.
 
 A model that is not stable cannot be simulated over a long record. With a gain K for which A − K C is stable the same
-holds for the one-step prediction, with A − K C in place of A, B − K D in place of B and K y added.
+holds for the one-step prediction, with A − K C in place of A, B − K D in place of B and K y added; without c then.
 """
 
 from __future__ import annotations
@@ -33,11 +33,13 @@ class InputFit:
         B: shape (n, m).
         D: shape (p, m).
         x0: shape (n,), state at the first sample.
+        offset: shape (p,), constant part of the output.
     """
 
     B: Floats
     D: Floats
     x0: Floats
+    offset: Floats
 
 
 def fit_inputs(
@@ -50,7 +52,7 @@ def fit_inputs(
     K: Floats | None = None,
     weight: Floats | None = None,
 ) -> InputFit:
-    """Return B, D and x0 that fit the output best.
+    """Return B, D, x0 and constant part that fit the output best.
 
     Args:
         u: shape (N, m).
@@ -63,15 +65,15 @@ def fit_inputs(
     """
     (_, m), (p, n) = u.shape, C.shape
     gain = np.zeros((n, p)) if K is None else K
-    size = n * (m + 1) + (p * m if feedthrough else 0)
+    size = n * (m + 1) + (p * m if feedthrough else 0) + p
     triangle = np.zeros((0, size + 1))
     for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough=feedthrough):
         weighted = rows if weight is None else weight @ rows
         triangle = triangular(np.vstack([triangle, weighted.reshape(-1, size + 1)]))
     solution = _solve(triangle)
     parts = solution[: n * (m + 1)].reshape(m + 1, n)
-    D = solution[n * (m + 1) :].reshape(p, m) if feedthrough else np.zeros((p, m))
-    return InputFit(parts[:m].T + gain @ D, D, parts[m])
+    D = solution[n * (m + 1) : size - p].reshape(p, m) if feedthrough else np.zeros((p, m))
+    return InputFit(parts[:m].T + gain @ D, D, parts[m], solution[size - p :])
 
 
 def _solve(triangle: Floats) -> Floats:
@@ -101,6 +103,9 @@ def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, *, feedth
         columns = [states.reshape(len(states), m + 1, p, n).transpose(0, 2, 1, 3).reshape(len(states), p, (m + 1) * n)]
         if feedthrough:
             columns.append(np.einsum("km,pq->kpqm", u[part], np.eye(p)).reshape(-1, p, p * m))
+        # A column of zeros leaves the constant at zero.
+        constant = np.zeros((p, p)) if K.any() else np.eye(p)
+        columns.append(np.broadcast_to(constant, (len(states), p, p)))
         right = y[part]
         if K.any():
             fed, known = march_one(y[part] @ K.T, A, known)
@@ -119,5 +124,5 @@ def residual(u: Floats, y: Floats, A: Floats, C: Floats, fit: InputFit) -> Float
         fit: B, D and x0.
     """
     states, _ = march_one(u @ fit.B.T, A, fit.x0)
-    left: Floats = y - states @ C.T - u @ fit.D.T
+    left: Floats = y - states @ C.T - u @ fit.D.T - fit.offset
     return left
