@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from tests.drivers import needs_kernel
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import LAG, difference, loop_of_two_saturations, run, unity_feedback
 from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.sweep import lin_over
 from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate import simulate
 from workbench.analysis.trim import trim
@@ -17,6 +20,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import load
 from workbench.signals import Constant, Sine, Step
 from workbench.system.connect import connect
+from workbench.system.load import load as load_any
 from workbench.workers import Workers
 
 both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
@@ -294,3 +298,91 @@ def test_wrong_names_in_a_system_are_refused() -> None:
         connect({"a": "fmu:FirstOrderLag"}, start_values={"a.tua": 1.0})
     with pytest.raises(InputError, match="co-simulation parts are not supported yet"):
         connect({"a": load("fmu:FirstOrderLag", "cs"), "b": 2.0})
+
+
+@both
+def test_systems_are_connected_further(driver: str) -> None:
+    with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver=driver) as inner:
+        outer = connect(
+            {"in": inner, "k": 2.0, "e": difference("e", 1.0, -1.0)},
+            [("e.y", "in.r"), ("in.y", "k.u"), ("k.y", "e.u2")],
+            inputs={"r": "e.u1"},
+            outputs={"y": "in.y", "u": "in.k.y"},
+            start_values={"in.p.tau": 2.0},
+            driver=driver,
+        )
+    with outer:
+        assert [s.name for s in outer.states] == ["in.p.x"]
+        assert pytest.approx(np.array([[-6.5]])) == lin(outer).A
+
+
+def test_a_biased_model_cannot_be_connected() -> None:
+    with load("fmu:FirstOrderLag", bias={"u": 1.0}) as model, pytest.raises(InputError, match="give the bias to the"):
+        connect({"a": model})
+
+
+def test_load_opens_system_files(tmp_path: Path) -> None:
+    file = tmp_path / "two.toml"
+    file.write_text(
+        '[components]\na = "fmu:FirstOrderLag"\nb = {model = "fmu:FirstOrderLag", set = {tau = 2.0}}\n'
+        '[connections]\n"b.u" = {from = "a.y", gain = -1.0}\n'
+        '[inputs]\nu = "a.u"\n[outputs]\ny = "b.y"\n'
+    )
+    with load_any(file, start_values={"a.tau": 0.5}) as model:
+        assert model.name == "two"
+        assert pytest.approx(np.array([[-2.0, 0.0], [-0.5, -0.5]])) == lin(model).A
+        grid = lin_over(model, {"b.tau": [1.0, 4.0]})
+    assert [p.result.A[1, 1] for p in grid.points if p.result is not None] == pytest.approx([-1.0, -0.25])
+    with load_any("fmu:FirstOrderLag") as model:
+        assert model.name == "FirstOrderLag"
+    with pytest.raises(InputError, match="hold_inputs"):
+        load_any(file, hold_inputs=True)
+    with pytest.raises(InputError, match="co-simulation"):
+        load_any(file, interface="cs")
+
+
+def test_a_chain_of_many_is_read_in_levels_and_shares_its_binary() -> None:
+    n = 40
+    with connect(
+        {f"c{i}": "fmu:FirstOrderLag" for i in range(n)},
+        [(f"c{i}.y", f"c{i + 1}.u") for i in range(n - 1)],
+        inputs={"u": "c0.u"},
+        outputs={"y": f"c{n - 1}.y"},
+    ) as model:
+        wiring = model.new_instance().wiring
+        assert wiring is not None
+        assert len(wiring.continuous) == 1
+        found = lin(model).A
+    assert np.array_equal(found, -np.eye(n) + np.eye(n, k=-1))
+
+
+def test_order_of_evaluation_follows_feed_through() -> None:
+    gains = {f"k{i}": 1.0 for i in range(4)}
+    shuffled = [("k2.y", "k3.u"), ("k0.y", "k1.u"), ("k1.y", "k2.u")]
+    with connect(gains, shuffled, ["k0.u"], ["k3.y"]) as model:
+        wiring = model.new_instance().wiring
+        assert wiring is not None
+        assert [g.members for g in wiring.continuous] == [(1,), (2,), (0,)]
+        assert not wiring.loops()
+
+
+@needs_kernel
+def test_a_sampled_law_around_the_rudder_is_linearised_as_it_is_measured() -> None:
+    """Kalman-Bertram over one period of the law against the measured response, to 2 Hz (Nyquist is 22.7 Hz)."""
+    with connect(
+        {"law": "fmu:ElevatorLaw", "r": "fmu:Rudder", "e": difference("e", 1.0, -0.02)},
+        [("e.y", "law.side_stick"), ("law.elevator", "r.delC"), ("r.del", "e.u2", {"convert": False})],
+        inputs={"cmd": "e.u1"},
+        outputs={"del": "r.del"},
+        tolerance=1e-8,
+    ) as model:
+        point = trim(model, fix={"cmd": 0.0}).point
+        found = lin(model, at=point)
+        frequencies = [0.5, 2.0]
+        measured = nfr(model, "cmd", "del", frequencies, [1e-3], workers=Workers(in_process=True))
+    assert found.dt == pytest.approx(0.022)
+    for k, frequency in enumerate(frequencies):
+        z = np.exp(2j * np.pi * frequency * found.dt)
+        response = (found.C @ np.linalg.solve(z * np.eye(len(found.A)) - found.A, found.B) + found.D)[0, 0]
+        assert measured.gain[0, k] == pytest.approx(abs(response), rel=1e-3)
+        assert measured.phase_deg[0, k] == pytest.approx(np.degrees(np.angle(response)), abs=0.1)
