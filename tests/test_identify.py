@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import workbench as wb
 from workbench.cli.app import run
@@ -177,5 +178,5 @@ def test_a_page_stands_alone(tmp_path: Path) -> None:
         write_page(page, tmp_path / "page.txt")
 
 
-def lag_figure():  # type: ignore[no-untyped-def]  # noqa: ANN201
+def lag_figure() -> Figure:
     return wb.sdf(lag()).plot()

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.analysis.blas import one_thread
 from workbench.analysis.subspace.data import prepare
 from workbench.analysis.subspace.delays import advance, as_tuple
 from workbench.analysis.subspace.finish import model_of
@@ -97,10 +98,11 @@ def estimate(
     record = prepare(u, y)
     delays = as_tuple(delay, record.u.shape[1])
     data = advance(record.u, record.y, delays)
-    first = first_trial(data, settings)
-    choice = _order(data, first, settings)
-    trial = best_trial(data, first, choice.order, settings)
-    found = _identify(data, trial, choice.order, settings)
+    with one_thread():
+        first = first_trial(data, settings)
+        choice = _order(data, first, settings)
+        trial = best_trial(data, first, choice.order, settings)
+        found = _identify(data, trial, choice.order, settings)
     notes = (*record.notes, first.note, *choice.notes, found.noise.note, _stability(found.A, found.moved))
     return SubspaceEstimate(
         model=model_of(found.A, found.C, found.fit, found.noise, record=record, delays=delays, dt=interval),

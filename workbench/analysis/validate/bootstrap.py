@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.blas import one_thread
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.march import march
@@ -178,10 +179,11 @@ def bootstrap_poles(
     length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
     poles = _without_delays(model.poles, sum(model.delay))
     found = []
-    for y in _records(model, data, replicates, length, np.random.default_rng(seed)):
-        one = _estimated(estimator, data.u - model.u0, y, model)
-        if one is not None:
-            found.append(one)
+    with one_thread():
+        for y in _records(model, data, replicates, length, np.random.default_rng(seed)):
+            one = _estimated(estimator, data.u - model.u0, y, model)
+            if one is not None:
+                found.append(one)
     if len(found) < max(LEAST, replicates // 2):
         raise InputError(f"only {len(found)} of {replicates} bootstrap replicates gave a model of order {len(poles)}")
     matched = match_clouds(poles, np.array(found))
