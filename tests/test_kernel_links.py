@@ -38,7 +38,7 @@ def two_lags(version: str, interface: str, signal: Signal, points: Floats) -> Fl
         model.open_session() as b,
     ):
         u, y = named(model, "u"), named(model, "y")
-        system = NativeSystem([a.instance, b.instance], plan([Connection(y, u, 0, 1, GAIN)]))
+        system = NativeSystem([a.instance, b.instance], plan([Connection(y, u, 0, 1, GAIN)], parts=2))
         forcing = NativeForcing(system, [(u, signal, 0.0, [(0, u)])], longest_step=signal.longest_step)
         forcing.written[0] = signal(0.0)
         forcing.apply()

@@ -123,3 +123,14 @@ def test_snapshots_of_fakes_are_replayed_or_restored_alike() -> None:
         assert session.time == 0.35
         again = session.advance(0.8, signals=signals, record=["i.y"]).values["i.y"]
     assert again == pytest.approx(first, abs=1e-8)
+
+
+def test_samplers_in_a_row_see_each_other_at_the_same_instant() -> None:
+    """Outputs that change only when the event is handled: the later one is asked after the earlier one has answered."""
+    model = fakes({"c": Sampler, "b": Sampler, "a": Sampler}, [("b.y", "c.u"), ("a.y", "b.u")], ["a.u"])
+    record = run(model, 1.0, {"a.u": Sine(frequency=0.5)}, ["a.y", "b.y", "c.y"])
+    values = record.values
+    inside = np.append(np.diff(record.time) > 0.0, False)
+    assert np.abs(values["a.y"]).max() > 0.9
+    assert np.array_equal(values["b.y"][inside], values["a.y"][inside])
+    assert np.array_equal(values["c.y"][inside], values["a.y"][inside])

@@ -74,6 +74,7 @@ class Wiring:
         closed: 1 where the connection passes values, shape (n,).
         jacobians: ∂(residual)/∂(value) of each loop of `continuous`, then of `events`, shape (m, m) each.
         known: 1 where that Jacobian can be used, shape (number of loops,).
+        order: the parts, those first whose outputs the others need: in this order they handle an event.
     """
 
     connections: tuple[Connection, ...]
@@ -84,6 +85,7 @@ class Wiring:
     closed: NDArray[np.int32]
     jacobians: tuple[Floats, ...]
     known: NDArray[np.int32]
+    order: tuple[int, ...]
 
     def switch(self, time: float) -> None:
         """Close what is due at `time` [s]; only at events."""
@@ -102,8 +104,10 @@ class Wiring:
         return [g for g in (*self.continuous, *self.events) if g.loop]
 
 
-def wiring(connections: Sequence[Connection], events: Sequence[Group], continuous: Sequence[Group]) -> Wiring:
-    """Return a wiring with all values at zero and all Jacobians to be found."""
+def wiring(
+    connections: Sequence[Connection], events: Sequence[Group], continuous: Sequence[Group], *, parts: int
+) -> Wiring:
+    """Return a wiring of so many parts, with all values at zero and all Jacobians to be found."""
     n = len(connections)
     loops = [g for g in (*continuous, *events) if g.loop]
     return Wiring(
@@ -115,4 +119,7 @@ def wiring(connections: Sequence[Connection], events: Sequence[Group], continuou
         closed=np.ones(n, dtype=np.int32),
         jacobians=tuple(np.zeros((len(g.members), len(g.members))) for g in loops),
         known=np.zeros(len(loops), dtype=np.int32),
+        order=tuple(
+            dict.fromkeys([*(connections[i].from_component for g in events for i in g.members), *range(parts)])
+        ),
     )

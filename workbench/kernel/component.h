@@ -46,6 +46,7 @@ typedef struct {
     int32_t slopes_work;    /* until it says otherwise */
     int32_t event_due;      /* co-simulation: the last step ended at an event, which waits for the inputs there */
     double time;            /* of the last set_time or do_step [s] */
+    double due;             /* its next time event [s] */
     const struct ComponentCalls *calls;
 } Component;
 

@@ -98,6 +98,9 @@ bool me_restart(Me *me) {
     me->last_gap = (double)INFINITY;
     me->last_event = -(double)INFINITY;
     me->cautious = (double)INFINITY;
+    for (size_t i = 0; i < me->system->n_components; i++) {
+        me->system->components[i].due = -(double)INFINITY;
+    }
     return system_vectors(me->system, GET_STATES, me->x, false) && me_restart_solver(me, me->x);
 }
 

@@ -64,24 +64,41 @@ static bool guard_zeno(Me *me) {
     return me->crowd > ZENO_EVENTS || dwindles(me) ? fail_at(failure_of(me), FAILED_ZENO, me->time) : true;
 }
 
-/* One round: every component evaluates the event once. */
-static bool update_all(Me *me, bool *again, bool *states_changed) {
+/* One component evaluates the event once; *acted: its outputs may be others now. */
+static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
     System *system = me->system;
+    Component *component = &system->components[i];
+    const int status = component->calls->update_discrete_states(component, answer);
+    if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+        return false;
+    }
+    *acted = answer->again || answer->states_changed || component->due <= me->time;
+    component->due = answer->time;
+    if (answer->terminate) {
+        system->failure.component = (int32_t)i;
+        return fail_at(&system->failure, FAILED_ENDED, me->time);
+    }
+    return true;
+}
+
+/* One round: every component evaluates the event once, with what those before it show since they did. */
+static bool update_all(Me *me, bool *again, bool *moved, bool *states_changed) {
+    System *system = me->system;
+    bool acted = false;
     me->next_time = system_next_switch(system, me->time);
-    for (size_t i = 0; i < system->n_components; i++) {
-        const Component *component = &system->components[i];
+    for (size_t k = 0; k < system->n_components; k++) {
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+        bool some = false;
+        if (acted && !system_propagate(system, true, &some)) {
             return false;
         }
+        if (!update_one(me, system->order ? system->order[k] : k, &answer, &acted)) {
+            return false;
+        }
+        *moved = *moved || some;
         *again = *again || answer.again;
         *states_changed = *states_changed || answer.states_changed;
         me->next_time = fmin(me->next_time, answer.time);
-        if (answer.terminate) {
-            system->failure.component = (int32_t)i;
-            return fail_at(&system->failure, FAILED_ENDED, me->time);
-        }
     }
     return true;
 }
@@ -92,10 +109,11 @@ static bool iterate(Me *me, bool *states_changed) {
     for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
         bool again = false;
         bool moved = false;
-        if (!update_all(me, &again, states_changed) || !system_propagate(system, true, &moved)) {
+        bool last = false;
+        if (!update_all(me, &again, &moved, states_changed) || !system_propagate(system, true, &last)) {
             return false;
         }
-        if (!again && !moved) {
+        if (!again && !moved && !last) {
             return system_enter(system, ENTER_CONTINUOUS_MODE);
         }
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -88,6 +89,7 @@ class NativeSystem:
             interpolates=capabilities.interpolates_inputs,
             slopes_work=True,
             time=instance.time,
+            due=-math.inf,
         )
 
     def hold_inputs(self) -> None:

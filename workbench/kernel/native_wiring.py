@@ -32,6 +32,9 @@ def native_wiring(system: System, instances: Sequence[Instance], wiring: Wiring)
         setattr(system, name, ctypes.addressof(array))
         setattr(system, f"n_{name}", len(found))
     system.wires = _wires(wiring, kept)
+    order = np.array(wiring.order, dtype=np.uintp)
+    kept.append(order)
+    system.order = order.ctypes.data
     return kept
 
 

@@ -110,6 +110,7 @@ class Component(ctypes.Structure):
         ("slopes_work", c_int32),
         ("event_due", c_int32),
         ("time", c_double),
+        ("due", c_double),
         ("calls", c_void_p),
     )
 
@@ -254,6 +255,7 @@ class System(ctypes.Structure):
         ("moving", c_void_p),
         ("n_moving", c_size_t),
         ("wires", Wires),
+        ("order", c_void_p),
         ("nx", c_size_t),
         ("nz", c_size_t),
         ("forcing", c_void_p),

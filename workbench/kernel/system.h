@@ -40,6 +40,7 @@ typedef struct {
     Link *moving; /* in continuous time: those whose values can change there */
     size_t n_moving;
     Wires wires;
+    const size_t *order; /* [n_components] in which they handle an event; NULL: as they are numbered */
     size_t nx, nz;              /* sums over the components */
     Forcing *forcing;           /* in force */
     int64_t evaluations;        /* right-hand sides */

@@ -3,6 +3,7 @@
 # ruff: noqa: ANN401 - saved states and C buffers have no type
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -73,6 +74,7 @@ class CompositeInstance(Instance):
         self.component: Any = None
         self._setup(description, _library(self), interface="me")
         self._events, self._stale = False, True
+        self._due = [-math.inf] * len(self._parts)  # next time events
 
     @property
     def parts(self) -> tuple[Instance, ...]:
@@ -200,8 +202,7 @@ class CompositeInstance(Instance):
         self._events, self._stale = False, True
 
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
-        self.refresh()
-        answers = [p.update_discrete_states() for p in self._parts]
+        answers = [self._update(number) for number in self._wiring.order]
         infos = [info for _, info in answers]
         self._stale = True
         return any(again for again, _ in answers), EventInfo(
@@ -211,14 +212,23 @@ class CompositeInstance(Instance):
             next_time=min([self._wiring.next_switch(self.time), *(i.next_time for i in infos)]),
         )
 
+    def _update(self, number: int) -> tuple[bool, EventInfo]:
+        """Let one part handle the event, with what those before it show since they did."""
+        self.refresh()
+        again, info = self._parts[number].update_discrete_states()
+        due, self._due[number] = self._due[number] <= self.time, info.next_time
+        self._stale = again or info.states_changed or due
+        return again, info
+
     def iterate_events(self) -> EventInfo:
         """Iterate until no part wants another round and no connected value changes."""
         states = nominals = False
         for _ in range(MAX_EVENT_ITERATIONS):
+            self.refresh()
+            before = self._wiring.values.copy()
             again, info = self.update_discrete_states()
             states |= info.states_changed
             nominals |= info.nominals_changed
-            before = self._wiring.values.copy()
             self.refresh()
             moved = not np.array_equal(before, self._wiring.values)
             if info.terminate or not (again or moved):
@@ -251,6 +261,7 @@ class CompositeInstance(Instance):
         wiring.values[:], wiring.sizes[:], wiring.closed[:] = state.values, state.sizes, state.closed
         wiring.forget()
         self._events, self._stale = state.events, True
+        self._due = [-math.inf] * len(self._parts)
 
     def free_state(self, state: Any) -> None:
         for part, saved in zip(self._parts, state.parts, strict=True):

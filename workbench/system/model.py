@@ -96,7 +96,7 @@ class SystemModel(DescribedModel):
         )
 
     def _wiring(self) -> Wiring:
-        return plan(self._connections)
+        return plan(self._connections, parts=len(self._opened.parts))
 
     def new_instance(self) -> Instance:
         with ExitStack() as undo:

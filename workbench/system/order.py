@@ -25,12 +25,12 @@ __all__ = ["feeds_through", "plan"]
 Graph = NDArray[np.bool_]
 
 
-def plan(connections: Sequence[Connection]) -> Wiring:
-    """Return the connections with their orders of evaluation, at events and in continuous time."""
+def plan(connections: Sequence[Connection], *, parts: int) -> Wiring:
+    """Return the connections between so many parts, with their orders of evaluation."""
     graph = _reach(connections)
     moving = [i for i, c in enumerate(connections) if not c.discrete]
     events = _groups(_without_discrete_loops(graph, connections), list(range(len(connections))))
-    return wiring(connections, events, _groups(graph[np.ix_(moving, moving)], moving))
+    return wiring(connections, events, _groups(graph[np.ix_(moving, moving)], moving), parts=parts)
 
 
 def feeds_through(source: Variable, through: Variable) -> bool:
