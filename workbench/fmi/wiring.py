@@ -99,6 +99,10 @@ class Wiring:
         """Drop the Jacobians: what is computed next must not depend on the past."""
         self.known[:] = 0
 
+    def anew(self) -> Wiring:
+        """Return the same connections in the same order, with values of their own."""
+        return wiring(self.connections, self.events, self.continuous, parts=len(self.order))
+
     def loops(self) -> list[Group]:
         """Return the loops in the order of `jacobians`."""
         return [g for g in (*self.continuous, *self.events) if g.loop]

@@ -72,7 +72,9 @@ static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
     if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
         return false;
     }
-    *acted = answer->again || answer->states_changed || component->due <= me->time;
+    /* Where it is not known when its event was due, it was due now if there is a next one. */
+    const bool due = component->due <= me->time && (isfinite(component->due) || isfinite(answer->time));
+    *acted = answer->again || answer->states_changed || due;
     component->due = answer->time;
     if (answer->terminate) {
         system->failure.component = (int32_t)i;

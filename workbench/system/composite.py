@@ -216,7 +216,9 @@ class CompositeInstance(Instance):
         """Let one part handle the event, with what those before it show since they did."""
         self.refresh()
         again, info = self._parts[number].update_discrete_states()
-        due, self._due[number] = self._due[number] <= self.time, info.next_time
+        before, self._due[number] = self._due[number], info.next_time
+        # Where it is not known when its event was due, it was due now if there is a next one.
+        due = before <= self.time and min(abs(before), info.next_time) < math.inf
         self._stale = again or info.states_changed or due
         return again, info
 

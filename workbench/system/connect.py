@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, one_line, suggest
 from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
 from workbench.fmi.description import Experiment
@@ -241,7 +241,10 @@ def _linear(name: str, value: object) -> LinearComponent | None:
     if not isinstance(value, _StateSpace):
         from control import ss  # noqa: PLC0415 - takes long to load, and only transfer functions need it
 
-        value = ss(value)
+        try:
+            value = ss(value)
+        except Exception as error:  # noqa: BLE001  python-control raises many kinds
+            raise InputError(f"component {name}: no state-space form: {one_line(str(error))}") from None
         if not isinstance(value, _StateSpace):
             raise InputError(f"component {name}: this kind of linear system cannot be connected; give a StateSpace")
     a, b, c, d = (np.array(m, dtype=np.float64, ndmin=2) for m in (value.A, value.B, value.C, value.D))

@@ -71,7 +71,7 @@ class SystemModel(DescribedModel):
         self.system = opened.description
         described = joint_description(opened.description, opened.parts, opened.resolved)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        self._connections = _connections(opened)
+        self._plan = plan(_connections(opened), parts=len(opened.parts))
         solver, note = choose_solver(recipe.solver, states=described.state_count)
         driver, remark = choose_driver(recipe.driver)
         variables = {v.name: v for v in described.variables}
@@ -91,18 +91,15 @@ class SystemModel(DescribedModel):
             interface="me",
             setup=setup,
             driver=driver,
-            notes=(*_notes(opened, self._wiring()), *filter(None, [note, remark])),
+            notes=(*_notes(opened, self._plan), *filter(None, [note, remark])),
             recipe=recipe,
         )
-
-    def _wiring(self) -> Wiring:
-        return plan(self._connections, parts=len(self._opened.parts))
 
     def new_instance(self) -> Instance:
         with ExitStack() as undo:
             made = [_closed_by(undo, part.instance()) for part in self._opened.parts]
             undo.pop_all()
-        return CompositeInstance(made, self._wiring(), self.description, self._ports, source=self.source)
+        return CompositeInstance(made, self._plan.anew(), self.description, self._ports, source=self.source)
 
     def close(self) -> None:
         super().close()
