@@ -44,9 +44,23 @@ if TYPE_CHECKING:
     from workbench.analysis.validate.validate import validate
     from workbench.build.export import ExportResult, export
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
-    from workbench.model import FmuModel, Model, Variable, load
+    from workbench.model import FmuModel, Model, Variable
     from workbench.session import Record, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
+    from workbench.system.connect import connect
+    from workbench.system.description import (
+        Connection,
+        FmuComponent,
+        FunctionComponent,
+        GainComponent,
+        LinearComponent,
+        SumComponent,
+        SystemDescription,
+    )
+    from workbench.system.load import load
+    from workbench.system.model import SystemModel
+    from workbench.system.read import read_system
+    from workbench.system.ssp_write import write_ssp
     from workbench.workers import Workers
 
 __version__ = "0.1.0"
@@ -56,6 +70,7 @@ __all__ = [
     "BuildError",
     "Certificate",
     "Coherence",
+    "Connection",
     "Constant",
     "Doubt",
     "ExciteResult",
@@ -63,8 +78,11 @@ __all__ = [
     "ExportResult",
     "FailedPoint",
     "Finding",
+    "FmuComponent",
     "FmuError",
     "FmuModel",
+    "FunctionComponent",
+    "GainComponent",
     "IdentifiedModel",
     "IdentifyResult",
     "InputError",
@@ -72,6 +90,7 @@ __all__ = [
     "LinGrid",
     "LinPoint",
     "LinResult",
+    "LinearComponent",
     "LinearModel",
     "Model",
     "MultisineDesign",
@@ -94,6 +113,9 @@ __all__ = [
     "Step",
     "StepCheck",
     "SubspaceEstimate",
+    "SumComponent",
+    "SystemDescription",
+    "SystemModel",
     "Table",
     "TrimResult",
     "Validation",
@@ -107,6 +129,7 @@ __all__ = [
     "bootstrap_poles",
     "coherence",
     "compare",
+    "connect",
     "cut_settling",
     "detrend",
     "estimate",
@@ -122,6 +145,7 @@ __all__ = [
     "overlay",
     "parse_signal",
     "read_experiment",
+    "read_system",
     "remove_offset",
     "remove_outliers",
     "resample",
@@ -131,6 +155,7 @@ __all__ = [
     "step_check",
     "trim",
     "validate",
+    "write_ssp",
 ]
 
 _HOMES = {
@@ -166,9 +191,23 @@ _HOMES = {
     "workbench.analysis.trim_result": ("TrimResult",),
     "workbench.analysis.zero_input": ("ZeroInput",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
-    "workbench.model": ("FmuModel", "Model", "Variable", "load"),
+    "workbench.model": ("FmuModel", "Model", "Variable"),
     "workbench.session": ("Record", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
+    "workbench.system.connect": ("connect",),
+    "workbench.system.description": (
+        "Connection",
+        "FmuComponent",
+        "FunctionComponent",
+        "GainComponent",
+        "LinearComponent",
+        "SumComponent",
+        "SystemDescription",
+    ),
+    "workbench.system.load": ("load",),
+    "workbench.system.model": ("SystemModel",),
+    "workbench.system.read": ("read_system",),
+    "workbench.system.ssp_write": ("write_ssp",),
     "workbench.workers": ("Workers",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

@@ -1,4 +1,4 @@
-"""`workbench info`: what an FMU is and can do."""
+"""`workbench info`: what an FMU or a system is and can do."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from workbench.fmi.description import Description
     from workbench.fmi.variable import Variable
 
-__all__ = ["info"]
+__all__ = ["info", "variable_dict", "variable_table"]
 
 
 def info(
@@ -27,12 +27,19 @@ def info(
     ] = True,
     json_path: Json = None,
 ) -> None:
-    """Show what an FMU is and can do: interfaces, platforms, variables.
+    """Show what an FMU is and can do: interfaces, platforms, variables; of a system: components and connections.
 
     Example: `workbench info fmu:Rudder`
     """
     from workbench.cli.notes import note
     from workbench.cli.output import Output
+    from workbench.system.read import is_system_file
+
+    if is_system_file(model):
+        from workbench.cli.info_system import info_system
+
+        info_system(model, Output("info", json_path=json_path))
+        return
     from workbench.fmi.archive import locate, unpack
     from workbench.fmi.description import read_description
 
@@ -47,7 +54,7 @@ def info(
     out.console.print(_facts(description, runnable, snapshots))
     for title, variables in _groups(description).items():
         if variables:
-            out.console.print(_table(title, variables))
+            out.console.print(variable_table(title, variables))
     out.write(_to_dict(description, runnable, snapshots))
 
 
@@ -104,7 +111,7 @@ def _to_dict(description: Description, runnable: list[str], snapshots: dict[str,
         "interfaces": sorted(description.interfaces),
         "platforms": list(description.platforms),
         "runnable": bool(runnable),
-        **{name: [_variable(v) for v in group] for name, group in _groups(description).items()},
+        **{name: [variable_dict(v) for v in group] for name, group in _groups(description).items()},
         "capabilities": {
             name: {**asdict(c), "snapshots": asdict(snapshots[name]) if name in snapshots else None}
             for name, c in description.interfaces.items()
@@ -114,7 +121,8 @@ def _to_dict(description: Description, runnable: list[str], snapshots: dict[str,
     }
 
 
-def _variable(variable: Variable) -> dict[str, Any]:
+def variable_dict(variable: Variable) -> dict[str, Any]:
+    """Return what the JSON says of a variable."""
     return {
         "name": variable.name,
         "type": variable.type,
@@ -154,7 +162,8 @@ def _how(snapshots: Snapshots) -> str:
     return snapshots.method if not snapshots.why else f"{snapshots.method} ({snapshots.why})"
 
 
-def _table(title: str, variables: tuple[Variable, ...]) -> Table:
+def variable_table(title: str, variables: tuple[Variable, ...]) -> Table:
+    """Return a table of variables for people."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table

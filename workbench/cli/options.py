@@ -11,7 +11,7 @@ import typer
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.model import FmuModel
+    from workbench.model.described import DescribedModel
     from workbench.workers import Workers
 
 __all__ = [
@@ -37,7 +37,9 @@ __all__ = [
     "workers",
 ]
 
-ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="FMU file, unpacked FMU folder, or fmu:NAME[@3].")]
+ModelName = Annotated[
+    str, typer.Argument(metavar="MODEL", help="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp.")
+]
 Interface = Annotated[
     Literal["auto", "me", "cs"],
     typer.Option("--interface", help="Model exchange or co-simulation; auto takes me where the FMU offers it."),
@@ -118,7 +120,7 @@ def open_model(
     tolerance: float | None,
     set_: Sequence[str] | None,
     bias: Sequence[str] | None,
-) -> FmuModel:
+) -> DescribedModel:
     """Load the model that a command names; its notes go to standard error.
 
     Raises:
@@ -126,7 +128,7 @@ def open_model(
         FmuError: no FMU, no binary for this platform.
     """
     from workbench.cli.notes import note
-    from workbench.model import load
+    from workbench.system.load import load
 
     model = load(
         name,

@@ -9,7 +9,6 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.load import load as load_fmu
-from workbench.system.connect import open_description
 from workbench.system.read import is_system_file, read_system
 
 __all__ = ["load"]
@@ -53,6 +52,8 @@ def load(
         FmuError: a file is no usable FMU, or has no binary for this platform.
     """
     if is_system_file(path):
+        from workbench.system.connect import open_description  # noqa: PLC0415  loading a single FMU stays quick
+
         if hold_inputs:
             raise InputError(f"{path}: hold_inputs is for one co-simulation FMU, not for a system")
         return open_description(

@@ -21,6 +21,9 @@ def read_system(path: str | Path) -> SystemDescription:
 
     The FMUs are there, but nothing is connected yet: `health.resolve` checks names, types and units.
 
+    Args:
+        path: of the file or folder.
+
     Raises:
         InputError: one line: no such file, or what in it is wrong, where, and what to do.
         FmuError: an .ssp that is no zip archive, is damaged or would write outside of its folder.
