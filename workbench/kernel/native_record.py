@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.native_system import NativeSystem
@@ -69,8 +70,7 @@ def _no_feedthrough(system: NativeSystem, variable: Variable, owner: int) -> boo
         return False
     if variable.causality != "output" or variable.dependencies is None:
         return False
-    inputs = {v.name for v in instance.description.variables if v.causality == "input"}
-    return not inputs.intersection(variable.dependencies)
+    return instance.description.input_names.isdisjoint(variable.dependencies)
 
 
 class NativeFourier:
@@ -89,7 +89,7 @@ class NativeFourier:
     ) -> None:
         self._library = library
         n, width = len(columns), 1 + 2 * orders
-        self._columns = (ctypes.c_size_t * n)(*columns)
+        self._columns = c_array(ctypes.c_size_t, columns)
         sizes = {"basis": width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
         self._memory = {name: np.zeros(size) for name, size in sizes.items()}
         self._shape = (n, width)
