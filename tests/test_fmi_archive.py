@@ -159,6 +159,18 @@ def test_the_folder_is_removed_and_a_users_folder_is_not(pack: Pack, tmp_path: P
     assert (users / "modelDescription.xml").is_file()
 
 
+def test_binaries_of_other_platforms_stay_in_the_archive_but_are_known(pack: Pack) -> None:
+    others = ["binaries/x86_64-windows/M.dll", "binaries/darwin64/M.dylib", "binaries/aarch64-linux/M.so"]
+    others = [name for name in others if host() not in name and not (host().endswith("darwin") and "darwin" in name)]
+    odd = ["binaries/own-machine/M.so", "binaries/win32/readme.txt", "binaries/note.txt", "binaries/win32/deep/M.dll"]
+    with unpack(pack(dict.fromkeys([*others, *odd], "x"))) as unpacked:
+        files = {p.relative_to(unpacked.folder).as_posix() for p in unpacked.folder.rglob("*") if p.is_file()}
+        found = read_description(unpacked.folder, source="M")
+    assert not files.intersection(others)
+    assert files >= {"binaries/own-machine/M.so", "binaries/note.txt"}
+    assert found.platforms == tuple(sorted([*(name.split("/")[1] for name in others), "own-machine"]))
+
+
 def test_the_description_as_dataclasses(pack: Pack) -> None:
     with unpack(pack({"binaries/linux64/M.so": "x"})) as unpacked:
         found = read_description(unpacked.folder, source="M")

@@ -9,6 +9,7 @@ import pytest
 
 from tests.drivers import needs_kernel
 from workbench.analysis.harmonics import measure_period
+from workbench.errors import InputError
 from workbench.kernel.library import kernel
 from workbench.kernel.native_record import NativeFourier
 from workbench.model import load
@@ -64,6 +65,39 @@ def test_a_session_sums_what_it_would_record(name: str, interface: str, u: str, 
     assert complex(found.inputs[u][1], found.inputs[u][2]) == pytest.approx(period.drive, abs=1e-13)
     assert found.largest[y] == period.size
     assert later.time[0] == 0.2
+
+
+def test_a_basis_that_is_known_at_some_rows_gives_the_same() -> None:
+    record = random_rows(1.0)
+    rows = np.column_stack([record.time, record.inputs["u"], record.values["y"]])
+    sums = NativeFourier(kernel(), [1, 2], begin=3.0, frequency=2.0, orders=3)
+    expected = sums.of_rows(rows)
+    # Known at every third row, and at times between rows, where it must not be taken.
+    times = np.unique(np.concatenate([record.time[::3], 0.5 * (record.time[1:] + record.time[:-1])]))
+    angles = 4.0 * np.pi * np.outer(times - 3.0, np.arange(1, 4))
+    basis = np.ones((times.size, 7))
+    basis[:, 1::2], basis[:, 2::2] = np.sin(angles), np.cos(angles)
+    sums.aim(begin=3.0, frequency=2.0, known=(times, basis))
+    np.testing.assert_allclose(sums.of_rows(rows), expected, rtol=1e-13, atol=1e-14)
+    sums.aim(begin=3.0, frequency=2.0)
+    assert np.array_equal(sums.of_rows(rows), expected)
+
+
+def test_a_basis_of_another_shape_is_refused() -> None:
+    points = np.arange(1, 11) / 10.0
+    with load("fmu:FirstOrderLag", driver="compiled") as model, model.open_session() as session:
+        assert isinstance(session, CompiledSession)
+        with pytest.raises(InputError, match=r"basis has shape \(10, 5\), not \(10, 7\)"):
+            session.harmonics(
+                1.0,
+                signals={"u": Sine(frequency=1.0)},
+                record=["y"],
+                begin=0.0,
+                frequency=1.0,
+                orders=3,
+                points=points,
+                basis=np.ones((10, 5)),
+            )
 
 
 def test_fourth_of_the_rows_is_kept_where_that_is_asked_for() -> None:

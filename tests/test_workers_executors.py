@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
 import sys
+import zipfile
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,6 +34,22 @@ needs_distributed = pytest.mark.skipif(find_spec("distributed") is None, reason=
 def model() -> Iterator[wb.FmuModel]:
     with wb.load("fmu:FirstOrderLag") as loaded:
         yield loaded
+
+
+def test_a_packed_recipe_needs_no_file_and_serves_every_platform(model: wb.FmuModel, tmp_path: Path) -> None:
+    packed = model.recipe.packed()
+    assert packed.archive is not None
+    with zipfile.ZipFile(io.BytesIO(packed.archive)) as archive:
+        names = set(archive.namelist())
+    assert {"binaries/win64/FirstOrderLag.dll", "binaries/linux64/FirstOrderLag.so"} <= names
+    elsewhere = replace(packed, folder=str(tmp_path / "missing"), source=str(tmp_path / "missing.fmu"))
+    with elsewhere.open() as again, again.open_session() as session:
+        assert again.source == elsewhere.source
+        assert session.values(["y"]) == {"y": 0.0}
+    with zipfile.ZipFile(io.BytesIO(packed.archive)) as archive:
+        archive.extractall(tmp_path / "folder")
+    with wb.load(tmp_path / "folder") as unpacked, unpacked.recipe.packed().open() as again:
+        assert again.description.variables == model.description.variables
 
 
 def values(runner: Runner, *jobs: tuple[object, ...]) -> dict[tuple[object, ...], list[object]]:

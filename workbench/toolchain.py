@@ -61,8 +61,8 @@ FLAGS = (
 )  # fmt: skip
 
 
-# The kernel's parts are optimised as one, where the linker that comes with the compiler can do that.
-_KERNEL_FLAGS: Mapping[str, tuple[str, ...]] = {".so": ("-flto",)}
+# The parts of a library are optimised as one, where the linker that comes with the compiler can do that.
+_AS_ONE: Mapping[str, tuple[str, ...]] = {".so": ("-flto",)}
 
 
 def host_only() -> tuple[Platform, ...]:
@@ -82,7 +82,6 @@ def compile_library(
     output: Path,
     *,
     install_stem: str = "model",
-    flags: Sequence[str] = (),
 ) -> None:
     """Compile `sources` (names in `folder`) into the shared library `output`.
 
@@ -92,7 +91,6 @@ def compile_library(
         platform: what to compile for.
         output: the library to write; its folder is made.
         install_stem: name that a library for macOS carries inside.
-        flags: for the compiler, besides `FLAGS`.
 
     Raises:
         BuildError: The compiler is missing or refuses the code.
@@ -102,7 +100,8 @@ def compile_library(
     output.parent.mkdir(parents=True, exist_ok=True)
     # Relative names and a fixed working folder: no path of this machine reaches the binary.
     command = [
-        sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *FLAGS, *flags, "-I.", *sources,
+        sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *FLAGS, *_AS_ONE.get(platform.suffix, ()),
+        "-I.", *sources,
         "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
     ]  # fmt: skip
     cache = str(_cache())
@@ -124,7 +123,6 @@ def compile_all(
     stem: str,
     *,
     install_stem: str = "model",
-    flags: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, Path]:
     """Compile for every platform, two at a time; return {platform name: library}.
 
@@ -135,7 +133,6 @@ def compile_all(
         output: each library goes into a folder in it, named after the platform.
         stem: name of the libraries, without suffix.
         install_stem: name that libraries for macOS carry inside.
-        flags: suffix of a platform's libraries → flags for the compiler, besides `FLAGS`.
 
     Raises:
         BuildError: As :func:`compile_library`.
@@ -144,8 +141,7 @@ def compile_all(
     libraries = {p.name: output / p.name / f"{stem}{p.suffix}" for p in chosen}
 
     def compile_one(platform: Platform) -> None:
-        special = (flags or {}).get(platform.suffix, ())
-        compile_library(folder, sources, platform, libraries[platform.name], install_stem=install_stem, flags=special)
+        compile_library(folder, sources, platform, libraries[platform.name], install_stem=install_stem)
 
     with ThreadPoolExecutor(max_workers=2) as pool:
         list(pool.map(compile_one, chosen))
@@ -173,7 +169,7 @@ def compile_kernel(folder: Path, platforms: Iterable[Platform]) -> Mapping[str, 
     (folder / "lib").mkdir(exist_ok=True)
     # Compiled aside and moved, so that no process ever loads half a library, or one that changes under it.
     with tempfile.TemporaryDirectory(dir=folder / "lib", prefix="new-") as aside:
-        made = compile_all(folder, sources, old, Path(aside), KERNEL, install_stem=KERNEL, flags=_KERNEL_FLAGS)
+        made = compile_all(folder, sources, old, Path(aside), KERNEL, install_stem=KERNEL)
         for name, library in made.items():
             libraries[name].parent.mkdir(exist_ok=True)
             library.replace(libraries[name])

@@ -24,6 +24,9 @@ __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
 
+# Of so many rows in a period at most the sines are kept from period to period.
+_MOST_KEPT = 2000
+
 _REASONS = {
     Outcome.DIVERGED: "grows without bound; the model is unstable under this input",
     Outcome.SCATTERED: (
@@ -166,6 +169,17 @@ def _fractions(rows: int) -> Floats:
     return fractions
 
 
+@lru_cache(maxsize=8)
+def _basis(rows: int, orders: int) -> Floats | None:
+    """Return 1, sin, cos, sin 2, … at those parts of a period, shape (rows, 1 + 2·orders); None: too many to keep."""
+    if rows > _MOST_KEPT:
+        return None
+    angles = 2.0 * math.pi * np.outer(_fractions(rows), np.arange(1, orders + 1))
+    basis: Floats = np.ones((rows, 1 + 2 * orders))
+    basis[:, 1::2], basis[:, 2::2] = np.sin(angles), np.cos(angles)
+    return basis
+
+
 def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
@@ -184,6 +198,7 @@ def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Float
         frequency=task.frequency,
         orders=orders,
         points=points,
+        basis=_basis(task.rows, orders),
     )
     drive = fundamental(found.inputs[task.input])
     return Period(found.values[task.output], drive, found.largest[task.output]), found.gap

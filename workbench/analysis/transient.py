@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from workbench.analysis.harmonics import fundamental
 from workbench.session.base import Floats
 
 __all__ = ["Limit", "remove_transient"]
@@ -29,6 +28,9 @@ _SLACK = 1.3
 # Differences smaller than this part of the response do not steer the prediction.
 _RIDGE = 1e-6
 
+# In-phase part of the fundamental of a ramp that rises by −1 in a period.
+_RAMP = 1.0 / math.pi
+
 _ALONE = np.ones(1)
 
 
@@ -37,17 +39,26 @@ class Limit:
     """What a sequence of periods tends to.
 
     Attributes:
-        harmonics: Fourier coefficients of the periodic response, laid out as in `Period`.
-        defect: how far this response is from repeating itself, relative to its fundamental:
+        periods: the periods, shape (K, 1 + 2·orders).
+        defect: how far the periodic response is from repeating itself, relative to its fundamental:
             root of the sum of squares over the harmonics' changes in one period.
-        modes: number of decaying modes that were removed.
-        weights: by which the last periods, newest first, were weighed.
+        weights: by which the last periods, newest first, are weighed; one more than the decaying modes that
+            they remove.
     """
 
-    harmonics: Floats
+    periods: Floats
     defect: float
-    modes: int
     weights: Floats
+
+    @property
+    def modes(self) -> int:
+        """Number of decaying modes that were removed."""
+        return self.weights.size - 1
+
+    @property
+    def harmonics(self) -> Floats:
+        """Fourier coefficients of the periodic response, laid out as in `Period`."""
+        return _weigh(self.periods, self.weights)
 
 
 def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
@@ -94,20 +105,69 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     Source: A. Sidi, Vector Extrapolation Methods with Applications, SIAM 2017, chapter 2
     (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
     """
-    limit = min(_candidates(periods[:, :compared]), key=lambda limit: limit.defect)
-    return Limit(_weigh(periods, limit.weights), limit.defect, limit.modes, limit.weights)
+    defect, weights = min(_candidates(periods[:, :compared]), key=_by_defect)
+    return Limit(periods, defect, weights)
 
 
-def _decays(polynomial: Floats, differences: Floats, unexplained: float) -> bool:
-    """Whether all multipliers are clearly inside the unit circle and the measured changes shrank as they say."""
-    slowest = _slowest(polynomial)
-    margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
-    if slowest > 1.0 - margin:
-        return False
-    count = len(differences)
-    third = max(1, count // 3)
-    early, late = _size(differences[:third]), _size(differences[-third:])
-    return late <= _SLACK * early * slowest ** (count - third)
+def _by_defect(candidate: tuple[float, Floats]) -> float:
+    return candidate[0]
+
+
+def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
+    """Yield (defect, weights) for no mode, one mode, and so on; called for each period."""
+    changes = periods[-1:0:-1] - periods[-2::-1]  # newest first
+    scale = abs(complex(periods[-1, 1], periods[-1, 2]))
+    newest = _size(changes[0])
+    yield _defect(changes[:1], periods[-1]), _ALONE
+    if newest == 0.0:
+        return
+    shrinkage = _Shrinkage.of(changes)
+    for modes in range(1, min(_MOST_MODES, len(changes) // 2, (periods.shape[1] - 1) // 2) + 1):
+        polynomial = _prediction(changes, modes, _RIDGE * scale)
+        unexplained = polynomial @ changes[: modes + 1]
+        if shrinkage.agrees(polynomial, _size(unexplained) / newest):
+            weights = polynomial / polynomial.sum()
+            # The same weights must cancel each of the last changes that the prediction was made from.
+            left = [weights @ changes[i : i + modes + 1] for i in range(modes)]
+            yield _defect(left, weights @ periods[: -modes - 2 : -1]), weights
+
+
+def _defect(left: Sequence[Floats] | Floats, harmonics: Floats) -> float:
+    """Return the largest of the changes that are left, without that of the mean, relative to the fundamental.
+
+    Args:
+        left: by what the response still changes in a period, newest first.
+        harmonics: of the response; its ramp, which is the newest change of the mean, is not yet taken out.
+    """
+    in_phase = float(harmonics[1]) + float(left[0][0]) * _RAMP
+    scale = math.hypot(in_phase, float(harmonics[2]))
+    return max(_size(change[1:]) for change in left) / scale if scale > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class _Shrinkage:
+    """By how much the changes themselves have shrunk.
+
+    Attributes:
+        early, late: root of the sum of squares of the first and of the last third of the changes.
+        periods: from the one to the other.
+    """
+
+    early: float
+    late: float
+    periods: int
+
+    @classmethod
+    def of(cls, changes: Floats) -> _Shrinkage:
+        """Return that of all changes, newest first."""
+        third = max(1, len(changes) // 3)
+        return cls(_size(changes[-third:]), _size(changes[:third]), len(changes) - third)
+
+    def agrees(self, polynomial: Floats, unexplained: float) -> bool:
+        """Whether all multipliers are clearly inside the unit circle and the changes shrank as they say."""
+        slowest = _slowest(polynomial)
+        margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
+        return slowest <= 1.0 - margin and self.late <= _SLACK * self.early * slowest**self.periods
 
 
 def _slowest(polynomial: Floats) -> float:
@@ -123,32 +183,18 @@ def _slowest(polynomial: Floats) -> float:
 
 def _size(values: Floats) -> float:
     """Return the root of the sum of squares."""
-    flat = values.ravel()
-    return math.sqrt(float(flat @ flat))
+    return math.sqrt(np.vdot(values, values))
 
 
-def _candidates(periods: Floats) -> Iterator[Limit]:
-    differences = periods[1:] - periods[:-1]
-    yield _last(periods, differences)
-    newest = _size(differences[-1])
-    if newest == 0.0:
-        return
-    scale = abs(fundamental(periods[-1]))
-    for modes in range(1, min(_MOST_MODES, len(differences) // 2, (periods.shape[1] - 1) // 2) + 1):
-        polynomial = _prediction(differences, modes, _RIDGE * scale)
-        unexplained = _size(polynomial @ differences[: -modes - 2 : -1]) / newest
-        if _decays(polynomial, differences, unexplained):
-            yield _limit(periods, differences, polynomial / polynomial.sum(), checks=modes)
-
-
-def _prediction(differences: Floats, modes: int, ridge: float) -> Floats:
-    """Coefficients 1, c(1) … c(m), newest first, that predict each of the last m differences from the m before it."""
+def _prediction(changes: Floats, modes: int, ridge: float) -> Floats:
+    """Coefficients 1, c(1) … c(m), newest first, that predict each of the last m changes from the m before it."""
     if modes == 1:  # most points end here
-        return _prediction_of_one(differences[-1], differences[-2], ridge)
-    newest_first = differences[::-1]
-    earlier = [newest_first[i + 1 : i + 1 + modes].T for i in range(modes)]
-    matrix = np.vstack([*earlier, ridge * np.eye(modes)])
-    right = np.concatenate([-newest_first[:modes].ravel(), np.zeros(modes)])
+        return _prediction_of_one(changes[0], changes[1], ridge)
+    earlier = [changes[i + 1 : i + 1 + modes].ravel() for i in range(modes)]
+    if modes == 2:
+        return _prediction_of_two(changes[:2].ravel(), earlier[0], earlier[1], ridge)
+    matrix = np.vstack([np.column_stack(earlier), ridge * np.eye(modes)])
+    right = np.concatenate([-changes[:modes].ravel(), np.zeros(modes)])
     c, *_ = np.linalg.lstsq(matrix, right, rcond=None)
     return np.concatenate([[1.0], c])
 
@@ -158,22 +204,18 @@ def _prediction_of_one(newest: Floats, before: Floats, ridge: float) -> Floats:
     return np.array([1.0, -float(before @ newest) / square if square > 0.0 else 0.0])
 
 
-def _last(periods: Floats, differences: Floats) -> Limit:
-    """The last period itself."""
-    harmonics = _without_ramp(periods[-1].copy(), float(differences[-1, 0]))
-    scale = abs(fundamental(harmonics))
-    return Limit(harmonics, _size(differences[-1, 1:]) / scale if scale > 0.0 else math.inf, 0, _ALONE)
-
-
-def _limit(periods: Floats, differences: Floats, weights: Floats, *, checks: int) -> Limit:
-    """Weigh the last periods, newest first, and see how well the same weights cancel the last `checks` changes."""
-    n = weights.size
-    changes = [weights @ differences[::-1][i : i + n] for i in range(checks)]
-    harmonics = _weigh(periods, weights)
-    scale = abs(fundamental(harmonics))
-    rest = max(_size(change[1:]) for change in changes)
-    defect = rest / scale if scale > 0.0 else math.inf
-    return Limit(harmonics, defect, n - 1, weights)
+def _prediction_of_two(newest: Floats, a: Floats, b: Floats, ridge: float) -> Floats:
+    """Least squares of a·c(1) + b·c(2) = −newest, ridge·c(1) = 0, ridge·c(2) = 0 by modified Gram–Schmidt."""
+    damping = ridge * ridge
+    square = float(a @ a) + damping
+    if square == 0.0:
+        return np.array([1.0, 0.0, 0.0])
+    shared, first = float(a @ b) / square, -float(a @ newest) / square
+    # What is left of the second column and of the right-hand side; of the ridge's equations by their products.
+    b, right = b - shared * a, -newest - first * a
+    square = float(b @ b) + (1.0 + shared * shared) * damping
+    second = (float(b @ right) + shared * first * damping) / square if square > 0.0 else 0.0
+    return np.array([1.0, first - shared * second, second])
 
 
 def _weigh(periods: Floats, weights: Floats) -> Floats:
@@ -182,11 +224,6 @@ def _weigh(periods: Floats, weights: Floats) -> Floats:
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
     ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
-    return _without_ramp(harmonics, ramp)
-
-
-def _without_ramp(harmonics: Floats, ramp: float) -> Floats:
-    """Take out what a ramp, which rises by so much in a period, leaves in the in-phase parts; in place."""
     harmonics[1::2] += ramp * _ramp_parts((harmonics.size - 1) // 2)
     return harmonics
 
@@ -194,5 +231,5 @@ def _without_ramp(harmonics: Floats, ramp: float) -> Floats:
 @lru_cache(maxsize=4)
 def _ramp_parts(orders: int) -> Floats:
     """Return what a ramp that rises by −1 in a period has in phase, shape (orders,)."""
-    parts: Floats = 1.0 / (math.pi * np.arange(1.0, orders + 1.0))
+    parts: Floats = _RAMP / np.arange(1.0, orders + 1.0)
     return parts

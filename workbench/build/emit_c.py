@@ -28,6 +28,7 @@ from workbench.build.expressions import (
     ExpressionGraph,
     Node,
 )
+from workbench.build.output_cone import output_cone
 from workbench.build.scalar_model import TIME, ScalarModel
 
 _INFIX = {
@@ -162,6 +163,16 @@ class _Emitter:
         for step in steps:
             self._assign(writer, step)
         return self.function("void model_continuous(const Frame *f)", writer, ["f"])
+
+    def outputs(self) -> str:
+        """What reading an output needs between events; empty where all is evaluated for it."""
+        cone = output_cone(self.model, self.order)
+        steps = cone or []
+        writer = self._writer(e for s in steps for e in self._read(s))
+        for step in steps:
+            self._assign(writer, step)
+        flag = f"const bool model_outputs_apart = {'true' if cone is not None else 'false'};\n\n"
+        return flag + self.function("void model_outputs(const Frame *f)", writer, ["f"])
 
     def discrete(self) -> str:
         writer = self._writer(e for s in self.order for e in self._read(s))
@@ -350,6 +361,7 @@ def emit_equations(model: ScalarModel, order: Sequence[Assignment]) -> str:
             emitter.parameters(),
             emitter.start_expressions(),
             emitter.continuous(),
+            emitter.outputs(),
             emitter.discrete(),
             emitter.actions(),
             emitter.next_deadline(),

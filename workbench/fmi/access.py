@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import InputError
+from workbench.fmi.c_array import array_type
 from workbench.fmi.variable import Value, Variable
 
 if TYPE_CHECKING:
@@ -70,8 +71,8 @@ class Block:
         self.instance = instance
         self.slots = [offsets[v.value_reference] + v.element for v in variables]
         self.plain = self.slots == list(range(sum(sizes))) and calls.decode is _same
-        self.buffer: Any = (calls.ctype * sum(sizes))()
-        self.references: Any = (ctypes.c_uint * len(references))(*references)
+        self.buffer: Any = array_type(calls.ctype, sum(sizes))()
+        self.references: Any = array_type(ctypes.c_uint, len(references))(*references)
         # FMI 3.0 functions also take the number of values, which differs for arrays.
         tail = (sum(sizes),) if instance.version == 3 else ()
         self.arguments = (self.references, len(references), self.buffer, *tail)

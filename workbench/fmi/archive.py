@@ -8,13 +8,14 @@ import tempfile
 import weakref
 import zipfile
 import zlib
-from collections.abc import Collection
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Self
 
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
+from workbench.fmi.platforms import is_foreign, note_foreign
 
 __all__ = ["Unpacked", "extract", "locate", "unpack"]
 
@@ -30,7 +31,8 @@ class Unpacked:
 
     Obligations:
       1. `folder` exists and holds a modelDescription.xml until `close`.
-      2. A folder that was made here is removed by `close`, when the object is collected, and at
+      2. A folder that was made here leaves out sources, documentation and the binaries of other platforms.
+      3. A folder that was made here is removed by `close`, when the object is collected, and at
          the end of the process; a folder of the user's is never touched.
 
     Attributes:
@@ -81,7 +83,7 @@ def locate(model: str | Path) -> Path:
 
 
 def unpack(model: str | Path) -> Unpacked:
-    """Unpack the FMU that `model` names (a folder is used where it is).
+    """Unpack the FMU that `model` names, as far as it is needed to run here (a folder is used where it is).
 
     Raises:
         InputError: nothing there.
@@ -94,7 +96,8 @@ def unpack(model: str | Path) -> Unpacked:
     folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
     unpacked = Unpacked(path, folder, owned=True)
     try:
-        extract(path, folder, skipped=_SKIPPED)
+        left = extract(path, folder, wanted=_is_needed)
+        note_foreign(folder, [file for file in left if is_foreign(file)])
         return _checked(unpacked)
     except BaseException:
         unpacked.close()
@@ -107,13 +110,24 @@ def _checked(unpacked: Unpacked) -> Unpacked:
     return unpacked
 
 
-def extract(path: Path, folder: Path, *, skipped: Collection[str] = ()) -> None:
+def _is_needed(file: PurePosixPath) -> bool:
+    return file.parts[0] not in _SKIPPED and not is_foreign(file)
+
+
+def _any(_file: PurePosixPath) -> bool:
+    return True
+
+
+def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = _any) -> list[PurePosixPath]:
     """Extract a zip archive into an empty folder.
 
     Args:
         path: of the archive.
         folder: where its files go.
-        skipped: folders in the archive's root that are left out.
+        wanted: whether a file of the archive is to be extracted.
+
+    Returns:
+        The files that were not wanted.
 
     Raises:
         FmuError: damaged, or an entry that would leave the folder, is a link, or is absurdly large.
@@ -122,10 +136,11 @@ def extract(path: Path, folder: Path, *, skipped: Collection[str] = ()) -> None:
         with zipfile.ZipFile(path) as archive:
             entries = [e for e in archive.infolist() if not e.is_dir()]
             _check_sizes(path, entries)
-            for entry in entries:
-                inside = _safe_name(path, entry)
-                if inside.parts[0] not in skipped:
-                    _extract_entry(archive, entry, folder.joinpath(*inside.parts))
+            names = [_safe_name(path, entry) for entry in entries]
+            for entry, name in zip(entries, names, strict=True):
+                if wanted(name):
+                    _extract_entry(archive, entry, folder.joinpath(*name.parts))
+            return [name for name in names if not wanted(name)]
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
     except (OSError, RuntimeError, NotImplementedError) as error:

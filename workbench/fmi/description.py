@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,11 @@ class Description:
     shapes: Mapping[int, tuple[int, ...]]
     log_categories: tuple[str, ...]
     notes: tuple[str, ...]
+
+    @cached_property
+    def input_names(self) -> frozenset[str]:
+        """Names of the inputs."""
+        return frozenset(v.name for v in self.variables if v.causality == "input")
 
 
 def read_description(folder: Path, *, source: str) -> Description:

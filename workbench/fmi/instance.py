@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.access import Access, TypeCalls
+from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.library import Library, load_library
 from workbench.fmi.log import open_log
@@ -121,7 +122,7 @@ class Instance(ABC):
         function = self.CALLS.get("set_debug_logging")
         if not (names and function and self.library.has(function)):
             return True
-        texts = (ctypes.c_char_p * len(names))(*(n.encode() for n in names))
+        texts = c_array(ctypes.c_char_p, [n.encode() for n in names])
         return self.library[function](self.component, True, len(names), texts) <= WARNING
 
     def _setup(self, description: Description, library: Library, *, interface: str) -> None:
@@ -323,6 +324,6 @@ class Instance(ABC):
 
 def _buffer(size: int) -> tuple[Any, NDArray[np.float64]]:
     """Return a C array of doubles and a NumPy view of it, shape (size,)."""
-    buffer = (ctypes.c_double * max(size, 1))()
+    buffer = array_type(ctypes.c_double, max(size, 1))()
     view: NDArray[np.float64] = np.ctypeslib.as_array(buffer)[:size]
     return buffer, view

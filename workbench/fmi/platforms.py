@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePosixPath
 
 from workbench.errors import FmuError
 
-__all__ = ["TUPLES", "binary_path", "host", "platforms_in"]
+__all__ = ["TUPLES", "binary_path", "host", "is_foreign", "note_foreign", "platforms_in"]
 
 # FMI 1/2 folder name → FMI 3 platform tuple. macOS "darwin64" holds Intel or universal binaries.
 TUPLES: Mapping[str, str] = {
@@ -27,6 +27,9 @@ _MACHINES = {
 }  # fmt: skip
 _SYSTEMS = {"linux": "linux", "win32": "windows", "darwin": "darwin"}
 SUFFIXES = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
+
+# Where an unpacked FMU tells which platforms it has binaries for that were left in the archive.
+_FOREIGN = "binaries-left-in-the-archive.txt"
 
 
 def host() -> str:
@@ -49,12 +52,29 @@ def _suffix(folder: str) -> str:
     return SUFFIXES.get(system, ".so")
 
 
+def is_foreign(file: PurePosixPath) -> bool:
+    """Whether a file of an FMU is, by its place under `binaries`, for a known platform other than this machine's."""
+    if len(file.parts) < 3 or file.parts[0] != "binaries":
+        return False
+    name = file.parts[1]
+    known = name in TUPLES or name.rpartition("-")[2] in SUFFIXES
+    return known and name not in _folders(host())
+
+
+def note_foreign(folder: Path, files: Iterable[PurePosixPath]) -> None:
+    """Tell `platforms_in` which files of other platforms were not unpacked into `folder`."""
+    names = {f.parts[1] for f in files if f.parent.name == f.parts[1] and f.suffix == _suffix(f.parts[1])}
+    if names:
+        (folder / _FOREIGN).write_text("\n".join(sorted(names)), encoding="utf-8")
+
+
 def platforms_in(folder: Path) -> tuple[str, ...]:
     """Return the names of the platforms an unpacked FMU carries a binary for, as it names them."""
-    binaries = folder / "binaries"
-    if not binaries.is_dir():
-        return ()
-    return tuple(sorted(p.name for p in binaries.iterdir() if p.is_dir() and any(p.glob(f"*{_suffix(p.name)}"))))
+    binaries, foreign = folder / "binaries", folder / _FOREIGN
+    names = foreign.read_text(encoding="utf-8").split() if foreign.is_file() else []
+    if binaries.is_dir():
+        names += [p.name for p in binaries.iterdir() if p.is_dir() and any(p.glob(f"*{_suffix(p.name)}"))]
+    return tuple(sorted(names))
 
 
 def binary_path(folder: Path, identifier: str, *, source: str) -> Path:

@@ -10,7 +10,8 @@ static size_t width(const Fourier *fourier) {
 }
 
 void fourier_clear(Fourier *fourier) {
-    fourier->rows = 0;
+    fourier->rows = fourier->next = 0;
+    fourier->at = fourier->basis;
     fourier->start = fourier->time = fourier->gap = fourier->longest = 0.0;
     memset(fourier->weights, 0, width(fourier) * sizeof(double));
     memset(fourier->sums, 0, fourier->n * width(fourier) * sizeof(double));
@@ -34,12 +35,25 @@ static void fill_basis(const Fourier *fourier, double t) {
     }
 }
 
+/* Most rows are at the caller's points. */
+static void find_basis(Fourier *fourier, double t) {
+    while (fourier->next < fourier->n_known && fourier->known_times[fourier->next] < t) {
+        fourier->next++;
+    }
+    if (fourier->next < fourier->n_known && fourier->known_times[fourier->next] == t) {
+        fourier->at = fourier->known + fourier->next * width(fourier);
+    } else {
+        fill_basis(fourier, t);
+        fourier->at = fourier->basis;
+    }
+}
+
 static void begin(Fourier *fourier, const double *row) {
     fourier->start = row[0];
     for (size_t i = 0; i < fourier->n; i++) {
         fourier->first[i] = row[fourier->columns[i]];
     }
-    fill_basis(fourier, row[0]);
+    find_basis(fourier, row[0]);
 }
 
 static inline void add_scaled(double *restrict sums, double factor, const double *restrict basis, size_t m) {
@@ -52,9 +66,9 @@ static inline void add_scaled(double *restrict sums, double factor, const double
 static void integrate(Fourier *fourier, double gap) {
     const size_t m = width(fourier);
     const double weight = 0.5 * (fourier->gap + gap);
-    add_scaled(fourier->weights, weight, fourier->basis, m);
+    add_scaled(fourier->weights, weight, fourier->at, m);
     for (size_t i = 0; i < fourier->n; i++) {
-        add_scaled(fourier->sums + i * m, weight * fourier->last[i], fourier->basis, m);
+        add_scaled(fourier->sums + i * m, weight * fourier->last[i], fourier->at, m);
     }
 }
 
@@ -67,7 +81,7 @@ void fourier_add(Fourier *fourier, const double *row) {
         fourier->gap = gap;
         fourier->longest = fmax(fourier->longest, gap);
         if (gap > 0.0) {
-            fill_basis(fourier, row[0]);
+            find_basis(fourier, row[0]);
         }
     }
     for (size_t i = 0; i < fourier->n; i++) {
@@ -89,8 +103,8 @@ void fourier_result(const Fourier *fourier, double *coefficients) {
         const double mean = (sums[0] + y) / span;
         coefficients[i * m] = fourier->first[i] + mean;
         for (size_t k = 1; k < m; k++) {
-            const double all = fourier->weights[k] + weight * fourier->basis[k];
-            coefficients[i * m + k] = 2.0 * (sums[k] + y * fourier->basis[k] - mean * all) / span;
+            const double all = fourier->weights[k] + weight * fourier->at[k];
+            coefficients[i * m + k] = 2.0 * (sums[k] + y * fourier->at[k] - mean * all) / span;
         }
     }
 }

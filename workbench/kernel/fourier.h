@@ -16,8 +16,11 @@ typedef struct {
     size_t orders;    /* number of harmonics, at least 1 */
     size_t n;         /* number of signals */
     const size_t *columns; /* [n] in the row: time is column 0 */
+    /* What the caller knows of the basis: its values [n_known][1 + 2 orders] at rising times [n_known]. */
+    const double *known, *known_times;
+    size_t n_known;
     /* Memory of the caller, set up by `fourier_clear`. */
-    double *basis;    /* [1 + 2 orders]: 1, sin, cos, sin 2, ... at the last row */
+    double *basis;    /* [1 + 2 orders]: 1, sin, cos, sin 2, ... where it is not known */
     double *weights;  /* [1 + 2 orders] ∫ basis, the last row's part left out */
     double *sums;     /* [n][1 + 2 orders] ∫ (y - y_first) · basis, likewise */
     double *first;    /* [n] */
@@ -27,6 +30,8 @@ typedef struct {
     double gap;         /* [s] between the last row and the one before it */
     double longest;     /* [s] largest gap */
     size_t rows;
+    size_t next;      /* known time that is looked at */
+    const double *at; /* [1 + 2 orders] basis at the last row */
 } Fourier;
 
 void fourier_clear(Fourier *fourier);

@@ -12,7 +12,7 @@
 #include "me.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 3 };
+enum { KERNEL_VERSION = 4 };
 
 #ifdef _WIN32
 #define KERNEL_EXPORT __declspec(dllexport)

@@ -8,6 +8,7 @@ from typing import Any
 
 from workbench.fmi.access import Access, TypeCalls, decode_flag
 from workbench.fmi.access import Block as Variables
+from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import Access as Native
 from workbench.kernel.structs import Block, Type
 
@@ -16,7 +17,7 @@ __all__ = ["indices", "join_access", "native_access", "value_type"]
 
 def indices(values: Sequence[int]) -> ctypes.Array[ctypes.c_size_t]:
     """Return an array of size_t."""
-    return (ctypes.c_size_t * max(len(values), 1))(*values)
+    return c_array(ctypes.c_size_t, values)
 
 
 def value_type(calls: TypeCalls) -> int:
@@ -43,14 +44,16 @@ def native_access(access: Access, *, columns: Sequence[int], component: int = 0)
 
 def join_access(parts: Sequence[tuple[Native, Any]]) -> tuple[Native, Any]:
     """Return one access to the variables of several components."""
+    if len(parts) == 1:
+        return parts[0]
     blocks: list[Block] = []
     for native, _ in parts:
-        blocks.extend((Block * native.n_blocks).from_address(native.blocks) if native.n_blocks else ())
+        blocks.extend(array_type(Block, native.n_blocks).from_address(native.blocks) if native.n_blocks else ())
     return _native(blocks, list(parts))
 
 
 def _native(blocks: Sequence[Block], kept: list[Any]) -> tuple[Native, Any]:
-    array = (Block * max(len(blocks), 1))(*blocks)
+    array = c_array(Block, blocks)
     return Native(ctypes.addressof(array), len(blocks)), (array, kept)
 
 

@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Sequence
 from typing import Any
 
+from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access, value_type
 from workbench.kernel.native_signals import native_signal
@@ -17,11 +18,6 @@ __all__ = ["ForcedInput", "NativeForcing"]
 
 Ports = Sequence[tuple[int, Variable]]  # components, and their variables
 ForcedInput = tuple[Variable, PythonSignal, float, Ports]  # variable, signal, bias, what is written
-
-
-def _array(ctype: type[Any], values: Sequence[object]) -> ctypes.Array[Any]:
-    array: ctypes.Array[Any] = (ctype * max(len(values), 1))(*values)
-    return array
 
 
 class NativeForcing:
@@ -38,18 +34,23 @@ class NativeForcing:
         self.n = n = len(inputs)
         discrete = [not variable.is_continuous_input for variable, *_ in inputs]
         self.written = self._keep(ctypes.c_double, [0.0] * n)
-        self._signals = self._keep(Signal, [self._signal(i) for i in range(n)])
+        signals = self._keep(Signal, [self._signal(i) for i in range(n)])
+        biases = [bias for _, _, bias, _ in inputs]
+        bias, wanted, seen, slopes = self._columns(ctypes.c_double, biases, *[[0.0] * n] * 3)
+        owned = [ports[0][0] for *_, ports in inputs]
+        kinds = [self._type(i) for i in range(n)]
+        types, owners, held, orders = self._columns(ctypes.c_int32, kinds, owned, discrete, [1] * n)
         self.structure = Forcing(
-            signals=ctypes.addressof(self._signals),
-            bias=self._address(ctypes.c_double, [bias for _, _, bias, _ in inputs]),
-            types=self._address(ctypes.c_int32, [self._type(i) for i in range(n)]),
-            owners=self._address(ctypes.c_int32, [ports[0][0] for *_, ports in inputs]),
-            discrete=self._address(ctypes.c_int32, [int(d) for d in discrete]),
+            signals=ctypes.addressof(signals),
+            bias=bias,
+            types=types,
+            owners=owners,
+            discrete=held,
             written=ctypes.addressof(self.written),
-            wanted=self._address(ctypes.c_double, [0.0] * n),
-            seen=self._address(ctypes.c_double, [0.0] * n),
-            slopes=self._address(ctypes.c_double, [0.0] * n),
-            orders=self._address(ctypes.c_int32, [1] * n),
+            wanted=wanted,
+            seen=seen,
+            slopes=slopes,
+            orders=orders,
             n=n,
             n_discrete=sum(discrete),
             fast=self._access([i for i in range(n) if not discrete[i]]),
@@ -59,12 +60,15 @@ class NativeForcing:
         self.address = ctypes.addressof(self.structure)
 
     def _keep(self, ctype: type[Any], values: Sequence[object]) -> ctypes.Array[Any]:
-        array = _array(ctype, values)
+        array = c_array(ctype, values)
         self._kept.append(array)
         return array
 
-    def _address(self, ctype: type[Any], values: Sequence[object]) -> int:
-        return ctypes.addressof(self._keep(ctype, values))
+    def _columns(self, ctype: type[Any], *columns: Sequence[float]) -> list[int]:
+        """Keep columns of equal length in one array and return where each begins."""
+        array = self._keep(ctype, [value for column in columns for value in column])
+        step = len(columns[0]) * ctypes.sizeof(ctype)
+        return [ctypes.addressof(array) + i * step for i in range(len(columns))]
 
     def _signal(self, i: int) -> Signal:
         native, kept = native_signal(self._inputs[i][1], self._system.trouble)
@@ -77,6 +81,8 @@ class NativeForcing:
         return value_type(self._system.instances[owner].TYPES[variable.type])
 
     def _access(self, chosen: Sequence[int]) -> Access:
+        if not chosen:
+            return Access()
         parts = []
         ports = [(i, owner, variable) for i in chosen for owner, variable in self._inputs[i][3]]
         for owner in dict.fromkeys(number for _, number, _ in ports):

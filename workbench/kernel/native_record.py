@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.native_system import NativeSystem
@@ -69,8 +70,7 @@ def _no_feedthrough(system: NativeSystem, variable: Variable, owner: int) -> boo
         return False
     if variable.causality != "output" or variable.dependencies is None:
         return False
-    inputs = {v.name for v in instance.description.variables if v.causality == "input"}
-    return not inputs.intersection(variable.dependencies)
+    return instance.description.input_names.isdisjoint(variable.dependencies)
 
 
 class NativeFourier:
@@ -89,10 +89,11 @@ class NativeFourier:
     ) -> None:
         self._library = library
         n, width = len(columns), 1 + 2 * orders
-        self._columns = (ctypes.c_size_t * n)(*columns)
+        self._columns = c_array(ctypes.c_size_t, columns)
         sizes = {"basis": width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
         self._memory = {name: np.zeros(size) for name, size in sizes.items()}
         self._shape = (n, width)
+        self._known: tuple[Floats, Floats] | None = None
         self.structure = Fourier(
             begin=begin,
             frequency=frequency,
@@ -103,9 +104,20 @@ class NativeFourier:
         )
         self.address = ctypes.addressof(self.structure)
 
-    def aim(self, *, begin: float, frequency: float) -> None:
-        """Take another begin [s] and frequency [Hz]."""
-        self.structure.begin, self.structure.frequency = begin, frequency
+    def aim(self, *, begin: float, frequency: float, known: tuple[Floats, Floats] | None = None) -> None:
+        """Take another begin [s] and frequency [Hz].
+
+        Args:
+            begin: time at which the phase is zero [s].
+            frequency: [Hz].
+            known: rising times, shape (m,) [s], and 1, sin, cos, sin 2, … there, shape (m, 1 + 2 orders).
+        """
+        structure = self.structure
+        structure.begin, structure.frequency = begin, frequency
+        self._known = known  # must live as long as the kernel looks at it
+        structure.n_known = 0 if known is None else len(known[0])
+        if known is not None:
+            structure.known_times, structure.known = (a.__array_interface__["data"][0] for a in known)
 
     @property
     def gap(self) -> float:

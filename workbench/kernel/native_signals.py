@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import PARAMETERS
 from workbench.kernel.structs import Signal as Native
 from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table
@@ -42,7 +43,7 @@ class Trouble:
 
 
 def _doubles(values: Sequence[float]) -> ctypes.Array[ctypes.c_double]:
-    return (ctypes.c_double * len(values))(*values)
+    return c_array(ctypes.c_double, values)
 
 
 def _constant(s: Constant, _trouble: Trouble) -> tuple[Native, Any]:
@@ -82,7 +83,7 @@ def _python(s: Signal, trouble: Trouble) -> tuple[Native, Any]:
 
 
 def _plain(kind: int, *parameters: float) -> Native:
-    return Native(kind=kind, p=(ctypes.c_double * PARAMETERS)(*parameters))
+    return Native(kind=kind, p=array_type(ctypes.c_double, PARAMETERS)(*parameters))
 
 
 _Maker = Callable[[Any, Trouble], tuple[Native, Any]]

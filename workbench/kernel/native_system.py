@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from workbench.fmi.c_array import c_array
 from workbench.fmi.instance import Instance
 from workbench.fmi.wiring import Wiring
 from workbench.kernel.library import kernel
@@ -59,7 +60,7 @@ class NativeSystem:
         self.instances = tuple(instances)
         self.trouble = Trouble()
         self._kept: list[Any] = []
-        self._components = (Component * len(instances))(*(self._component(i) for i in instances))
+        self._components = c_array(Component, [self._component(i) for i in instances])
         self.structure = System(
             components=ctypes.addressof(self._components),
             n_components=len(instances),
@@ -73,8 +74,8 @@ class NativeSystem:
     def _component(self, instance: Instance) -> Component:
         names = {**instance.CALLS, **_NAMES[instance.version]}
         texts = [names.get(f, f) for f in FUNCTIONS]
-        functions = (ctypes.c_void_p * len(FUNCTIONS))(*(instance.library.address(t) for t in texts))
-        words = (ctypes.c_char_p * len(FUNCTIONS))(*(t.encode() for t in texts))
+        functions = c_array(ctypes.c_void_p, [instance.library.address(t) for t in texts])
+        words = c_array(ctypes.c_char_p, [t.encode() for t in texts])
         self._kept += [functions, words]
         capabilities = instance.capabilities
         return Component(

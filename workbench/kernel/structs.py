@@ -277,6 +277,9 @@ class Fourier(ctypes.Structure):
         ("orders", c_size_t),
         ("n", c_size_t),
         ("columns", c_void_p),
+        ("known", c_void_p),
+        ("known_times", c_void_p),
+        ("n_known", c_size_t),
         ("basis", c_void_p),
         ("weights", c_void_p),
         ("sums", c_void_p),
@@ -288,6 +291,8 @@ class Fourier(ctypes.Structure):
         ("gap", c_double),
         ("longest", c_double),
         ("rows", c_size_t),
+        ("next", c_size_t),
+        ("at", c_void_p),
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from workbench.errors import InputError
-from workbench.fmi.archive import Unpacked
+from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.variable import Value
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class FmuRecipe(LoadRecipe):
         folder: where it is unpacked; the loading process owns it.
         owned: whether that folder is temporary.
         interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
-        archive: the unpacked files as a zip archive, in place of `folder`; None: use the folder.
+        archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
     """
 
     folder: str
@@ -139,16 +139,20 @@ class FmuRecipe(LoadRecipe):
     def _unpacked(self) -> Unpacked:
         if self.archive is None:
             return Unpacked(Path(self.source), Path(self.folder), owned=False)
-        folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
-        # The archive is the workbench's own, made by `packed`; the FMU's was checked when it was unpacked.
-        with zipfile.ZipFile(io.BytesIO(self.archive)) as archive:
-            archive.extractall(folder)
-        return Unpacked(Path(self.source), folder, owned=True)
+        with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as holder:
+            file = Path(holder) / "packed.fmu"
+            file.write_bytes(self.archive)
+            unpacked = unpack(file)
+        unpacked.source = Path(self.source)
+        return unpacked
 
     def identity(self) -> dict[str, Any]:
         return {"fmu": content_hash(Path(self.source)), **self.settings()}
 
     def packed(self) -> FmuRecipe:
+        source = Path(self.source)
+        if source.is_file():  # with the binaries of other platforms, which were not unpacked here
+            return replace(self, archive=source.read_bytes())
         buffer = io.BytesIO()
         folder = Path(self.folder)
         with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:

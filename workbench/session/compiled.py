@@ -90,6 +90,7 @@ class CompiledSession(FmuSession):
         frequency: float,
         orders: int = 10,
         points: Floats | None = None,
+        basis: Floats | None = None,
     ) -> Harmonics:
         """Advance as `advance` does, over whole periods; keep no rows, only their Fourier coefficients.
 
@@ -103,10 +104,15 @@ class CompiledSession(FmuSession):
             begin: time at which the phase is zero [s].
             frequency: [Hz].
             orders: number of harmonics.
+            basis: 1, sin, cos, sin 2, cos 2, … at the points, shape (points, 1 + 2·orders), C-contiguous; None:
+                computed as they come.
+
+        Raises:
+            InputError: see `advance`; `basis` has another shape.
         """
         n_inputs, n = len(signals), len(record)
         sums = self.loop.fourier(n_inputs + n, orders=orders)
-        sums.aim(begin=begin, frequency=frequency)
+        sums.aim(begin=begin, frequency=frequency, known=_known(points, basis, orders))
         self.recording.keep, self.recording.sums = False, sums
         try:
             self.advance(until, signals=signals, record=record, points=points)
@@ -119,6 +125,15 @@ class CompiledSession(FmuSession):
             largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
             gap=sums.gap,
         )
+
+
+def _known(points: Floats | None, basis: Floats | None, orders: int) -> tuple[Floats, Floats] | None:
+    """Return the times at which the basis is known, and its values there."""
+    if points is None or basis is None:
+        return None
+    if basis.shape != (len(points), 1 + 2 * orders):
+        raise InputError(f"basis has shape {basis.shape}, not {(len(points), 1 + 2 * orders)}")
+    return np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(basis, dtype=np.float64)
 
 
 class CompiledCsSession(CompiledSession, CsSession):

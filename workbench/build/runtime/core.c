@@ -14,6 +14,7 @@ enum { MESSAGE_LENGTH = 512 };
 typedef struct {
     int mode;
     bool due;               /* the equations have to be evaluated before a value is read */
+    bool outputs_due;       /* so do those that lead to an output; else these are up to date */
     bool parameters_due;    /* so do the calculated parameters */
     bool first_iteration;   /* of this event: clocks tick in it */
     bool terminated;        /* the model asked to end the simulation */
@@ -43,6 +44,12 @@ static size_t n_doubles(void)
 static size_t n_scratch(void)
 {
     return n_all() + model_layout.n_frozen + model_info.n_states + 1;
+}
+
+static void set_due(Core *core, bool due)
+{
+    core->status.due = due;
+    core->status.outputs_due = due;
 }
 
 void core_log(Core *core, bool is_error, const char *format, ...)
@@ -114,7 +121,7 @@ void core_reset(Core *core)
     core->frame.fresh = true;
     core->frame.initial = true;
     core->status.mode = CORE_INSTANTIATED;
-    core->status.due = true;
+    set_due(core, true);
     core->status.parameters_due = true;
     core->status.first_iteration = false;
     core->status.terminated = false;
@@ -171,13 +178,26 @@ static void update(Core *core)
         }
         model_continuous(&core->frame);
     }
-    core->status.due = false;
+    set_due(core, false);
     core->status.parameters_due = false;
+}
+
+/* A solver's points inside a step are often looked at for the outputs alone. */
+static void update_output(Core *core)
+{
+    if (!model_outputs_apart || core->status.mode != CORE_CONTINUOUS || core->status.parameters_due) {
+        update(core);
+    } else if (core->status.outputs_due) {
+        model_outputs(&core->frame);
+        core->status.outputs_due = false;
+    }
 }
 
 bool core_get(Core *core, unsigned vr, double *value)
 {
-    if (vr != 0) {
+    if (model_info.variables[vr].causality == CAUSALITY_OUTPUT) {
+        update_output(core);
+    } else if (vr != 0) {
         update(core);
     }
     *value = core->frame.v[vr];
@@ -190,7 +210,7 @@ void core_set(Core *core, unsigned vr, double value)
     if (core->status.mode == CORE_INSTANTIATED || core->status.mode == CORE_INITIALISING) {
         core->frame.pre[vr] = value; /* a start value is what pre() gives at the start */
     }
-    core->status.due = true;
+    set_due(core, true);
     if (model_info.variables[vr].causality == CAUSALITY_PARAMETER) {
         core->status.parameters_due = true;
     }
@@ -254,7 +274,7 @@ bool core_enter_initialisation(Core *core, double start_time)
 {
     core->frame.v[0] = start_time;
     core->status.mode = CORE_INITIALISING;
-    core->status.due = true;
+    set_due(core, true);
     return true;
 }
 
@@ -263,7 +283,7 @@ void core_enter_event(Core *core)
 {
     core->status.mode = CORE_EVENT;
     core->status.first_iteration = true;
-    core->status.due = true;
+    set_due(core, true);
     core->frame.fresh = true;
 }
 
@@ -329,7 +349,7 @@ static bool act(Core *core, CoreEventInfo *info)
 bool core_exit_initialisation(Core *core)
 {
     CoreEventInfo info = {.next_event_time = HUGE_VAL};
-    core->status.due = true;
+    set_due(core, true);
     update(core);
     start_clocks(core);
     core->status.mode = CORE_EVENT;
@@ -357,7 +377,7 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
     tick_clocks(core);
     core->frame.fresh = true;
     model_discrete(&core->frame);
-    core->status.due = false;
+    set_due(core, false);
     if (!act(core, info)) {
         return false;
     }
@@ -378,7 +398,7 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
 void core_set_time(Core *core, double time)
 {
     core->frame.v[0] = time;
-    core->status.due = true;
+    set_due(core, true);
 }
 
 void core_set_states(Core *core, const double *x)
@@ -386,7 +406,7 @@ void core_set_states(Core *core, const double *x)
     for (size_t i = 0; i < model_info.n_states; i++) {
         core->frame.v[model_info.states[i]] = x[i];
     }
-    core->status.due = true;
+    set_due(core, true);
 }
 
 void core_get_states(const Core *core, double *x)

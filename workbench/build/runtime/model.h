@@ -39,6 +39,9 @@ void model_start_values(double *v);          /* start values that are numbers */
 void model_parameters(const Frame *f);       /* calculated parameters */
 void model_start_expressions(const Frame *f); /* start values that depend on parameters */
 void model_continuous(const Frame *f);       /* derivatives, algebraic variables, indicators */
+/* The outputs alone, in continuous time; not to be called unless model_outputs_apart. */
+extern const bool model_outputs_apart;
+void model_outputs(const Frame *f);
 void model_discrete(const Frame *f);         /* the same and all discrete equations: one event iteration */
 /* reinit() into x (states in FMI's order, preset with their values); which actions fired. */
 unsigned model_actions(const Frame *f, double *x, const char **message);
