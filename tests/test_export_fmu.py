@@ -123,7 +123,10 @@ def test_the_response_of_the_continuous_model(fmus: Fmus, fmi: int, interface: s
 def test_the_response_of_the_discrete_model_is_that_behind_its_hold(fmus: Fmus, fmi: int, interface: str) -> None:
     # A sine whose period is a whole number of samples: the samples repeat, and so does the output.
     frequency = 1.0 / (40 * DT)
-    with load(str(fmus["discrete", fmi]), interface) as model:
+    # In FMI 3 inputs are held between communication points: on average half a step late, while the model samples
+    # the value of the very point. So the phase is off by half a step, and the step has to be short.
+    step = DT / 100 if (fmi, interface) == (3, "cs") else None
+    with load(str(fmus["discrete", fmi]), interface, step=step) as model:
         result = nfr(model, "a.b", "y.out[2]", [frequency], 2.0, drift_check=False)
     s = 2j * np.pi * frequency * DT
     sample = (C @ np.linalg.solve(np.exp(s) * np.eye(3) - A["discrete"], B) + D)[0, 0]
