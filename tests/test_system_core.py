@@ -209,7 +209,8 @@ def test_a_python_function_inside_a_loop(driver: str) -> None:
 
 
 @both
-def test_a_loop_whose_solution_ends_is_explained(driver: str) -> None:
+@pytest.mark.parametrize("solver", ["gear", "vkm"])
+def test_a_loop_whose_solution_ends_is_explained(driver: str, solver: str) -> None:
     """y = exp(r + y) has two solutions for r < −1 and none above; r = −1 at t = 0.26198 s."""
     with (
         connect(
@@ -217,6 +218,7 @@ def test_a_loop_whose_solution_ends_is_explained(driver: str) -> None:
             [("e.y", "f.u"), ("f.y", "e.u2"), ("f.y", "p.u")],
             inputs={"r": "e.u1"},
             outputs={"y": "f.y"},
+            solver=solver,
             driver=driver,
         ) as model,
         pytest.raises(SimulationError) as caught,

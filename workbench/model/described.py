@@ -159,12 +159,16 @@ class DescribedModel(Model):
         if self._why_replay is None:
             claims = self.description.interfaces[self.interface]
             if not claims.state:
-                self._why_replay = "the FMU does not claim to save its state"
+                self._why_replay = self._without_state()
             elif claims.once_per_process and self._live():
                 self._why_replay = "the FMU allows one instance per process, so that nothing could be probed"
             else:
                 self._why_replay = why_state_fails(self._open, self._setup)
         return self._why_replay
+
+    def _without_state(self) -> str:
+        """Return the words for a model that does not claim to save its state."""
+        return "the FMU does not claim to save its state"
 
     def snapshot_method(self) -> str:
         """Return how snapshots are taken: "state" (the FMU's, probed) or "replay"."""

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 from workbench.errors import SimulationError
 
-__all__ = ["unsolved"]
+__all__ = ["UnsolvedError", "unsolved"]
 
 
-def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, time: float) -> SimulationError:
+class UnsolvedError(SimulationError):
+    """An algebraic loop has no solution at this point; `vkm` tries a shorter step first."""
+
+
+def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, time: float) -> UnsolvedError:
     """Return the error.
 
     Args:
@@ -19,7 +23,7 @@ def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, tim
         residual: left there.
         time: [s].
     """
-    return SimulationError(
+    return UnsolvedError(
         f"no solution was found for the algebraic loop through {', '.join(labels)}: at best {worst} is {value} with a "
         f"residual of {residual:.3g}; put a lag or a delay into one of these connections, or check their gains and "
         "signs (a loop gain of exactly 1 has no solution)",

@@ -101,6 +101,10 @@ class SystemModel(DescribedModel):
             undo.pop_all()
         return CompositeInstance(made, self._plan.anew(), self.description, self._ports, source=self.source)
 
+    def _without_state(self) -> str:
+        names = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].state]
+        return f"components do not claim to save their state: {', '.join(names)}"
+
     def close(self) -> None:
         super().close()
         self._opened.close()

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.errors import SimulationError
 from workbench.fmi.instance import DiscardError
+from workbench.session.algebraic_error import UnsolvedError
 from workbench.session.base import Floats
 from workbench.session.problem import Problem
 from workbench.session.solvers.base import Solver, Tolerance
@@ -40,6 +41,7 @@ class KuttaMerson(Solver):
         self._k = np.zeros((5, problem.n))
         self._x_old = self.x
         self._h = 0.0
+        self._refused: SimulationError | None = None
         self._z = np.zeros(problem.nz)
 
     def restart(self, t: float, x: Floats) -> None:
@@ -72,7 +74,7 @@ class KuttaMerson(Solver):
 
     def _accepted(self, stop: float, longest: float) -> tuple[float, Floats]:
         """Try until a step's error fits; returns its end and the states there."""
-        t = self.t
+        t, self._refused = self.t, None
         while True:
             h = min(self._h, longest)
             end = stop if t + h * (1.0 + 1e-9) >= stop else t + h
@@ -85,6 +87,8 @@ class KuttaMerson(Solver):
                 return end, x
             self._h = h * max(SHRINK, factor)
             if self._h < 16.0 * math.ulp(max(abs(t), 1e-300)) or self._h == 0.0:
+                if isinstance(self._refused, UnsolvedError):
+                    raise self._refused
                 raise SimulationError(
                     "vkm: the step became too small; the model is stiff or jumps without an event: use solver gear",
                     time=t,
@@ -94,7 +98,8 @@ class KuttaMerson(Solver):
         """Return the states after a step h and its error relative to the tolerance."""
         try:
             x = self._merson(h)
-        except DiscardError:
+        except (DiscardError, UnsolvedError) as error:
+            self._refused = error
             return self.x, math.inf
         k = self._k
         error = (h / 30.0) * (2.0 * k[0] - 9.0 * k[2] + 8.0 * k[3] - k[4])
