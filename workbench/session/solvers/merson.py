@@ -98,8 +98,8 @@ class KuttaMerson(Solver):
         """Return the states after a step h and its error relative to the tolerance."""
         try:
             x = self._merson(h)
-        except (DiscardError, UnsolvedError) as error:
-            self._refused = error
+        except (DiscardError, UnsolvedError) as refused:
+            self._refused = refused
             return self.x, math.inf
         k = self._k
         error = (h / 30.0) * (2.0 * k[0] - 9.0 * k[2] + 8.0 * k[3] - k[4])
