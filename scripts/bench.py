@@ -93,7 +93,7 @@ def alternate(sides: Mapping[str, Callable[[], object]], repeats: int) -> dict[s
     return {name: statistics.median(values) for name, values in times.items()}
 
 
-def load(path: str | Path, interface: str, solver: str = "auto", *, driver: str, **options: float) -> wb.FmuModel:
+def load(path: str | Path, interface: str, solver: str = "auto", *, driver: str, **options: float) -> wb.DescribedModel:
     """Load with a driver."""
     model = wb.load(path, interface, solver, driver=driver, **options)  # type: ignore[arg-type]
     if model.driver != driver:
@@ -185,7 +185,7 @@ def me(size: Size) -> Iterator[Row]:
             yield replace(row, numbers=numbers, note=note)
 
 
-def _run_ours(model: wb.FmuModel, signals: Mapping[str, wb.Signal], points: Floats) -> Floats:
+def _run_ours(model: wb.DescribedModel, signals: Mapping[str, wb.Signal], points: Floats) -> Floats:
     with model.open_session() as session:
         record = session.advance(float(points[-1]), signals=signals, record=["del"], points=points)
     at = np.searchsorted(record.time, points, side="right") - 1

@@ -42,11 +42,11 @@ def _moved(session: FmuSession, time: float, move: Floats, u: Floats) -> FmuSess
     return session
 
 
-def _outputs(session: FmuSession, model: wb.FmuModel) -> dict[str, float]:
+def _outputs(session: FmuSession, model: wb.DescribedModel) -> dict[str, float]:
     return session.values([v.name for v in model.outputs])
 
 
-def _numbers(session: FmuSession, model: wb.FmuModel) -> dict[str, float]:
+def _numbers(session: FmuSession, model: wb.DescribedModel) -> dict[str, float]:
     return session.values([v.name for v in model.description.variables if v.is_number])
 
 

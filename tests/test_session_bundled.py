@@ -48,7 +48,8 @@ def test_lag_matches_the_closed_form(
 
 @BOTH
 def test_held_inputs_follow_the_recursion_of_a_held_lag(version: str) -> None:
-    h, points = 0.05, 0.05 * np.arange(1, 61)
+    h = 0.05
+    points: Floats = h * np.arange(1.0, 61.0)
     with (
         load(f"fmu:FirstOrderLag{version}", "cs", step=h, tolerance=1e-10, hold_inputs=True) as model,
         model.open_session() as session,
@@ -67,7 +68,7 @@ def test_held_inputs_follow_the_recursion_of_a_held_lag(version: str) -> None:
 @pytest.mark.parametrize("interface", ["me", "cs"])
 def test_a_jump_at_a_tick_is_sampled_by_that_tick(version: str, interface: str) -> None:
     period = 0.022
-    points = period * np.arange(1, 9)
+    points: Floats = period * np.arange(1.0, 9.0)
     step = period if interface == "cs" else None
     with load(f"fmu:ElevatorLaw{version}", interface, step=step) as model, model.open_session() as session:
         signals = {"side_stick": Step(time=5.0 * period, value=0.05)}

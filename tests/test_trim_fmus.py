@@ -18,7 +18,7 @@ DEL = 1.9905784  # deg at delC = 2 deg: the model's statics, see its README
 
 
 @pytest.fixture(scope="module")
-def rudder() -> Iterator[wb.FmuModel]:
+def rudder() -> Iterator[wb.DescribedModel]:
     with wb.load("fmu:Rudder") as model:
         yield model
 
@@ -29,7 +29,7 @@ def statics(x: dict[str, float]) -> tuple[float, float]:
     return 0.15 * force - 3000.0 * x["surface"], 4e-3 * (x["p1"] - x["p2"]) - force
 
 
-def test_rudder_at_rest_is_unique(rudder: wb.FmuModel) -> None:
+def test_rudder_at_rest_is_unique(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0})
     assert result.converged
     assert not result.null_directions
@@ -53,7 +53,7 @@ def test_rudder_with_floating_pressures_is_a_family(name: str) -> None:
     assert "6 equations" in result.notes[0]
 
 
-def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.FmuModel) -> None:
+def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], family="nearest")
     assert result.converged
     assert statics(result.point.x) == pytest.approx((0.0, 0.0), abs=1e-4)
@@ -61,14 +61,14 @@ def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.FmuM
     assert abs(result.point.dx["p1"]) > 1e6
 
 
-def test_the_family_is_pinned_by_an_output(rudder: wb.FmuModel) -> None:
+def test_the_family_is_pinned_by_an_output(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], fix={"del": 1.0})
     assert result.converged
     assert result.point.y["del"] == pytest.approx(1.0)
     assert len(result.null_directions) == 1
 
 
-def test_input_for_a_deflection_and_one_beyond_the_stops(rudder: wb.FmuModel) -> None:
+def test_input_for_a_deflection_and_one_beyond_the_stops(rudder: wb.DescribedModel) -> None:
     found = wb.trim(rudder, free=["delC"], fix={"del": 5.0})
     assert found.converged
     assert found.point.u["delC"] == pytest.approx(5.0 * 2.0 / DEL, rel=1e-4)
@@ -102,7 +102,7 @@ def test_two_rates_and_their_common_period(name: str) -> None:
     assert result.point.y["y"] == pytest.approx(0.68)
 
 
-def elevator() -> wb.FmuModel:
+def elevator() -> wb.DescribedModel:
     return wb.load("fmu:ElevatorLaw")
 
 

@@ -22,6 +22,7 @@ import workbench as wb
 from tests.fakes import lag
 from tests.worker_tasks import obey
 from workbench.cli.app import run
+from workbench.model.load import load
 from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
 from workbench.workers.executor import OnExecutor
 from workbench.workers.pool import Pool
@@ -32,7 +33,7 @@ needs_distributed = pytest.mark.skipif(find_spec("distributed") is None, reason=
 
 @pytest.fixture(scope="module")
 def model() -> Iterator[wb.FmuModel]:
-    with wb.load("fmu:FirstOrderLag") as loaded:
+    with load("fmu:FirstOrderLag") as loaded:
         yield loaded
 
 
@@ -48,7 +49,7 @@ def test_a_packed_recipe_needs_no_file_and_serves_every_platform(model: wb.FmuMo
         assert session.values(["y"]) == {"y": 0.0}
     with zipfile.ZipFile(io.BytesIO(packed.archive)) as archive:
         archive.extractall(tmp_path / "folder")
-    with wb.load(tmp_path / "folder") as unpacked, unpacked.recipe.packed().open() as again:
+    with load(tmp_path / "folder") as unpacked, unpacked.recipe.packed().open() as again:
         assert again.description.variables == model.description.variables
 
 

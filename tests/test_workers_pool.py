@@ -29,12 +29,12 @@ Outcome = dict[tuple[Any, ...], list[Any]]
 
 
 @pytest.fixture(scope="module")
-def model() -> Iterator[wb.FmuModel]:
+def model() -> Iterator[wb.DescribedModel]:
     with wb.load("fmu:FirstOrderLag") as loaded:
         yield loaded
 
 
-def do(model: wb.FmuModel, *jobs: tuple[Any, ...], workers: int = 2, limits: Limits | None = None) -> Outcome:
+def do(model: wb.DescribedModel, *jobs: tuple[Any, ...], workers: int = 2, limits: Limits | None = None) -> Outcome:
     """Run jobs; return what came of each: its items, and the reason if it was lost."""
     found: Outcome = {job: [] for job in jobs}
     with Pool(model.recipe, jobs=workers, limits=limits or Limits()) as pool:
@@ -53,7 +53,7 @@ def alive(pid: int) -> bool:
     return "Z" not in Path(f"/proc/{pid}/stat").read_text().split() if Path("/proc/self/stat").exists() else True
 
 
-def test_jobs_run_on_the_model_in_other_processes(model: wb.FmuModel) -> None:
+def test_jobs_run_on_the_model_in_other_processes(model: wb.DescribedModel) -> None:
     found = do(model, ("say", 1, 2, 3), ("name",), ("say",))
     assert found["say", 1, 2, 3] == [1, 2, 3]
     assert found["say",] == []
@@ -63,7 +63,7 @@ def test_jobs_run_on_the_model_in_other_processes(model: wb.FmuModel) -> None:
 
 
 @posix
-def test_a_crash_costs_its_own_job_only(model: wb.FmuModel) -> None:
+def test_a_crash_costs_its_own_job_only(model: wb.DescribedModel) -> None:
     say = [("say", k) for k in range(4)]
     bad: list[tuple[Any, ...]] = [("segfault",), ("signal", int(signal.SIGABRT)), ("exit", 3)]
     found = do(model, say[0], bad[0], say[1], bad[1], say[2], bad[2], say[3])
@@ -74,7 +74,7 @@ def test_a_crash_costs_its_own_job_only(model: wb.FmuModel) -> None:
 
 
 @posix
-def test_a_hang_is_ended_by_the_time_limit(model: wb.FmuModel) -> None:
+def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel) -> None:
     begin = time.monotonic()
     found = do(model, ("endless_in_c",), ("say", 1), limits=Limits(timeout=0.3))
     assert found["endless_in_c",] == ["time limit: not finished after 0.3 s; --timeout sets it"]
@@ -82,13 +82,13 @@ def test_a_hang_is_ended_by_the_time_limit(model: wb.FmuModel) -> None:
     assert time.monotonic() - begin < 5.0
 
 
-def test_the_time_limit_counts_from_item_to_item(model: wb.FmuModel) -> None:
+def test_the_time_limit_counts_from_item_to_item(model: wb.DescribedModel) -> None:
     found = do(model, ("sleep", 0.3, 0.3, 0.3), limits=Limits(timeout=0.6))
     assert found["sleep", 0.3, 0.3, 0.3] == [0.3, 0.3, 0.3]
 
 
 @linux
-def test_the_memory_limit_refuses_allocations(model: wb.FmuModel) -> None:
+def test_the_memory_limit_refuses_allocations(model: wb.DescribedModel) -> None:
     jobs = [("allocate", 400), ("allocate", 250), ("allocate", 20), ("malloc", 400)]
     found = do(model, *jobs, limits=Limits(memory=200.0))
     # The first is refused; the second is granted and seen afterwards, although it was freed.
@@ -100,7 +100,7 @@ def test_the_memory_limit_refuses_allocations(model: wb.FmuModel) -> None:
     ]
 
 
-def test_an_error_of_the_task_is_raised_here(model: wb.FmuModel) -> None:
+def test_an_error_of_the_task_is_raised_here(model: wb.DescribedModel) -> None:
     with pytest.raises(wb.SimulationError, match=r"fmi2DoStep returned error \(at t = 1.5 s\)") as caught:
         do(model, ("fail",))
     assert caught.value.time == 1.5
@@ -108,7 +108,7 @@ def test_an_error_of_the_task_is_raised_here(model: wb.FmuModel) -> None:
         do(model, ("bug",))
 
 
-def test_the_queue_may_grow_meanwhile(model: wb.FmuModel) -> None:
+def test_the_queue_may_grow_meanwhile(model: wb.DescribedModel) -> None:
     jobs = deque([("say", 3)])
     seen = []
     with Pool(model.recipe, jobs=2, limits=Limits()) as pool:
@@ -120,7 +120,7 @@ def test_the_queue_may_grow_meanwhile(model: wb.FmuModel) -> None:
     assert seen == [3, 2, 1, 0]
 
 
-def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.FmuModel) -> None:
+def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.DescribedModel) -> None:
     pool = Pool(model.recipe, jobs=1, limits=Limits())
     events = pool.run(obey, deque([("sleep", 0.0, 100.0)]))
     assert next(events) == Reply(("sleep", 0.0, 100.0), 0.0)
@@ -133,17 +133,17 @@ def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.FmuModel) -> None
 
 
 @posix
-def test_ctrl_c_is_the_parents_affair(model: wb.FmuModel) -> None:
+def test_ctrl_c_is_the_parents_affair(model: wb.DescribedModel) -> None:
     assert do(model, ("interrupt",)) == {("interrupt",): ["still here"]}
 
 
-def test_a_worker_loads_only_what_it_needs(model: wb.FmuModel) -> None:
+def test_a_worker_loads_only_what_it_needs(model: wb.DescribedModel) -> None:
     modules = set(do(model, ("modules",))["modules",][0])
     assert not modules & {"matplotlib", "typer", "rich", "control", "pytest", "scipy", "sqlite3"}
 
 
 @posix
-def test_standard_output_belongs_to_the_result(model: wb.FmuModel, capfd: pytest.CaptureFixture[str]) -> None:
+def test_standard_output_belongs_to_the_result(model: wb.DescribedModel, capfd: pytest.CaptureFixture[str]) -> None:
     do(model, ("stdout",))
     captured = capfd.readouterr()
     assert captured.out == ""

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from workbench.build.export import ExportResult, export
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
+    from workbench.model.described import DescribedModel
     from workbench.session import Record, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
     from workbench.system.connect import connect
@@ -72,6 +73,7 @@ __all__ = [
     "Coherence",
     "Connection",
     "Constant",
+    "DescribedModel",
     "Doubt",
     "ExciteResult",
     "Experiment",
@@ -192,6 +194,7 @@ _HOMES = {
     "workbench.analysis.zero_input": ("ZeroInput",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable"),
+    "workbench.model.described": ("DescribedModel",),
     "workbench.session": ("Record", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
     "workbench.system.connect": ("connect",),

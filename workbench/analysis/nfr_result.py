@@ -182,7 +182,7 @@ class NfrResult:
             output_unit=data["output"]["unit"],
             frequency_hz=frequency,
             amplitude=amplitude,
-            response=gain * np.exp(1j * angle),
+            response=np.asarray(gain * np.exp(1j * angle), dtype=np.complex128),
             phase_deg=phase,
             offset=offset,
             averaged=np.array(data["averaged"], dtype=bool).reshape(shape),
