@@ -61,6 +61,8 @@ def connect(
     tolerance: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
+    order: str = "auto",
+    hold_inputs: bool = False,
     driver: str = "auto",
 ) -> DescribedModel:
     """Connect models; the system is a model again.
@@ -84,6 +86,9 @@ def connect(
         tolerance: relative tolerance of the integration; None: 1e-6.
         start_values: by full name, "component.variable".
         bias: constants added to the system's inputs.
+        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by side), or
+            "auto".
+        hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
         driver: as for `load`.
 
     Returns:
@@ -115,6 +120,8 @@ def connect(
         tolerance=tolerance,
         start_values={**starts, **(start_values or {})},
         bias=bias,
+        order=order,
+        hold_inputs=hold_inputs,
         driver=driver,
     )
 
@@ -128,6 +135,8 @@ def open_description(
     tolerance: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
+    order: str = "auto",
+    hold_inputs: bool = False,
     driver: str = "auto",
 ) -> DescribedModel:
     """Open a system as it is written down.
@@ -157,6 +166,8 @@ def open_description(
             tolerance=tolerance,
             start_values=dict(start_values or {}),
             bias=dict(bias or {}),
+            order=order,
+            hold_inputs=hold_inputs,
             driver=driver,
         )
     )

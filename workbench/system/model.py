@@ -23,7 +23,7 @@ from workbench.system.order import plan
 from workbench.system.parts import Part, open_parts
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["SYSTEMS", "Opened", "SystemModel", "open_system"]
+__all__ = ["SYSTEMS", "Opened", "SystemModel", "connections_of", "open_system", "starts_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +71,14 @@ class SystemModel(DescribedModel):
         self.system = opened.description
         described = joint_description(opened.description, opened.parts, opened.resolved)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        self._plan = plan(_connections(opened), parts=len(opened.parts))
+        self._plan = plan(connections_of(opened), parts=len(opened.parts))
         solver, note = choose_solver(recipe.solver, states=described.state_count)
         driver, remark = choose_driver(recipe.driver)
         variables = {v.name: v for v in described.variables}
         setup = Setup(
             open_instance=self.new_instance,
             variables=variables,
-            start_values={**_starts(opened.parts), **check_starts(recipe.start_values, variables)},
+            start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
             bias=check_biases(recipe.bias, variables),
             rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
             tolerance=recipe.tolerance or described.experiment.tolerance,
@@ -137,23 +137,22 @@ def _kinds(opened: Opened) -> str:
     return "its components have " + ", ".join(f"{p.name}: {p.interface}" for p in opened.parts)
 
 
-def _no_master(opened: Opened, recipe: SystemRecipe) -> DescribedModel:
-    names = ", ".join(p.name for p in opened.parts if p.interface == "cs")
-    raise InputError(
-        f"{recipe.source}: systems with co-simulation parts are not supported yet ({names}); give these components "
-        'interface "me" if their FMUs offer it'
-    )
+def _master(opened: Opened, recipe: SystemRecipe) -> DescribedModel:
+    from workbench.system.master.model import MasterModel  # noqa: PLC0415 - it needs `Opened`
+
+    return MasterModel(opened, recipe)
 
 
 # Interfaces of the components → the model that drives them.
 SYSTEMS: Mapping[str, Callable[[Opened, SystemRecipe], DescribedModel]] = {
     "me": SystemModel,
-    "cs": _no_master,
-    "mixed": _no_master,
+    "cs": _master,
+    "mixed": _master,
 }
 
 
-def _connections(opened: Opened) -> list[Connection]:
+def connections_of(opened: Opened) -> list[Connection]:
+    """Return the connections between the components."""
     return [
         Connection(
             source=w.source,
@@ -170,7 +169,8 @@ def _connections(opened: Opened) -> list[Connection]:
     ]
 
 
-def _starts(parts: Sequence[Part]) -> dict[str, Value]:
+def starts_of(parts: Sequence[Part]) -> dict[str, Value]:
+    """Return the start values that the system sets, by full name."""
     return {f"{p.name}.{name}": value for p in parts for name, value in p.starts.items()}
 
 

@@ -28,10 +28,12 @@ class SystemRecipe(LoadRecipe):
     Attributes:
         system: as it is written down.
         parts: component → how to load its FMU; empty: from the file that the component names.
+        order: of co-simulation components: "gauss-seidel", "jacobi" or "auto".
     """
 
     system: SystemDescription
     parts: Mapping[str, FmuRecipe] = field(default_factory=dict)
+    order: str = "auto"
 
     @property
     def portable(self) -> bool:
@@ -65,6 +67,7 @@ class SystemRecipe(LoadRecipe):
                 "outputs": dict(system.outputs),
             },
             **self.settings(),
+            **({} if self.order == "auto" else {"order": self.order}),
         }
 
     def _component(self, component: Any) -> Any:
