@@ -17,6 +17,7 @@ from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescrip
 
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
+from workbench.model.described import DescribedModel
 from workbench.model.load import check_number
 from workbench.system.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.system.container_variables import Shown, shown_units, shown_variables
@@ -72,7 +73,7 @@ class ContainerResult:
 
 
 def export_container(
-    system: SystemModel | SystemDescription | str | Path, path: str | Path, *, step: float, fmi: int = 2
+    system: DescribedModel | SystemDescription | str | Path, path: str | Path, *, step: float, fmi: int = 2
 ) -> ContainerResult:
     """Write a system of FMUs as one co-simulation FMU, through FMPy's container.
 
@@ -135,7 +136,7 @@ def _check_fmpy() -> None:
 # -- what the system is -----------------------------------------------------------------------
 
 
-def _told(system: SystemModel | SystemDescription | str | Path) -> tuple[SystemDescription, Mapping[str, Value]]:
+def _told(system: DescribedModel | SystemDescription | str | Path) -> tuple[SystemDescription, Mapping[str, Value]]:
     """Return the system's description and the start values that it was loaded with."""
     if isinstance(system, SystemDescription):
         return system, {}
