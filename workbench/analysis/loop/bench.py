@@ -1,0 +1,53 @@
+"""Single points of a frequency response, several outputs at once, in the workers of an analysis."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from workbench.analysis.nfr_job import PointsJob
+from workbench.analysis.nfr_point import NfrPoint, PointTask
+from workbench.model import Model
+from workbench.workers import Lost, Workers, choose, perform
+
+__all__ = ["Bench"]
+
+
+class Bench:
+    """Measures points of one model, round by round, in the same workers.
+
+    Args:
+        model: what is measured; it stays open.
+        workers: where.
+    """
+
+    def __init__(self, model: Model, workers: Workers) -> None:
+        self._runner, self.notes = choose(model, workers)
+
+    def measure(self, tasks: Sequence[PointTask]) -> list[NfrPoint]:
+        """Return the points of the tasks, in their order; one whose worker was lost has failed.
+
+        Raises:
+            FmuError, SimulationError: the model cannot be started.
+        """
+        jobs = [PointsJob(tasks=(task,), carry=False, step=None) for task in tasks]
+        found: dict[int, NfrPoint] = {}
+        for event in self._runner.run(perform, deque(jobs)):
+            task = event.job.tasks[0]
+            if isinstance(event, Lost):
+                point = NfrPoint(frequency=task.frequency, amplitude=task.amplitude, reason=event.reason)
+            else:
+                point = event.value
+            found[id(event.job)] = point
+        return [found[id(job)] for job in jobs]
+
+    def __enter__(self) -> Self:
+        self._runner.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._runner.__exit__(kind, error, trace)

@@ -1,0 +1,128 @@
+"""Frequencies at which a transfer function has gain 1, or is real: found from eigenvalues, none overlooked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import eigvals
+from scipy.optimize import brentq
+
+from workbench.analysis.loop.transfer import Transfer
+from workbench.session.base import Floats
+
+__all__ = ["gain_crossings", "real_crossings", "scan"]
+
+_REAL = 1e-9  # |Im F| / |F| at a crossing of the real axis; at a pole on the axis it is 1
+_ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
+
+
+def gain_crossings(f: Transfer) -> list[float]:
+    """Return the frequencies at which |F| = 1, rising [Hz].
+
+    The zeros of 1 - F(-s) F(s) on the imaginary axis are eigenvalues of a Hamiltonian matrix (S. Boyd, V. Balakrishnan,
+    P. Kabamba, A bisection method for computing the H∞ norm, 1989). Between neighbouring eigenvalues |F| - 1 keeps
+    its sign, so that one value in each gap shows every crossing; the root itself is found in F.
+
+    Args:
+        f: transfer function, continuous or sampled.
+    """
+
+    def level(frequency: float) -> float:
+        size = abs(f.at(frequency))
+        return float(np.log(size)) if 0.0 < size < np.inf else np.nan if np.isnan(size) else -np.inf
+
+    return _roots(level, _candidates(f, _gain_pencil), f.highest_hz)
+
+
+def real_crossings(f: Transfer) -> list[float]:
+    """Return the frequencies at which F is real, rising [Hz]; without 0 and the Nyquist frequency, where it always is.
+
+    As for the gain, with the zeros of F(s) - F(-s).
+
+    Args:
+        f: transfer function, continuous or sampled.
+    """
+
+    def imaginary(frequency: float) -> float:
+        value = f.at(frequency)
+        return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
+
+    found = _roots(imaginary, _candidates(f, _odd_pencil), f.highest_hz)
+    return [x for x in found if abs(imaginary(x)) < _REAL]
+
+
+def scan(f: Transfer, candidates: Floats | None = None) -> Floats:
+    """Return frequencies that cover the poles of F and the candidates with five decades around them, rising [Hz]."""
+    poles = f.poles
+    if f.dt > 0.0:
+        poles = np.log(poles[np.abs(poles) > 1e-6]) / f.dt
+    sizes = np.concatenate([np.abs(poles), np.abs(poles.imag)]) / (2.0 * np.pi)
+    own = sizes[(sizes > 1e-9 * sizes.max(initial=0.0)) & (sizes > 0.0)]
+    every = np.concatenate([own, [] if candidates is None else candidates])
+    if not len(every):
+        every = np.array([0.1 / f.dt if f.dt > 0.0 else 1.0])
+    broad = np.geomspace(every.min() * 1e-3, every.max() * 1e2, 60)
+    grid = np.unique(np.concatenate([broad, *(every * factor for factor in (0.9, 0.99, 1.0, 1.01, 1.1))]))
+    return grid[grid < f.highest_hz]
+
+
+def _roots(g: Callable[[float], float], candidates: Floats, highest: float) -> list[float]:
+    """Return where g changes its sign."""
+    ends = [] if not len(candidates) else [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
+    samples = np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends]))
+    signs = [(x, v) for x in samples if not np.isnan(v := g(x)) and v != 0.0]
+    found = []
+    for (a, u), (b, v) in zip(signs[:-1], signs[1:], strict=True):
+        if u * v < 0.0:
+            root = brentq(lambda t: g(float(np.exp(t))), np.log(a), np.log(b), xtol=1e-14, rtol=1e-14)
+            found.append(float(np.exp(root)))
+    return found
+
+
+def _below(highest: float) -> float:
+    return float(highest * (1.0 - 1e-9))
+
+
+def _candidates(f: Transfer, pencil: Callable[[Transfer], tuple[Floats, Floats]]) -> Floats:
+    """Return frequencies between which the function cannot change its sign, and others, rising [Hz]."""
+    try:
+        plane = f.to_bilinear() if f.dt > 0.0 else f
+        a, b = pencil(plane)
+        with np.errstate(all="ignore"):
+            w = eigvals(a, b)
+    except (np.linalg.LinAlgError, ValueError):
+        w = np.zeros(0, dtype=np.complex128)
+    nu = np.abs(w[np.isfinite(w)].imag)
+    nu = nu[(nu > 0.0) & (nu < 1e15)]
+    hz = (2.0 * np.arctan(nu) / f.dt if f.dt > 0.0 else nu) / (2.0 * np.pi)
+    hz = hz[(hz > 0.0) & (hz < f.highest_hz)]
+    return np.unique(np.concatenate([hz, scan(f, hz)]))
+
+
+def _gain_pencil(f: Transfer) -> tuple[Floats, Floats]:
+    """Return (a, b) whose generalised eigenvalues are the zeros of 1 - F(-s) F(s)."""
+    n, d = len(f.A), f.D
+    a = np.block([
+        [f.A, np.zeros((n, n)), f.B],
+        [-f.C.T @ f.C, -f.A.T, -f.C.T * d],
+        [-d * f.C, -f.B.T, np.array([[1.0 - d * d]])],
+    ])  # fmt: skip
+    return a, _descriptor(n)
+
+
+def _odd_pencil(f: Transfer) -> tuple[Floats, Floats]:
+    """Return (a, b) whose generalised eigenvalues are the zeros of F(s) - F(-s)."""
+    n = len(f.A)
+    a = np.block([
+        [f.A, np.zeros((n, n)), f.B],
+        [np.zeros((n, n)), -f.A, f.B],
+        [f.C, f.C, np.zeros((1, 1))],
+    ])  # fmt: skip
+    return a, _descriptor(n)
+
+
+def _descriptor(n: int) -> Floats:
+    b = np.eye(2 * n + 1)
+    b[-1, -1] = 0.0
+    return b

@@ -1,0 +1,112 @@
+"""Measure the loop transfer in closed loop: a sine is added, the signals on both sides of the sum are compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from workbench.analysis.loop.bench import Bench
+from workbench.analysis.loop.cut import INJECTED, PASSED, RETURNED
+from workbench.analysis.loop.measured import LoopPoint
+from workbench.analysis.loop.request import Request
+from workbench.analysis.nfr_point import NfrPoint
+
+__all__ = ["injected"]
+
+_NEAR = 0.003  # relative: how near the amplitude of the signal passed on is to the one that is asked for
+_ROUNDS = 8
+_WIDEST = 4.0  # the injected sine changes by this factor at most from one round to the next
+
+
+@dataclass(frozen=True)
+class _Try:
+    """One point under way: the injected amplitude, and what it gave; earlier rounds for the secant."""
+
+    frequency: float
+    wanted: float
+    injected: float
+    passed: NfrPoint | None = None
+    before: tuple[float, float] | None = None
+
+    @property
+    def seen(self) -> float:
+        """Amplitude of the signal passed on; NaN where there is none, which ends the search."""
+        if self.passed is None or not self.passed.response:
+            return math.nan
+        return abs(self.passed.response) * self.injected
+
+    @property
+    def done(self) -> bool:
+        return self.passed is not None and not abs(self.seen / self.wanted - 1.0) > _NEAR
+
+    def next(self) -> _Try:
+        """Return the next try: by the secant in logarithms, or in proportion."""
+        x, y = math.log(self.injected), math.log(self.seen / self.wanted)
+        slope = 1.0
+        if self.before is not None and abs(x - self.before[0]) > 1e-9:
+            slope = max((y - self.before[1]) / (x - self.before[0]), 0.2)
+        move = max(-math.log(_WIDEST), min(math.log(_WIDEST), -y / slope))
+        return replace(self, injected=math.exp(x + move), passed=None, before=(x, y))
+
+
+def injected(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+    """Measure points of the closed loop.
+
+    With d the injected sine, y returned and z = y + d passed on, L = -Y/Z at the fundamental. d is changed until Z has
+    the amplitude that is asked for, so that the amplitudes are those of the broken loop. The rest of the loop returns
+    harmonics too, so z is no pure sine; its distortion tells how far a describing function may be believed.
+    Y and Z are measured in runs of their own; `balance` tells how well they fit.
+
+    Not for a closed loop that is unstable or in a limit cycle: its periods do not repeat.
+
+    Args:
+        bench: on the system with the sum.
+        request: how long to wait; its linear loop, where there is one, gives the first amplitudes.
+        wanted: frequency [Hz] and amplitude of the signal passed on.
+    """
+    tries = [_Try(f, a, a * request.guess(f)) for f, a in wanted]
+    for _ in range(_ROUNDS):
+        open_ones = [i for i, t in enumerate(tries) if not t.done]
+        fresh = [tries[i] if tries[i].passed is None else tries[i].next() for i in open_ones]
+        found = bench.measure([request.task(INJECTED, PASSED, t.frequency, t.injected) for t in fresh])
+        for i, t, point in zip(open_ones, fresh, found, strict=True):
+            tries[i] = replace(t, passed=point)
+        if not open_ones:
+            break
+    returned = bench.measure([request.task(INJECTED, RETURNED, t.frequency, t.injected) for t in tries])
+    return [_point(t, y) for t, y in zip(tries, returned, strict=True)]
+
+
+def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
+    z = tried.passed
+    if z is None or not z.response or y.response is None:
+        reason = next((p.reason for p in (z, y) if p is not None and p.reason), "nothing was passed on")
+        return _failed(tried, reason, 0 if z is None else z.periods)
+    if not tried.done:
+        seen = f"{tried.seen:.4g} in place of {tried.wanted:.4g}"
+        return _failed(tried, f"the amplitude of the signal passed on comes to {seen}", z.periods)
+    return LoopPoint(
+        frequency_hz=tried.frequency,
+        amplitude=tried.seen,
+        value=-y.response / z.response,
+        thd_passed=None if z.certificate is None else z.certificate.thd,
+        thd_returned=None if y.certificate is None else y.certificate.thd,
+        harmonics=() if y.certificate is None else y.certificate.harmonics,
+        injected=tried.injected,
+        balance=abs(z.response - y.response - 1.0),
+        status="averaged" if z.averaged or y.averaged else "settled",
+        periods=max(z.periods, y.periods),
+    )
+
+
+def _failed(tried: _Try, reason: str, periods: int) -> LoopPoint:
+    return LoopPoint(
+        frequency_hz=tried.frequency,
+        amplitude=math.nan,
+        value=None,
+        injected=tried.injected,
+        status="failed",
+        periods=periods,
+        reason=reason,
+    )

@@ -1,0 +1,118 @@
+"""The loop transfer from a linearisation of the opened system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.task import Width
+from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
+from workbench.analysis.loop.margins import Margins, margins_of
+from workbench.analysis.loop.stability import Stability, stability_of
+from workbench.analysis.loop.transfer import Complex, Transfer
+from workbench.session.base import Floats
+
+__all__ = ["LinearLoop", "linear_loop"]
+
+_REST = 1e-6  # a derivative above this part of (value + 1) is motion
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop:
+    """A loop at an operating point.
+
+    Attributes:
+        lin: of the opened system, from the signal passed on to the signal returned: minus L.
+        transfer: L.
+        stability: of the closed loop.
+        margins: of L, exact.
+        notes: one line each.
+    """
+
+    lin: LinResult
+    transfer: Transfer
+    stability: Stability
+    margins: Margins
+    notes: tuple[str, ...]
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """Return L at frequencies [Hz], shape (k,)."""
+        return self.transfer.response(frequency_hz)
+
+
+def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: float | None = None) -> LinearLoop:
+    """Linearise the opened system and close the loop again on paper.
+
+    With all else as it is, a signal z passed on behind the cut comes back as y = R z; R is the return ratio and
+    L = -R, wherever the loop's minus sign lies. Closed, the loop is 1/(1 - R) = 1/(1 + L).
+
+    Args:
+        cut: the loop.
+        method: of `lin`.
+        dx, du: widths of `lin`; du that of the signal passed on.
+
+    Raises:
+        InputError: `lin` refuses, or the closed loop has no solution.
+        SimulationError: the system cannot be evaluated.
+    """
+    point = cut.point
+    with cut.opened() as model:
+        result = lin(
+            model,
+            x0=None if point is None else {**point.x, **point.discrete},
+            u0={**({} if point is None else point.u), PASSED: cut.value},
+            inputs=[PASSED],
+            outputs=[RETURNED],
+            method=method,
+            dx=dx,
+            du=du,
+            time=cut.time,
+        ).result
+    transfer = Transfer(result.A, result.B, -result.C, -float(result.D[0, 0]), result.dt)
+    return LinearLoop(
+        lin=result,
+        transfer=transfer,
+        stability=stability_of(transfer),
+        margins=margins_of(transfer),
+        notes=(*cut.notes, *result.notes, *_notes(cut, result)),
+    )
+
+
+def _notes(cut: CutLoop, result: LinResult) -> list[str]:
+    notes = [f"doubtful: {d.row} by {d.column}: {d.reason}" for d in result.doubts]
+    if not _returns(result):
+        notes.append(
+            f"L is 0: what {cut.place.label} hands over does not come back at this point (a limit is reached, or a "
+            "path is open)"
+        )
+    moving = _moving(result.point.dx, result.point.x) if result.dt == 0.0 else []
+    if moving:
+        notes.append(f"the point is no equilibrium ({', '.join(moving[:3])} move); margins are those of this instant")
+    if result.dt > 0.0 and not (cut.place.discrete or (result.intersample is not None and result.intersample.sampled)):
+        notes.append(
+            f"{cut.place.source} is continuous and acts between the samples too; opened there, L holds it over "
+            f"{result.dt:.6g} s, a delay that the closed loop does not have: open the loop at a sampled signal instead"
+        )
+    return notes
+
+
+def _returns(result: LinResult) -> bool:
+    """Whether anything comes back: one of the Markov parameters is not zero."""
+    if np.any(result.D != 0.0):
+        return True
+    state = result.B
+    for _ in range(len(result.A)):
+        if np.any(result.C @ state != 0.0):
+            return True
+        state = result.A @ state
+        state = state / (np.abs(state).max(initial=0.0) or 1.0)
+    return False
+
+
+def _moving(dx: Mapping[str, float], x: Mapping[str, float]) -> list[str]:
+    sizes = list(x.values())
+    return [name for k, (name, rate) in enumerate(dx.items()) if abs(rate) > _REST * (1.0 + abs(sizes[k]))]

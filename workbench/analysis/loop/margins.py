@@ -1,0 +1,257 @@
+"""Margins of a loop: how much gain, phase, delay, or both gain and phase at once, it bears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.loop.crossings import gain_crossings, real_crossings
+from workbench.analysis.loop.peak import peak
+from workbench.analysis.loop.stability import BORDER, UNSTABLE, stability_of
+from workbench.analysis.loop.transfer import Transfer
+
+__all__ = ["DiskMargin", "GainCrossover", "Margins", "PhaseCrossover", "disk_of", "margins_of"]
+
+
+@dataclass(frozen=True)
+class PhaseCrossover:
+    """A frequency at which L is real and negative: a factor on the gain alone brings the loop to the border there.
+
+    Attributes:
+        frequency_hz: [Hz]; infinite: the direct part.
+        factor: 1/|L|; above 1: the gain may grow so much (gain margin), below 1: it may fall to so much.
+        upwards: L crosses the negative real axis from below to above as the frequency rises.
+    """
+
+    frequency_hz: float
+    factor: float
+    upwards: bool = True
+
+    @property
+    def db(self) -> float:
+        """20·log10 of the factor [dB]."""
+        return 20.0 * math.log10(self.factor)
+
+
+@dataclass(frozen=True)
+class GainCrossover:
+    """A frequency at which |L| = 1: a phase lag or a delay alone brings the loop to the border there.
+
+    Attributes:
+        frequency_hz: [Hz].
+        phase_margin_deg: 180° + arg L, in (-180°, 180°] [deg]; negative: the nearest way to the border is a lead.
+        delay_s: delay that brings the loop to the border at this frequency [s].
+    """
+
+    frequency_hz: float
+    phase_margin_deg: float
+    delay_s: float
+
+    @classmethod
+    def of(cls, frequency_hz: float, value: complex) -> GainCrossover:
+        """Return the crossover at which L has this value."""
+        lag = math.degrees(math.atan2(value.imag, value.real)) + 180.0  # [0, 360]: so much lag, or
+        if lag < 1e-9:
+            lag = 0.0
+        return cls(frequency_hz, lag - 360.0 if lag > 180.0 else lag, lag / 360.0 / frequency_hz)
+
+
+@dataclass(frozen=True)
+class DiskMargin:
+    """What gain and phase may do at once, and independently over frequency (skew 0).
+
+    The loop stays stable for every factor on L inside the disk of diameter (low, high).
+
+    Attributes:
+        alpha: size of the disk, 2 / max |S - T|.
+        low, high: the gain may be anything between these factors, (2 - α)/(2 + α) and (2 + α)/(2 - α).
+        phase_deg: or the phase may turn by so much either way, 2 atan(α/2) [deg].
+        frequency_hz: where it is smallest [Hz].
+    """
+
+    alpha: float
+    low: float
+    high: float
+    phase_deg: float
+    frequency_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """Margins of one loop transfer. Of a closed loop that is not stable they mean nothing: single numbers are NaN then.
+
+    The crossovers are facts of L and stand here whether the closed loop is stable or not.
+
+    Attributes:
+        verdict: on the closed loop: "stable", "unstable", "at the border", or "unknown".
+        words: verdict and reason, one line.
+        phase_crossovers: all, by frequency.
+        gain_crossovers: all, by frequency.
+        disk: skew 0; None where the closed loop is not stable.
+        peak_sensitivity: max |S|; its inverse is the distance of L from -1.
+        peak_sensitivity_hz: where [Hz].
+        peak_complementary: max |T|.
+        peak_complementary_hz: where [Hz].
+    """
+
+    verdict: str
+    words: str
+    phase_crossovers: tuple[PhaseCrossover, ...]
+    gain_crossovers: tuple[GainCrossover, ...]
+    disk: DiskMargin | None
+    peak_sensitivity: float
+    peak_sensitivity_hz: float
+    peak_complementary: float
+    peak_complementary_hz: float
+
+    @property
+    def meaningful(self) -> bool:
+        """Whether the closed loop is stable, as far as is known."""
+        return self.verdict not in (UNSTABLE, BORDER)
+
+    @property
+    def gain_margin(self) -> float:
+        """Smallest factor above 1 that brings the loop to the border; infinite: none does."""
+        return self._if(min((c.factor for c in self.phase_crossovers if c.factor > 1.0), default=math.inf))
+
+    @property
+    def gain_margin_db(self) -> float:
+        """The same in dB."""
+        return _db(self.gain_margin)
+
+    @property
+    def gain_reduction(self) -> float:
+        """Largest factor below 1 that brings the loop to the border; 0: none does."""
+        return self._if(max((c.factor for c in self.phase_crossovers if c.factor <= 1.0), default=0.0))
+
+    @property
+    def gain_reduction_db(self) -> float:
+        """The same in dB."""
+        return _db(self.gain_reduction)
+
+    @property
+    def phase_margin_deg(self) -> float:
+        """Phase margin of the smallest size [deg]; infinite: |L| is 1 nowhere."""
+        found = self._nearest()
+        return self._if(found.phase_margin_deg if found else math.inf)
+
+    @property
+    def delay_margin_s(self) -> float:
+        """Smallest additional delay that brings the loop to the border [s]; infinite: |L| is 1 nowhere."""
+        return self._if(min((c.delay_s for c in self.gain_crossovers), default=math.inf))
+
+    @property
+    def phase_crossover_hz(self) -> float:
+        """Frequency of the gain margin [Hz]; NaN: there is none."""
+        up = [c for c in self.phase_crossovers if c.factor > 1.0]
+        return self._if(min(up, key=lambda c: c.factor).frequency_hz if up else math.nan)
+
+    @property
+    def gain_crossover_hz(self) -> float:
+        """Frequency of the phase margin [Hz]; NaN: there is none."""
+        found = self._nearest()
+        return self._if(found.frequency_hz if found else math.nan)
+
+    def _nearest(self) -> GainCrossover | None:
+        return min(self.gain_crossovers, key=lambda c: abs(c.phase_margin_deg), default=None)
+
+    def _if(self, value: float) -> float:
+        return value if self.meaningful else math.nan
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        single = (
+            "gain_margin", "gain_margin_db", "gain_reduction", "gain_reduction_db", "phase_crossover_hz",
+            "phase_margin_deg", "gain_crossover_hz", "delay_margin_s",
+        )  # fmt: skip
+        peaks = ("peak_sensitivity", "peak_sensitivity_hz", "peak_complementary", "peak_complementary_hz")
+        return {
+            "closed_loop": self.verdict,
+            "words": self.words,
+            **{name: _plain(getattr(self, name)) for name in single},
+            "disk_margin": None if self.disk is None else {k: _plain(v) for k, v in vars(self.disk).items()},
+            **{name: _plain(getattr(self, name)) for name in peaks},
+            "phase_crossovers": [
+                {"frequency_hz": _plain(c.frequency_hz), "factor": c.factor, "db": c.db} for c in self.phase_crossovers
+            ],
+            "gain_crossovers": [vars(c) for c in self.gain_crossovers],
+        }
+
+
+def margins_of(loop: Transfer) -> Margins:
+    """Return the margins of a loop transfer L, exact over all frequencies.
+
+    Sampled: up to the Nyquist frequency; the delay margin is that of a delay in whole samples read as a real number.
+
+    Args:
+        loop: L for negative feedback, closed loop 1/(1 + L).
+
+    Raises:
+        InputError: the closed loop has no solution (L is -1 at infinite frequency).
+
+    Source: K. J. Åström, R. M. Murray, Feedback Systems, 2nd ed., section 10.3; disk margins: P. Seiler, A. Packard,
+    P. Gahinet, An introduction to disk margins, IEEE Control Systems 40 (2020).
+    """
+    found = stability_of(loop)
+    s, t = loop.sensitivity(), loop.complementary()
+    on_border = found.verdict == BORDER
+    at_s, at_t = ((math.inf, math.nan),) * 2 if on_border else (peak(s), peak(t))
+    return Margins(
+        verdict=found.verdict,
+        words=found.words,
+        phase_crossovers=tuple(_phase_crossovers(loop)),
+        gain_crossovers=tuple(GainCrossover.of(f, loop.at(f)) for f in gain_crossings(loop)),
+        disk=disk_of(*peak(_difference(s))) if found.stable else None,
+        peak_sensitivity=at_s[0],
+        peak_sensitivity_hz=at_s[1],
+        peak_complementary=at_t[0],
+        peak_complementary_hz=at_t[1],
+    )
+
+
+def disk_of(largest: float, frequency_hz: float) -> DiskMargin:
+    """Return the disk margin whose max |S - T| is given."""
+    alpha = 2.0 / largest if largest > 0.0 else math.inf
+    high = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
+    low = (2.0 - alpha) / (2.0 + alpha) if math.isfinite(alpha) else -1.0
+    return DiskMargin(alpha, low, high, math.degrees(2.0 * math.atan(0.5 * alpha)), frequency_hz)
+
+
+def _difference(s: Transfer) -> Transfer:
+    """Return S - T = 2 S - 1."""
+    return Transfer(s.A, s.B, 2.0 * s.C, 2.0 * s.D - 1.0, s.dt)
+
+
+def _phase_crossovers(loop: Transfer) -> list[PhaseCrossover]:
+    inner = sorted([f for f in real_crossings(loop) if _negative(loop.at(f))])
+    found = [PhaseCrossover(f, 1.0 / abs(loop.at(f)), _upwards(loop, f)) for f in inner]
+    for end in (0.0, loop.highest_hz):
+        value = loop.at(end)
+        # Where L only tends to 0 no gain reaches the border.
+        if _negative(value) and abs(value) > 1e-12 * _size(loop, inner):
+            found.append(PhaseCrossover(end, 1.0 / abs(value)))
+    return sorted(found, key=lambda c: c.frequency_hz)
+
+
+def _negative(value: complex) -> bool:
+    return bool(np.isfinite(value)) and value.real < 0.0 and math.isfinite(1.0 / abs(value)) and abs(value) < 1e15
+
+
+def _upwards(loop: Transfer, frequency: float) -> bool:
+    return loop.at(frequency * (1.0 + 1e-6)).imag > loop.at(frequency * (1.0 - 1e-6)).imag
+
+
+def _size(loop: Transfer, frequencies: Sequence[float]) -> float:
+    return max((abs(loop.at(f)) for f in frequencies), default=1.0)
+
+
+def _db(factor: float) -> float:
+    return 20.0 * math.log10(factor) if factor > 0.0 else -math.inf if factor == 0.0 else math.nan
+
+
+def _plain(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,186 @@
+"""Measure loop transfers at amplitudes, and come closer to their crossovers round by round."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.loop.bench import Bench
+from workbench.analysis.loop.breaking import broken
+from workbench.analysis.loop.curve_margins import curve_margins
+from workbench.analysis.loop.cut import CutLoop
+from workbench.analysis.loop.injecting import injected
+from workbench.analysis.loop.linear import LinearLoop
+from workbench.analysis.loop.margins import Margins
+from workbench.analysis.loop.measured import LoopCurve, LoopPoint
+from workbench.analysis.loop.request import Request
+from workbench.errors import InputError, suggest
+from workbench.model.described import DescribedModel
+from workbench.workers import Workers
+
+__all__ = ["MEASUREMENTS", "Measurement", "choose_measurement", "measure"]
+
+_SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
+
+Progress = Callable[[LoopPoint, int, int], None]
+Points = dict[tuple[float, float], LoopPoint]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One way to measure.
+
+    Attributes:
+        cut: gives the system prepared for it.
+        run: measures (frequency [Hz], amplitude) pairs.
+    """
+
+    cut: Callable[[CutLoop], AbstractContextManager[DescribedModel]]
+    run: Callable[[Bench, Request, Sequence[tuple[float, float]]], list[LoopPoint]]
+
+
+MEASUREMENTS: Mapping[str, Measurement] = {
+    "break": Measurement(CutLoop.opened, broken),
+    "inject": Measurement(CutLoop.injected, injected),
+}
+
+
+def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, ...], str]:
+    """Return the names of the measurements to do, and why.
+
+    Args:
+        how: "break", "inject", "both", or "auto".
+        linear: the linear loop, if there is one.
+
+    Raises:
+        InputError: unknown.
+    """
+    if how == "both":
+        return tuple(MEASUREMENTS), "both were asked for"
+    if how in MEASUREMENTS:
+        return (how,), f"{how} was asked for"
+    if how != "auto":
+        raise InputError(f"how: '{how}' is unknown; {suggest(how, ('auto', 'both', *MEASUREMENTS))}")
+    if linear is None:
+        return ("inject",), "auto: nothing is known of the open loop"
+    poles = linear.transfer.poles
+    edge = np.abs(poles) - 1.0 if linear.transfer.dt > 0.0 else poles.real
+    if np.any(edge > -1e-9):
+        return ("inject",), "auto: the open loop has a pole at or beyond the border of stability and would run away"
+    return ("break",), "auto: the open loop is stable"
+
+
+def measure(
+    cut: CutLoop,
+    name: str,
+    request: Request,
+    *,
+    frequencies: Sequence[float],
+    amplitudes: Sequence[float],
+    refine: int,
+    workers: Workers,
+    linear: LinearLoop | None,
+    progress: Progress | None,
+) -> list[LoopCurve]:
+    """Return a curve for each amplitude.
+
+    Args:
+        cut: the loop.
+        name: of the measurement.
+        request: settings of the points.
+        frequencies: [Hz], rising.
+        amplitudes: of the signal passed on, rising.
+        refine: so many rounds of more points, at the crossovers that the points so far show.
+        workers: where the system runs.
+        linear: the linear loop, for the verdict on stability.
+        progress: called after each round with each new point, the number done and the number known to come.
+    """
+    way, points = MEASUREMENTS[name], Points()
+    with way.cut(cut) as model, Bench(model, workers) as bench:
+        wanted = [(f, a) for a in amplitudes for f in frequencies]
+        for _ in range(1 + refine):
+            for pair in _parts(wanted):
+                for key, point in zip(pair, way.run(bench, request, pair), strict=True):
+                    points[key] = point
+                    if progress is not None:
+                        progress(point, len(points), len({*points, *wanted}))
+            wanted = _closer(points, amplitudes)
+            if not wanted:
+                break
+        notes = tuple(bench.notes)
+    return [_curve(name, a, points, linear, notes) for a in amplitudes]
+
+
+def _parts(wanted: Sequence[tuple[float, float]]) -> Iterable[Sequence[tuple[float, float]]]:
+    """Return handfuls, so that progress can be told."""
+    return (wanted[i : i + 8] for i in range(0, len(wanted), 8))
+
+
+def _known(points: Points, amplitude: float) -> list[LoopPoint]:
+    return [points[key] for key in sorted(points) if key[1] == amplitude]
+
+
+def _margins(found: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
+    good = [p for p in found if p.value is not None]
+    return curve_margins(
+        np.array([p.frequency_hz for p in good]),
+        np.array([p.value for p in good], dtype=np.complex128),
+        linear=None if linear is None else linear.margins,
+        stability=None if linear is None else linear.stability,
+    )
+
+
+def _closer(points: Points, amplitudes: Sequence[float]) -> list[tuple[float, float]]:
+    """Return where the crossovers seem to be, if nothing was measured there."""
+    wanted = []
+    for amplitude in amplitudes:
+        found = _margins(_known(points, amplitude), None)
+        for crossover in (*found.gain_crossovers, *found.phase_crossovers):
+            f = crossover.frequency_hz
+            if all(abs(f / known - 1.0) > _SAME for known, a in points if a == amplitude):
+                wanted.append((f, amplitude))
+    return list(dict.fromkeys(wanted))
+
+
+def _curve(
+    name: str, amplitude: float, points: Points, linear: LinearLoop | None, notes: tuple[str, ...]
+) -> LoopCurve:
+    found = _known(points, amplitude)
+    return LoopCurve(
+        how=name,
+        amplitude=amplitude,
+        points=tuple(found),
+        margins=_margins(found, linear),
+        notes=(*notes, *_doubts(found)),
+    )
+
+
+def _doubts(found: Sequence[LoopPoint]) -> list[str]:
+    doubts = []
+    distorted = [p for p in found if (p.thd_passed or 0.0) > 0.05]
+    if distorted:
+        worst = max(distorted, key=lambda p: p.thd_passed or 0.0)
+        doubts.append(
+            f"the signal passed on is no sine at {len(distorted)} points (distortion up to "
+            f"{100.0 * (worst.thd_passed or 0.0):.3g} % at {worst.frequency_hz:.4g} Hz): a describing function says "
+            "little there"
+        )
+    off = [p for p in found if p.balance is not None and p.balance > 0.01]
+    if off:
+        worst = max(off, key=lambda p: p.balance or 0.0)
+        doubts.append(
+            f"what was passed on, returned and injected does not add up at {len(off)} points (by up to "
+            f"{100.0 * (worst.balance or 0.0):.3g} % at {worst.frequency_hz:.4g} Hz): not settled"
+        )
+    averaged = sum(p.status == "averaged" for p in found)
+    if averaged:
+        doubts.append(f"{averaged} points did not settle and are averages")
+    if math.isnan(sum(p.amplitude for p in found)):
+        failed = next(p for p in found if p.value is None)
+        count = sum(p.value is None for p in found)
+        doubts.append(f"{count} points failed, the first at {failed.frequency_hz:.4g} Hz: {failed.reason}")
+    return doubts

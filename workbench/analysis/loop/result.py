@@ -1,0 +1,224 @@
+"""What a loop analysis returns."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+
+from workbench.analysis.loop.linear import LinearLoop
+from workbench.analysis.loop.margins import Margins
+from workbench.analysis.loop.measured import LoopCurve
+from workbench.analysis.loop.place import Place
+from workbench.analysis.loop.transfer import Transfer
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+__all__ = ["LoopResult"]
+
+_COLUMNS = (
+    "how", "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "sensitivity", "complementary", "thd_passed",
+    "thd_returned", "injected", "balance", "status", "failed",
+)  # fmt: skip
+_MANY = 200
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopResult:
+    """A loop opened at one place: loop transfer L, sensitivities, margins.
+
+    Convention: negative feedback. Where the signal passed on at the place is z and y comes back, L = -Y/Z, so that the
+    closed loop is S = 1/(1 + L) and T = L/(1 + L) wherever the minus sign of the loop lies.
+
+    Attributes:
+        system: its name.
+        place: the connections that are opened.
+        value: of the signal there at the operating point [unit of the source].
+        linear: from `lin` at that point; None where it failed, `notes` say why.
+        curves: measured at amplitudes, in the order of measurement and amplitude; empty: none were asked for.
+        why: why it was measured so; empty without amplitudes.
+        notes: one line each.
+    """
+
+    system: str
+    place: Place
+    value: float
+    linear: LinearLoop | None
+    curves: tuple[LoopCurve, ...] = ()
+    why: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def margins(self) -> Margins:
+        """Margins of the linear loop.
+
+        Raises:
+            InputError: there is none.
+        """
+        return self._linear().margins
+
+    @property
+    def loop(self) -> StateSpace:
+        """L of the linear loop for python-control.
+
+        Raises:
+            InputError: there is no linear loop.
+        """
+        return _state_space(self._linear().transfer, "L")
+
+    @property
+    def sensitivity(self) -> StateSpace:
+        """S = 1/(1 + L) of the linear loop, likewise."""
+        return _state_space(self._linear().transfer.sensitivity(), "S")
+
+    @property
+    def complementary(self) -> StateSpace:
+        """T = L/(1 + L) of the linear loop, likewise."""
+        return _state_space(self._linear().transfer.complementary(), "T")
+
+    def _linear(self) -> LinearLoop:
+        if self.linear is None:
+            raise InputError(f"{self.system}: there is no linear loop at {self.place.label}; see `notes`")
+        return self.linear
+
+    def curve(self, amplitude: float | None = None, how: str | None = None) -> LoopCurve:
+        """Return one measured curve.
+
+        Args:
+            amplitude: may be left out where there is only one.
+            how: "break" or "inject", likewise.
+
+        Raises:
+            InputError: there is no such curve, or several are.
+        """
+        found = [c for c in self.curves if amplitude is None or np.isclose(c.amplitude, amplitude, rtol=1e-9)]
+        found = [c for c in found if how is None or c.how == how]
+        if len(found) != 1:
+            known = ", ".join(f"{c.how} {c.amplitude:g}" for c in self.curves) or "none"
+            raise InputError(f"curve: {'several fit' if found else 'no such one'}; measured: {known}")
+        return found[0]
+
+    def frequencies(self, count: int = _MANY) -> Floats:
+        """Return frequencies that show the linear loop, shape (count,), rising [Hz].
+
+        Args:
+            count: how many.
+        """
+        transfer = self._linear().transfer
+        poles = np.concatenate([transfer.poles, transfer.sensitivity().poles])
+        if transfer.dt > 0.0:
+            poles = np.log(poles[np.abs(poles) > 1e-6]) / transfer.dt
+        sizes = np.abs(poles) / (2.0 * np.pi)
+        margins = self._linear().margins
+        crossed = [c.frequency_hz for c in (*margins.gain_crossovers, *margins.phase_crossovers)]
+        every = np.concatenate([sizes, crossed])
+        every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
+        if not len(every):
+            every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
+        high = min(every.max() * 10.0, transfer.highest_hz * (1.0 - 1e-6))
+        band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
+        return band
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "model": self.system,
+            "at": self.place.source,
+            "connections": [f"{self.place.source} -> {d}" for d in self.place.destinations],
+            "unit": self.place.unit,
+            "value": self.value,
+            "convention": "negative feedback: L is minus the return ratio, the closed loop is 1/(1 + L)",
+            "linear": None if self.linear is None else self._linear_dict(self.linear),
+            "measured": [c.to_dict() for c in self.curves],
+            "why": self.why,
+            "notes": list(self.notes),
+        }
+
+    def _linear_dict(self, linear: LinearLoop) -> dict[str, Any]:
+        f, transfer = self.frequencies(), linear.transfer
+        response = linear.response(f)
+        return {
+            "method": linear.lin.method,
+            "why": linear.lin.why,
+            "dt": transfer.dt,
+            "A": transfer.A.tolist(),
+            "B": transfer.B.tolist(),
+            "C": transfer.C.tolist(),
+            "D": [[transfer.D]],
+            "state_names": list(linear.lin.state_names),
+            "stability": linear.stability.to_dict(),
+            "margins": linear.margins.to_dict(),
+            "frequency_hz": f.tolist(),
+            "gain": np.abs(response).tolist(),
+            "phase_deg": np.degrees(np.unwrap(np.angle(response))).tolist(),
+            "sensitivity": np.abs(1.0 / (1.0 + response)).tolist(),
+            "complementary": np.abs(response / (1.0 + response)).tolist(),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each frequency: the linear loop, then each measured curve.
+
+        Args:
+            path: file to write, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        if not isinstance(path, str | Path):
+            csv.writer(path, lineterminator="\n").writerows([_COLUMNS, *self._rows()])
+            return
+        try:
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                self.to_csv(file)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def _rows(self) -> Iterator[list[Any]]:
+        if self.linear is not None:
+            f = self.frequencies()
+            for frequency, value in zip(f.tolist(), self.linear.response(f).tolist(), strict=True):
+                yield ["linear", "", frequency, *_numbers(value), "", "", "", "", "", ""]
+        for curve in self.curves:
+            for p in curve.points:
+                rest = [p.thd_passed, p.thd_returned, p.injected, p.balance]
+                shown = ["" if x is None else x for x in rest]
+                yield [curve.how, curve.amplitude, p.frequency_hz, *_numbers(p.value), *shown, p.status, p.reason or ""]
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw L as Bode and Nyquist pictures, and |S| and |T|.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.plotting.loop import plot_loop  # noqa: PLC0415 - matplotlib is slow to import
+
+        return plot_loop(self, path)
+
+
+def _numbers(value: complex | None) -> list[Any]:
+    """Return gain, gain [dB], phase [deg], |S| and |T|."""
+    if value is None:
+        return [""] * 5
+    with np.errstate(divide="ignore"):
+        db = float(20.0 * np.log10(abs(value)))
+        s = float(abs(np.divide(1.0, 1.0 + value)))
+    return [abs(value), db, float(np.degrees(np.angle(value))), s, s * abs(value)]
+
+
+def _state_space(f: Transfer, name: str) -> StateSpace:
+    import control  # noqa: PLC0415 - slow to import, and needed here only
+
+    return control.ss(f.A, f.B, f.C, [[f.D]], f.dt, name=name, remove_useless_states=False)
+
+

@@ -1,0 +1,104 @@
+"""Whether a closed loop is stable, from its poles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.loop.transfer import Complex, Transfer
+from workbench.session.base import Floats
+
+__all__ = ["Stability", "stability_of"]
+
+STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unknown"
+
+_RELATIVE = 1e-7  # of a pole's size (of 1 for sampled ones): what its distance from the border is known to
+_SAME = 1e-6  # an open and a closed pole as near as this, relative, are one
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """A loop's poles, closed and open.
+
+    Attributes:
+        verdict: "stable", "unstable" or "at the border" (a pole on it, as near as it is known).
+        poles: of the closed loop, shape (n,) [1/s]; of a sampled one in z.
+        open_unstable: number of poles of the open loop outside the stable region.
+        unstable: number of such poles of the closed loop.
+        words: verdict and reason in one line.
+    """
+
+    verdict: str
+    poles: Complex
+    open_unstable: int
+    unstable: int
+    words: str
+
+    @property
+    def stable(self) -> bool:
+        """Whether margins mean anything."""
+        return self.verdict == STABLE
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "verdict": self.verdict,
+            "words": self.words,
+            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
+            "unstable_poles": self.unstable,
+            "open_unstable_poles": self.open_unstable,
+        }
+
+
+def stability_of(loop: Transfer) -> Stability:
+    """Return whether 1/(1 + L) is stable, all states of the realisation counted, hidden ones too.
+
+    Args:
+        loop: L, negative feedback.
+
+    Raises:
+        InputError: the closed loop has no solution.
+    """
+    closed, before = loop.sensitivity(), loop.poles
+    poles = closed.poles
+    outside, border = _sides(poles, closed)
+    beyond, _ = _sides(before, loop)
+    verdict = UNSTABLE if outside.any() else BORDER if border.any() else STABLE
+    bad = poles[outside] if outside.any() else poles[border]
+    words = _words(verdict, poles, bad, before, loop.dt)
+    return Stability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
+
+
+def _sides(poles: Complex, f: Transfer) -> tuple[Floats, Floats]:
+    """Return which poles lie outside the stable region, and which on its border."""
+    rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(f.A)) if len(f.A) else 0.0
+    if f.dt > 0.0:
+        distance, known = np.abs(poles) - 1.0, np.full(len(poles), _RELATIVE + rounding)
+    else:
+        distance, known = poles.real, _RELATIVE * np.abs(poles) + rounding
+    return distance > known, np.abs(distance) <= known
+
+
+def _words(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: float) -> str:
+    unit = "" if dt > 0.0 else " 1/s"
+    if verdict == STABLE:
+        if not len(poles):
+            return "the closed loop is stable: it has no states"
+        nearest = poles[np.argmax(np.abs(poles) if dt > 0.0 else poles.real)]
+        return f"the closed loop is stable: its pole nearest to the border is {_number(nearest)}{unit}"
+    listed = ", ".join(dict.fromkeys(_number(p) for p in bad[:4]))
+    what = "unstable" if verdict == UNSTABLE else "at the border of stability"
+    text = f"the closed loop is {what}: pole{'s' if len(bad) > 1 else ''} {listed}{unit}; margins mean nothing then"
+    kept = [p for p in bad if len(before) and np.abs(before - p).min() <= _SAME * (1.0 + abs(p))]
+    if kept:
+        text += f"; {_number(kept[0])} is there with the loop open too: this loop does not move it"
+    return text
+
+
+def _number(p: complex) -> str:
+    real = 0.0 if abs(p.real) <= 1e-9 * abs(p) else p.real
+    if abs(p.imag) <= 1e-9 * abs(p):
+        return f"{real:.4g}"
+    return f"{real:.4g} ± {abs(p.imag):.4g}j"
