@@ -11,7 +11,7 @@ import pytest
 from workbench.analysis.advice import advise
 from workbench.analysis.experiment import Experiment, make_experiment
 from workbench.analysis.spectra import coherence, sdf
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Floats
 from workbench.signals import Constant, Prbs, Table
 

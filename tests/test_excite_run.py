@@ -19,7 +19,8 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.cli.app import run
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
-from workbench.model import Model, load
+from workbench.model import Model
+from workbench.model.load import load
 from workbench.session import Session
 from workbench.session.base import Floats
 from workbench.signals import Signal

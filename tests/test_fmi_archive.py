@@ -15,7 +15,7 @@ from workbench.errors import FmuError, InputError
 from workbench.fmi.archive import unpack
 from workbench.fmi.description import read_description
 from workbench.fmi.platforms import binary_path, host
-from workbench.model import load
+from workbench.model.load import load
 
 XML = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="M" guid="{g}" numberOfEventIndicators="0">

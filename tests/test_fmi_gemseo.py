@@ -14,7 +14,7 @@ import pytest
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.simulate import simulate
 from workbench.errors import FmuError, InputError, SimulationError
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal, Sine, Step, Table
 

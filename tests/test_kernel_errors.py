@@ -21,7 +21,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.instance import DiscardError
 from workbench.kernel import library
 from workbench.kernel.structs import FUNCTIONS, STRUCTURES
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.compiled import CompiledSession
 from workbench.session.compiled_errors import FAILURES, PAUSED
 from workbench.signals import Constant, Signal, Sine

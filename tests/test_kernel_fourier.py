@@ -12,7 +12,7 @@ from workbench.analysis.harmonics import measure_period
 from workbench.errors import InputError
 from workbench.kernel.library import kernel
 from workbench.kernel.native_record import NativeFourier
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Record
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Prbs, Sine

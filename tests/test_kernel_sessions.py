@@ -17,7 +17,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.kernel_signals import signals
 from workbench.build import build_all
 from workbench.fmi.platforms import host
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Record
 from workbench.session.fmu import FmuSession
 from workbench.signals import Signal

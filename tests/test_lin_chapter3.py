@@ -11,7 +11,7 @@ from tests.lin_fmus import fmu
 from workbench.analysis.lin import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
-from workbench.model import load
+from workbench.model.load import load
 
 DYNAMICS, EXAMPLES = examples()
 C, D = DYNAMICS["C"], DYNAMICS["D"]

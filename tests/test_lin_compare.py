@@ -16,7 +16,7 @@ from workbench.analysis.lin.step_check import step_check
 from workbench.analysis.lin.sweep import lin_along, lin_over
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.model import load
+from workbench.model.load import load
 from workbench.signals import Sine
 
 

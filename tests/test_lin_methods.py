@@ -13,7 +13,8 @@ from tests.lin_fmus import built, fmu, sparse_system
 from workbench.analysis.lin import LinearModel, LinResult, lin
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
-from workbench.model import FmuModel, Variable, load
+from workbench.model import FmuModel, Variable
+from workbench.model.load import load
 from workbench.session.base import Floats
 
 LATCH = """

@@ -9,7 +9,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.lin import lin
 from workbench.analysis.lin.realise import hold_inverse, realise
 from workbench.errors import InputError
-from workbench.model import load
+from workbench.model.load import load
 
 
 def markov(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, count: int) -> np.ndarray:

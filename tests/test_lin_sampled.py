@@ -13,7 +13,7 @@ from workbench.analysis.lin import lin
 from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.nfr import nfr
 from workbench.errors import InputError
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Floats
 
 LOOP = """

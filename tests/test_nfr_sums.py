@@ -8,7 +8,7 @@ import pytest
 
 from tests.drivers import needs_kernel
 from workbench.analysis.nfr_point import PointTask, run_point
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session import Record, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession

@@ -10,7 +10,7 @@ import pytest
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_names
-from workbench.model import load
+from workbench.model.load import load
 from workbench.session.base import Floats
 from workbench.signals import Prbs, Signal, Sine, Step
 

@@ -17,7 +17,7 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate import simulate
 from workbench.analysis.trim import trim
 from workbench.errors import InputError, SimulationError
-from workbench.model import load
+from workbench.model.load import load
 from workbench.signals import Constant, Sine, Step
 from workbench.system.connect import connect
 from workbench.system.load import load as load_any

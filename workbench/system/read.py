@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
-from workbench.system.description import SystemDescription
+
+if TYPE_CHECKING:  # telling systems from FMUs stays quick
+    from workbench.system.description import SystemDescription
 
 __all__ = ["is_system_file", "read_system"]
 
