@@ -1,0 +1,99 @@
+"""What a nonlinear block is to the analyses of loops."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["HARMONICS", "Block", "Complex", "Floats"]
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+HARMONICS = 7
+
+
+class Block(ABC):
+    """One input, one output; what it answers to a periodic input is periodic with the same period.
+
+    Fourier coefficients are those of x(θ) = X[0] + Re Σ X[k] e^{jkθ}, so that A sin θ has X[1] = −jA.
+
+    Obligations of a subclass:
+      1. `answer` takes the coefficients of the input and returns those of the settled output.
+      2. `real` says that the describing function has no imaginary part (no memory).
+      3. `frequency_dependent` says that `answer` depends on the frequency.
+      4. `static` returns the output at given inputs where there is no memory, else raises NotImplementedError.
+
+    Attributes:
+        name: for tables and pictures.
+        real: see 2.
+        frequency_dependent: see 3.
+    """
+
+    name: str
+    real: bool = True
+    frequency_dependent: bool = False
+
+    @abstractmethod
+    def answer(self, v: Complex, frequency: float, count: int) -> Complex:
+        """Return the coefficients 0 … count of the output, shape (count + 1,).
+
+        Args:
+            v: coefficients of the input, shape (m,).
+            frequency: of the fundamental [Hz].
+            count: highest harmonic.
+        """
+
+    def static(self, v: Floats) -> Floats:
+        """Return the output at inputs `v`, shape (n,)."""
+        raise NotImplementedError
+
+    def harmonics(self, amplitude: float, frequency: float = 1.0, count: int = HARMONICS) -> Complex:
+        """Return the coefficients of the output for amplitude · sin θ, shape (count + 1,).
+
+        Args:
+            amplitude: of the sine.
+            frequency: [Hz]; without effect where the block does not depend on it.
+            count: highest harmonic.
+        """
+        return self.answer(np.array([0.0, -1j * amplitude]), frequency, count)
+
+    def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
+        """Return the describing function N(amplitude): fundamental of the output over that of the input.
+
+        Args:
+            amplitude: of the sine.
+            frequency: [Hz]; without effect where the block does not depend on it.
+        """
+        found = complex(self.harmonics(amplitude, frequency, 1)[1] / (-1j * amplitude))
+        return complex(found.real) if self.real else found
+
+    def negated(self) -> Block:
+        """Return the block with the other sign at its output."""
+        return Negated(self)
+
+
+class Negated(Block):
+    """A block with the other sign at its output.
+
+    Args:
+        block: as it was.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
+        self._block = block
+
+    def answer(self, v: Complex, frequency: float, count: int) -> Complex:
+        return -self._block.answer(v, frequency, count)
+
+    def static(self, v: Floats) -> Floats:
+        return -self._block.static(v)
+
+    def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
+        return -self._block.gain(amplitude, frequency)
+
+    def negated(self) -> Block:
+        return self._block

@@ -1,0 +1,215 @@
+"""The public function: the describing function of a block, over amplitude and frequency."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.analysis.describing.formulas import cubic, dead_band, preload, quadratic, quantiser, relay, saturation
+from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.describing.memory import Backlash, RelayWithHysteresis
+from workbench.analysis.describing.rate_limiter import RateLimiter
+from workbench.analysis.describing.static import StaticBlock
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_result import NfrResult
+from workbench.errors import InputError, suggest
+from workbench.model import Model
+from workbench.workers import Workers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["STANDARD", "DescribingFunction", "describing_function", "standard_block"]
+
+# Name of a standard block → how it is made.
+STANDARD: Mapping[str, Callable[..., Block]] = {
+    "saturation": saturation,
+    "dead_band": dead_band,
+    "quantiser": quantiser,
+    "relay": relay,
+    "relay_with_hysteresis": RelayWithHysteresis,
+    "backlash": Backlash,
+    "preload": preload,
+    "quadratic": quadratic,
+    "cubic": cubic,
+    "rate_limiter": RateLimiter,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class DescribingFunction:
+    """N(A, f) of one block.
+
+    Attributes:
+        block: its name.
+        method: "closed form", "quadrature", "measured".
+        amplitude: shape (n,), of the sine at the input.
+        frequency_hz: shape (m,) [Hz]; one value that means nothing where the block does not depend on it.
+        gain: N, shape (n, m), complex.
+        harmonics: size of harmonics 0 … 7 of the output over that of its fundamental, shape (n, m, 8); NaN: unknown.
+        frequency_dependent: whether the frequency matters.
+    """
+
+    block: str
+    method: str
+    amplitude: Floats
+    frequency_hz: Floats
+    gain: Complex
+    harmonics: Floats
+    frequency_dependent: bool
+
+    @property
+    def minus_inverse(self) -> Complex:
+        """−1/N, shape (n, m); infinite where N is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.gain == 0.0, complex(-np.inf), -1.0 / self.gain).astype(np.complex128)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: gain and phase over the amplitude, −1/N in the plane.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.describing import plot_describing  # noqa: PLC0415  matplotlib is slow
+
+        return plot_describing(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON; arrays are [amplitude][frequency]."""
+        return {
+            "block": self.block,
+            "method": self.method,
+            "frequency_dependent": self.frequency_dependent,
+            "amplitude": self.amplitude.tolist(),
+            "frequency_hz": self.frequency_hz.tolist(),
+            "gain": np.abs(self.gain).tolist(),
+            "phase_deg": np.degrees(np.angle(self.gain)).tolist(),
+            "real": self.gain.real.tolist(),
+            "imag": self.gain.imag.tolist(),
+            "harmonics": [[[_number(h) for h in k] for k in row] for row in self.harmonics.tolist()],
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write one line for each amplitude and frequency.
+
+        Args:
+            path: of the file.
+        """
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["amplitude", "frequency_hz", "real", "imag", "minus_inverse_real", "minus_inverse_imag"])
+            for i, a in enumerate(self.amplitude.tolist()):
+                for j, f in enumerate(self.frequency_hz.tolist()):
+                    n, inverse = complex(self.gain[i, j]), complex(self.minus_inverse[i, j])
+                    writer.writerow([a, f, n.real, n.imag, inverse.real, inverse.imag])
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> Block:
+    """Return a standard block with a closed-form describing function.
+
+    Args:
+        kind: a name in `STANDARD`.
+        parameters: of that block, by name.
+
+    Raises:
+        InputError: unknown kind or parameter, value out of range.
+    """
+    if kind not in STANDARD:
+        raise InputError(f"block '{kind}' is unknown; {suggest(kind, STANDARD)}")
+    try:
+        return STANDARD[kind](**(parameters or {}))
+    except TypeError as error:
+        raise InputError(f"block {kind}: {error}") from None
+
+
+def describing_function(
+    block: Block | Callable[[Floats], Floats] | Model,
+    amplitudes: Sequence[float] | Floats,
+    frequencies: Sequence[float] | Floats | None = None,
+    *,
+    input: str | None = None,
+    output: str | None = None,
+    errcrit: float = 0.01,
+    workers: Workers | None = None,
+) -> DescribingFunction:
+    """Return N(A), −1/N(A) and the harmonics of a nonlinear block.
+
+    Args:
+        block: a standard block (`standard_block`), a static function of an array of inputs, or a model, which is
+            measured (it may have dynamics of its own).
+        amplitudes: of the sine, positive.
+        frequencies: [Hz]; needed for a model, and for blocks that depend on it.
+        input: of a model; None: its only one.
+        output: of a model; None: its only one.
+        errcrit: error criterion of the measurement, see `workbench.nfr`.
+        workers: where a model is measured.
+
+    Raises:
+        InputError: amplitudes or frequencies that are not positive, or missing; a point that could not be measured.
+
+    Source: Slotine & Li, Applied Nonlinear Control, chapter 5; Gelb & Vander Velde, Multiple-Input Describing
+    Functions, chapter 2 and appendix B.
+    """
+    a = _rising("amplitudes", amplitudes)
+    if isinstance(block, Model):
+        if frequencies is None:
+            raise InputError(f"{block.name}: a model is measured; give frequencies")
+        model, f = block, _rising("frequencies", frequencies)
+        block = _measured(lambda u, y: nfr(model, u, y, f, a, errcrit=errcrit, workers=workers), model, (input, output))
+    elif not isinstance(block, Block):
+        block = StaticBlock(block, name=getattr(block, "__name__", "block"))
+    if block.frequency_dependent and frequencies is None:
+        raise InputError(f"block {block.name}: it depends on the frequency; give frequencies")
+    f = (
+        _rising("frequencies", frequencies)
+        if block.frequency_dependent and frequencies is not None
+        else np.array([1.0])
+    )
+    gain = np.array([[block.gain(x, y) for y in f.tolist()] for x in a.tolist()], dtype=np.complex128)
+    return DescribingFunction(
+        block.name, _method(block), a, f, gain, _harmonics(block, a, f), block.frequency_dependent
+    )
+
+
+def _method(block: Block) -> str:
+    if isinstance(block, MeasuredBlock):
+        return "measured"
+    return "quadrature" if type(block) is StaticBlock else "closed form"
+
+
+def _rising(what: str, values: Sequence[float] | Floats) -> Floats:
+    found = np.unique(np.asarray(values, dtype=np.float64))
+    if not len(found) or not (np.isfinite(found).all() and found[0] > 0.0):
+        raise InputError(f"{what}: one or more positive numbers are needed")
+    return found
+
+
+def _harmonics(block: Block, a: Floats, f: Floats) -> Floats:
+    shape = (len(a), len(f), HARMONICS + 1)
+    if isinstance(block, MeasuredBlock):
+        return np.full(shape, np.nan)
+    found = np.array([[np.abs(block.harmonics(x, y)) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(found / found[:, :, 1:2], dtype=np.float64)
+
+
+def _measured(response: Callable[[str, str], NfrResult], model: Model, ports: tuple[str | None, str | None]) -> Block:
+    u = ports[0] or _only(model, "input", [v.name for v in model.inputs])
+    y = ports[1] or _only(model, "output", [v.name for v in model.outputs])
+    return MeasuredBlock(response(u, y), name=model.name)
+
+
+def _only(model: Model, what: str, names: Sequence[str]) -> str:
+    if len(names) != 1:
+        raise InputError(f"{model.name}: it has {len(names)} {what}s; name one of: {', '.join(names) or 'none'}")
+    return names[0]

@@ -1,0 +1,61 @@
+"""The describing function of a black box, from a measured frequency response."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+
+from workbench.analysis.describing.base import Block, Complex, Floats
+from workbench.analysis.nfr_result import NfrResult
+from workbench.errors import InputError
+
+__all__ = ["MeasuredBlock"]
+
+
+class MeasuredBlock(Block):
+    """N(A, f) interpolated in a measured frequency response; outside the grid it has no value.
+
+    Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. The
+    harmonics are unknown: neither harmonic balance nor a judgement of the filter hypothesis is possible.
+
+    Args:
+        response: over a grid of amplitudes and frequencies.
+        name: for tables and pictures.
+
+    Raises:
+        InputError: a point of the grid failed.
+    """
+
+    real = False
+    frequency_dependent = True
+
+    def __init__(self, response: NfrResult, *, name: str = "block") -> None:
+        if not np.isfinite(response.response).all():
+            failed = response.failed[0] if response.failed else None
+            where = f" at {failed.frequency_hz:g} Hz, amplitude {failed.amplitude:g}" if failed else ""
+            raise InputError(f"block {name}: its response could not be measured{where}; choose another range")
+        self.name = name
+        self.response = response
+        gain = np.abs(response.response)
+        self._logarithmic = bool(np.all(gain > 0.0))
+        values = [np.log(gain) if self._logarithmic else gain, np.unwrap(np.radians(response.phase_deg), axis=1)]
+        self._tables = [self._table(v) for v in values]
+
+    def _table(self, values: Floats) -> RegularGridInterpolator:
+        axes = [np.log(self.response.amplitude), np.log(self.response.frequency_hz)]
+        # One amplitude or one frequency alone counts everywhere.
+        for k, axis in enumerate(axes):
+            if len(axis) == 1:
+                axes[k] = np.array([axis[0] - 50.0, axis[0] + 50.0])
+                values = np.repeat(values, 2, axis=k)
+        return RegularGridInterpolator(axes, values, bounds_error=False, fill_value=np.nan)
+
+    def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
+        size, phase = (float(t((np.log(amplitude), np.log(frequency)))) for t in self._tables)
+        return complex((np.exp(size) if self._logarithmic else size) * np.exp(1j * phase))
+
+    def answer(self, v: Complex, frequency: float, count: int) -> Complex:
+        """Return the fundamental alone; the other harmonics are not known and count as zero."""
+        found: Complex = np.zeros(count + 1, dtype=np.complex128)
+        found[1] = v[1] * self.gain(float(abs(v[1])), frequency)
+        return found
