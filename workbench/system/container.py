@@ -23,8 +23,8 @@ from workbench.system.container_parts import ContainerPart, container_part, cont
 from workbench.system.container_variables import Shown, shown_units, shown_variables
 from workbench.system.description import Resolved, SystemDescription, Wire
 from workbench.system.health import resolve
-from workbench.system.model import SystemModel
 from workbench.system.read import read_system
+from workbench.system.recipe import SystemRecipe
 
 __all__ = ["ContainerResult", "export_container"]
 
@@ -78,10 +78,13 @@ def export_container(
     """Write a system of FMUs as one co-simulation FMU, through FMPy's container.
 
     A container makes a step of every part with the inputs that stood at the step's begin and then hands the outputs
-    over: every connection carries a delay of one step, which the system itself has not. The container therefore comes
-    near the system's result in proportion to the step; halve the step to see how far it is. Parts are integrated by
-    the solvers that their FMUs bring. Not for systems whose result depends on exact timing, nor for loops that a delay
-    of one step makes unstable.
+    over: every connection carries a delay of one step, which the system itself has not (as model exchange). The
+    container therefore comes near the system's result in proportion to the step; halve the step to see how far it is.
+    Parts are integrated by the solvers that their FMUs bring. Not for systems whose result depends on exact timing,
+    nor for loops that a delay of one step makes unstable.
+
+    A container adds up its steps; FMUs that refuse to go beyond a stop time may refuse the last one where the sum ends
+    above it by rounding. Powers of two, such as 1/1024 s, add up exactly.
 
     The parameters of the parts are the container's, as "component.parameter".
 
@@ -142,11 +145,12 @@ def _told(system: DescribedModel | SystemDescription | str | Path) -> tuple[Syst
         return system, {}
     if isinstance(system, str | Path):
         return read_system(system), {}
-    if not isinstance(system, SystemModel):
-        raise InputError(f"a connected system is needed, not {type(system).__name__}")
-    if system.recipe.bias:
-        raise InputError(f"input {next(iter(system.recipe.bias))}: a bias cannot be put into a container")
-    return system.system, system.recipe.start_values
+    recipe = system.recipe
+    if not isinstance(recipe, SystemRecipe):
+        raise InputError(f"{system.name} is no connected system; a container is made of several FMUs")
+    if recipe.bias:
+        raise InputError(f"input {next(iter(recipe.bias))}: a bias cannot be put into a container")
+    return recipe.system, recipe.start_values
 
 
 def _sorted_starts(
@@ -333,7 +337,7 @@ def _delay(plan: _Plan) -> list[str]:
     if plan.wires:
         said.append(
             f"a container steps its parts one after the other by {step}, with their inputs held, and hands values over "
-            f"in between: each of the {len(plan.wires)} connections carries a delay of one step, which the system "
-            "itself has not; halve the step to see what it changes"
+            f"in between: each of the {len(plan.wires)} connections carries a delay of one step, which the system as "
+            "one set of equations (model exchange) has not; halve the step to see what it changes"
         )
     return said
