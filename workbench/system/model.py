@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from types import MethodType
+from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
@@ -22,6 +24,9 @@ from workbench.system.joint import joint_description, joint_ports
 from workbench.system.order import plan
 from workbench.system.parts import Part, open_parts
 from workbench.system.recipe import SystemRecipe
+
+if TYPE_CHECKING:
+    from workbench.analysis.loop.result import LoopResult
 
 __all__ = ["SYSTEMS", "Opened", "SystemModel", "connections_of", "open_system", "starts_of"]
 
@@ -94,6 +99,14 @@ class SystemModel(DescribedModel):
             notes=(*_notes(opened, self._plan), *filter(None, [note, remark])),
             recipe=recipe,
         )
+
+    @property
+    def loop(self) -> Callable[..., LoopResult]:
+        """`system.loop("plant.y", …)` is `workbench.loop(system, "plant.y", …)`: margins of a loop."""
+        # The way of `.plot()`: looked up when it is used, so that systems know no analysis and its options stand once.
+        from workbench.analysis.loop.loop import loop  # noqa: PLC0415
+
+        return MethodType(loop, self)
 
     def new_instance(self) -> Instance:
         with ExitStack() as undo:

@@ -27,15 +27,16 @@ def broken(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]
         wanted: frequency [Hz] and amplitude of the signal passed on.
     """
     tasks = [request.task(PASSED, RETURNED, f, a) for f, a in wanted]
-    return [_point(p) for p in bench.measure(tasks)]
+    return [_point(p, request.value) for p in bench.measure(tasks)]
 
 
-def _point(found: NfrPoint) -> LoopPoint:
+def _point(found: NfrPoint, mean: float) -> LoopPoint:
     known = found.certificate
     return LoopPoint(
         frequency_hz=found.frequency,
         amplitude=math.nan if found.response is None else found.amplitude,
         value=None if found.response is None else -found.response,
+        mean=None if found.response is None else mean,
         thd_passed=None if found.response is None else 0.0,
         thd_returned=None if known is None else known.thd,
         harmonics=() if known is None else known.harmonics,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -54,9 +55,7 @@ def real_crossings(f: Transfer) -> list[float]:
 
 def scan(f: Transfer, candidates: Floats | None = None) -> Floats:
     """Return frequencies that cover the poles of F and the candidates with five decades around them, rising [Hz]."""
-    poles = f.poles
-    if f.dt > 0.0:
-        poles = np.log(poles[np.abs(poles) > 1e-6]) / f.dt
+    poles = f.rates
     sizes = np.concatenate([np.abs(poles), np.abs(poles.imag)]) / (2.0 * np.pi)
     own = sizes[(sizes > 1e-9 * sizes.max(initial=0.0)) & (sizes > 0.0)]
     every = np.concatenate([own, [] if candidates is None else candidates])
@@ -69,15 +68,17 @@ def scan(f: Transfer, candidates: Floats | None = None) -> Floats:
 
 def _roots(g: Callable[[float], float], candidates: Floats, highest: float) -> list[float]:
     """Return where g changes its sign."""
-    ends = [] if not len(candidates) else [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
-    samples = np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends]))
-    signs = [(x, v) for x in samples if not np.isnan(v := g(x)) and v != 0.0]
-    found = []
-    for (a, u), (b, v) in zip(signs[:-1], signs[1:], strict=True):
-        if u * v < 0.0:
-            root = brentq(lambda t: g(float(np.exp(t))), np.log(a), np.log(b), xtol=1e-14, rtol=1e-14)
-            found.append(float(np.exp(root)))
-    return found
+    if not len(candidates):
+        return []
+    ends = [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
+    samples = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
+
+    def at(t: float) -> float:
+        return g(float(np.exp(t)))
+
+    signs = [(t, v) for t in samples.tolist() if not np.isnan(v := at(t)) and v != 0.0]
+    steps = [(a, b) for (a, u), (b, v) in pairwise(signs) if (u < 0.0) != (v < 0.0)]
+    return [float(np.exp(brentq(at, a, b, xtol=1e-14, rtol=1e-14))) for a, b in steps]
 
 
 def _below(highest: float) -> float:

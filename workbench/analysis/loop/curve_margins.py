@@ -50,6 +50,7 @@ def curve_margins(
         peak_sensitivity_hz=at["s"][1],
         peak_complementary=at["t"][0],
         peak_complementary_hz=at["t"][1],
+        everywhere=False,
     )
 
 

@@ -159,7 +159,7 @@ def _summed(name: str, source: str) -> _Made:
 
 
 def _cut(system: SystemDescription, place: Place, make: _Make) -> SystemDescription:
-    """Return the system with a block between the source and the destinations; gains, offsets and units stay behind it."""
+    """Return the system with a block behind the source; gains, offsets and units stay behind the block."""
     taken = {c.name for c in system.components}
     name = next(n for n in ("loop_cut", *(f"loop_cut{k}" for k in range(2, len(taken) + 3))) if n not in taken)
     block, leads, inputs, outputs = make(name, place.source)

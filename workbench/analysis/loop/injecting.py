@@ -15,19 +15,24 @@ from workbench.analysis.nfr_point import NfrPoint
 __all__ = ["injected"]
 
 _NEAR = 0.003  # relative: how near the amplitude of the signal passed on is to the one that is asked for
-_ROUNDS = 8
+_ROUNDS = 16
+_EQUAL = 1e-4  # relative: injected amplitudes nearer than this are equal
 _WIDEST = 4.0  # the injected sine changes by this factor at most from one round to the next
 
 
 @dataclass(frozen=True)
 class _Try:
-    """One point under way: the injected amplitude, and what it gave; earlier rounds for the secant."""
+    """One point under way: the injected amplitude, and what it gave.
+
+    `below` and `above` are the nearest earlier tries on either side, ln injected and ln (seen / wanted).
+    """
 
     frequency: float
     wanted: float
     injected: float
     passed: NfrPoint | None = None
-    before: tuple[float, float] | None = None
+    below: tuple[float, float] | None = None
+    above: tuple[float, float] | None = None
 
     @property
     def seen(self) -> float:
@@ -37,17 +42,37 @@ class _Try:
         return abs(self.passed.response) * self.injected
 
     @property
+    def hit(self) -> bool:
+        """Whether the amplitude is the one that is asked for."""
+        return abs(self.seen / self.wanted - 1.0) <= _NEAR
+
+    @property
     def done(self) -> bool:
-        return self.passed is not None and not abs(self.seen / self.wanted - 1.0) > _NEAR
+        return self.passed is not None and (self.hit or math.isnan(self.seen) or self.jumps)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether two injected amplitudes that are as good as equal pass on amplitudes on both sides."""
+        return self.below is not None and self.above is not None and abs(self.above[0] - self.below[0]) < _EQUAL
+
+    def with_point(self, point: NfrPoint) -> _Try:
+        """Return the try with its measurement."""
+        tried = replace(self, passed=point)
+        if math.isnan(tried.seen):
+            return tried
+        here = (math.log(self.injected), math.log(tried.seen / self.wanted))
+        return replace(tried, below=here) if here[1] < 0.0 else replace(tried, above=here)
 
     def next(self) -> _Try:
-        """Return the next try: by the secant in logarithms, or in proportion."""
+        """Return the next try: in proportion; once the amplitude lies between two, by the secant, well inside."""
         x, y = math.log(self.injected), math.log(self.seen / self.wanted)
-        slope = 1.0
-        if self.before is not None and abs(x - self.before[0]) > 1e-9:
-            slope = max((y - self.before[1]) / (x - self.before[0]), 0.2)
-        move = max(-math.log(_WIDEST), min(math.log(_WIDEST), -y / slope))
-        return replace(self, injected=math.exp(x + move), passed=None, before=(x, y))
+        if self.below is None or self.above is None:
+            aim = x - max(-math.log(_WIDEST), min(math.log(_WIDEST), y))
+        else:
+            (x0, y0), (x1, y1) = self.below, self.above
+            part = min(max(y0 / (y0 - y1), 0.1), 0.9)
+            aim = x0 + part * (x1 - x0)
+        return replace(self, injected=math.exp(aim), passed=None)
 
 
 def injected(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
@@ -71,7 +96,7 @@ def injected(bench: Bench, request: Request, wanted: Sequence[tuple[float, float
         fresh = [tries[i] if tries[i].passed is None else tries[i].next() for i in open_ones]
         found = bench.measure([request.task(INJECTED, PASSED, t.frequency, t.injected) for t in fresh])
         for i, t, point in zip(open_ones, fresh, found, strict=True):
-            tries[i] = replace(t, passed=point)
+            tries[i] = t.with_point(point)
         if not open_ones:
             break
     returned = bench.measure([request.task(INJECTED, RETURNED, t.frequency, t.injected) for t in tries])
@@ -83,13 +108,15 @@ def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
     if z is None or not z.response or y.response is None:
         reason = next((p.reason for p in (z, y) if p is not None and p.reason), "nothing was passed on")
         return _failed(tried, reason, 0 if z is None else z.periods)
-    if not tried.done:
-        seen = f"{tried.seen:.4g} in place of {tried.wanted:.4g}"
-        return _failed(tried, f"the amplitude of the signal passed on comes to {seen}", z.periods)
+    if not tried.hit:
+        why = "it jumps past it as the injected sine grows" if tried.jumps else "the search for it came to no end"
+        words = f"the signal passed on comes to no amplitude of {tried.wanted:.4g} ({tried.seen:.4g}): {why}"
+        return _failed(tried, words, z.periods)
     return LoopPoint(
         frequency_hz=tried.frequency,
         amplitude=tried.seen,
         value=-y.response / z.response,
+        mean=z.offset,
         thd_passed=None if z.certificate is None else z.certificate.thd,
         thd_returned=None if y.certificate is None else y.certificate.thd,
         harmonics=() if y.certificate is None else y.certificate.harmonics,

@@ -53,7 +53,8 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
     Args:
         cut: the loop.
         method: of `lin`.
-        dx, du: widths of `lin`; du that of the signal passed on.
+        dx: widths of `lin` for the states.
+        du: width of `lin` for the signal passed on.
 
     Raises:
         InputError: `lin` refuses, or the closed loop has no solution.

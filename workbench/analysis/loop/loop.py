@@ -22,6 +22,7 @@ from workbench.workers import Workers
 __all__ = ["loop"]
 
 _BESIDE = 3.0  # a band that is not given reaches so far beyond the linear crossovers
+_SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do not repeat
 _MOST_ROUNDS = 10
 
 
@@ -65,8 +66,10 @@ def loop(
     or both ways: "break" opens the loop at the operating point, z biased at its value there, and measures the
     describing function of the open loop; "inject" leaves the loop closed, adds a sine, and compares the signals on
     both sides, the sine adjusted until z has the amplitude. Between the frequencies points are added at the crossovers.
-    The distortion of z and y stands beside each point: margins of a loop whose z is far from a sine are not to be
-    trusted. Stability at an amplitude is counted by Nyquist's criterion from the linear loop.
+    Where a nonlinearity is not symmetric at the operating point, the sine moves the mean of z in closed loop, while the
+    broken loop holds it: the two differ. The distortion of z and y stands beside each point: margins of a loop whose z
+    is far from a sine are not to be trusted. Stability at an amplitude is counted by Nyquist's criterion from the
+    linear loop.
 
     Not for co-simulation parts (their communication steps are a part of the loop). Measured values of a sampled loop
     are those of its continuous signals, of which z-domain margins take the values at the samples only.
@@ -108,7 +111,7 @@ def loop(
         names, why = choose_measurement(how, linear)
         grid = _grid(frequencies, band, ratio, linear)
         request = Request(
-            errcrit=errcrit, max_periods=max_periods, loop=None if linear is None else linear.transfer
+            errcrit=errcrit, max_periods=max_periods, value=cut.value, loop=None if linear is None else linear.transfer
         )
         for name in names:
             curves += measure(
@@ -179,9 +182,8 @@ def _grid(
 
 
 def _own_band(linear: LinearLoop | None) -> tuple[float, float]:
-    margins = None if linear is None else linear.margins
-    crossed = [] if margins is None else [c.frequency_hz for c in (*margins.gain_crossovers, *margins.phase_crossovers)]
-    inner = [f for f in crossed if 0.0 < f < float("inf")]
+    inner = () if linear is None else linear.margins.crossovers_hz
     if not inner:
         raise InputError("band: none given, and the linear loop has no crossover to lay one around; give LO:HI [Hz]")
-    return min(inner) / _BESIDE, max(inner) * _BESIDE
+    top = max(inner) * _BESIDE if linear is None else min(max(inner) * _BESIDE, _SAMPLED * linear.transfer.highest_hz)
+    return min(min(inner) / _BESIDE, top), top

@@ -96,6 +96,7 @@ class Margins:
         peak_sensitivity_hz: where [Hz].
         peak_complementary: max |T|.
         peak_complementary_hz: where [Hz].
+        everywhere: all frequencies were looked at; else what was not found is not known: NaN in place of infinity.
     """
 
     verdict: str
@@ -107,6 +108,7 @@ class Margins:
     peak_sensitivity_hz: float
     peak_complementary: float
     peak_complementary_hz: float
+    everywhere: bool = True
 
     @property
     def meaningful(self) -> bool:
@@ -114,9 +116,17 @@ class Margins:
         return self.verdict not in (UNSTABLE, BORDER)
 
     @property
+    def crossovers_hz(self) -> tuple[float, ...]:
+        """Frequencies of all crossovers, without 0 and infinity, rising [Hz]."""
+        every = (*(c.frequency_hz for c in self.gain_crossovers), *(c.frequency_hz for c in self.phase_crossovers))
+        return tuple(sorted(f for f in every if 0.0 < f < math.inf))
+
+    @property
     def gain_margin(self) -> float:
         """Smallest factor above 1 that brings the loop to the border; infinite: none does."""
-        return self._if(min((c.factor for c in self.phase_crossovers if c.factor > 1.0), default=math.inf))
+        return self._if(
+            min((c.factor for c in self.phase_crossovers if c.factor > 1.0), default=self._absent(math.inf))
+        )
 
     @property
     def gain_margin_db(self) -> float:
@@ -126,7 +136,7 @@ class Margins:
     @property
     def gain_reduction(self) -> float:
         """Largest factor below 1 that brings the loop to the border; 0: none does."""
-        return self._if(max((c.factor for c in self.phase_crossovers if c.factor <= 1.0), default=0.0))
+        return self._if(max((c.factor for c in self.phase_crossovers if c.factor <= 1.0), default=self._absent(0.0)))
 
     @property
     def gain_reduction_db(self) -> float:
@@ -137,12 +147,12 @@ class Margins:
     def phase_margin_deg(self) -> float:
         """Phase margin of the smallest size [deg]; infinite: |L| is 1 nowhere."""
         found = self._nearest()
-        return self._if(found.phase_margin_deg if found else math.inf)
+        return self._if(found.phase_margin_deg if found else self._absent(math.inf))
 
     @property
     def delay_margin_s(self) -> float:
         """Smallest additional delay that brings the loop to the border [s]; infinite: |L| is 1 nowhere."""
-        return self._if(min((c.delay_s for c in self.gain_crossovers), default=math.inf))
+        return self._if(min((c.delay_s for c in self.gain_crossovers), default=self._absent(math.inf)))
 
     @property
     def phase_crossover_hz(self) -> float:
@@ -158,6 +168,9 @@ class Margins:
 
     def _nearest(self) -> GainCrossover | None:
         return min(self.gain_crossovers, key=lambda c: abs(c.phase_margin_deg), default=None)
+
+    def _absent(self, value: float) -> float:
+        return value if self.everywhere else math.nan
 
     def _if(self, value: float) -> float:
         return value if self.meaningful else math.nan

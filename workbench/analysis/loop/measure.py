@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -112,7 +111,20 @@ def measure(
             if not wanted:
                 break
         notes = tuple(bench.notes)
-    return [_curve(name, a, points, linear, notes) for a in amplitudes]
+    curves = []
+    for amplitude in amplitudes:
+        found = _known(points, amplitude)
+        doubts = _doubts(found, amplitude, cut.value)
+        curves.append(
+            LoopCurve(
+                how=name,
+                amplitude=amplitude,
+                points=tuple(found),
+                margins=_margins(found, linear),
+                notes=(*notes, *doubts),
+            )
+        )
+    return curves
 
 
 def _parts(wanted: Sequence[tuple[float, float]]) -> Iterable[Sequence[tuple[float, float]]]:
@@ -136,51 +148,44 @@ def _margins(found: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
 
 def _closer(points: Points, amplitudes: Sequence[float]) -> list[tuple[float, float]]:
     """Return where the crossovers seem to be, if nothing was measured there."""
-    wanted = []
-    for amplitude in amplitudes:
-        found = _margins(_known(points, amplitude), None)
-        for crossover in (*found.gain_crossovers, *found.phase_crossovers):
-            f = crossover.frequency_hz
-            if all(abs(f / known - 1.0) > _SAME for known, a in points if a == amplitude):
-                wanted.append((f, amplitude))
-    return list(dict.fromkeys(wanted))
+    seen = [(f, a) for a in amplitudes for f in _margins(_known(points, a), None).crossovers_hz]
+    return [(f, a) for f, a in seen if all(abs(f / p.frequency_hz - 1.0) > _SAME for p in _known(points, a))]
 
 
-def _curve(
-    name: str, amplitude: float, points: Points, linear: LinearLoop | None, notes: tuple[str, ...]
-) -> LoopCurve:
-    found = _known(points, amplitude)
-    return LoopCurve(
-        how=name,
-        amplitude=amplitude,
-        points=tuple(found),
-        margins=_margins(found, linear),
-        notes=(*notes, *_doubts(found)),
-    )
-
-
-def _doubts(found: Sequence[LoopPoint]) -> list[str]:
-    doubts = []
-    distorted = [p for p in found if (p.thd_passed or 0.0) > 0.05]
-    if distorted:
-        worst = max(distorted, key=lambda p: p.thd_passed or 0.0)
-        doubts.append(
-            f"the signal passed on is no sine at {len(distorted)} points (distortion up to "
-            f"{100.0 * (worst.thd_passed or 0.0):.3g} % at {worst.frequency_hz:.4g} Hz): a describing function says "
-            "little there"
-        )
-    off = [p for p in found if p.balance is not None and p.balance > 0.01]
-    if off:
-        worst = max(off, key=lambda p: p.balance or 0.0)
-        doubts.append(
-            f"what was passed on, returned and injected does not add up at {len(off)} points (by up to "
-            f"{100.0 * (worst.balance or 0.0):.3g} % at {worst.frequency_hz:.4g} Hz): not settled"
-        )
-    averaged = sum(p.status == "averaged" for p in found)
+def _doubts(found: Sequence[LoopPoint], amplitude: float, value: float) -> list[str]:
+    doubts = [
+        _worst(
+            [(p.thd_passed or 0.0, p) for p in found],
+            0.05,
+            "the signal passed on is no sine at {n} points (distortion up to {worst:.3g} % at {hz:.4g} Hz): a "
+            "describing function says little there",
+        ),
+        _worst(
+            [(abs((value if p.mean is None else p.mean) - value) / amplitude, p) for p in found],
+            0.05,
+            "the sine moves the mean of the signal passed on at {n} points (by up to {worst:.3g} % of the amplitude at "
+            "{hz:.4g} Hz): L is that of another operating point there",
+        ),
+        _worst(
+            [(p.balance or 0.0, p) for p in found],
+            0.01,
+            "what was passed on, returned and injected does not add up at {n} points (by up to {worst:.3g} % at "
+            "{hz:.4g} Hz): not settled",
+        ),
+    ]
+    averaged, failed = (sum(p.status == s for p in found) for s in ("averaged", "failed"))
     if averaged:
         doubts.append(f"{averaged} points did not settle and are averages")
-    if math.isnan(sum(p.amplitude for p in found)):
-        failed = next(p for p in found if p.value is None)
-        count = sum(p.value is None for p in found)
-        doubts.append(f"{count} points failed, the first at {failed.frequency_hz:.4g} Hz: {failed.reason}")
-    return doubts
+    if failed:
+        first = next(p for p in found if p.value is None)
+        doubts.append(f"{failed} points failed, the first at {first.frequency_hz:.4g} Hz: {first.reason}")
+    return [d for d in doubts if d]
+
+
+def _worst(sizes: Sequence[tuple[float, LoopPoint]], limit: float, words: str) -> str:
+    """Return what is to be said where sizes exceed a limit; nothing where none does."""
+    beyond = [(size, p) for size, p in sizes if size > limit]
+    if not beyond:
+        return ""
+    size, point = max(beyond, key=lambda x: x[0])
+    return words.format(n=len(beyond), worst=100.0 * size, hz=point.frequency_hz)

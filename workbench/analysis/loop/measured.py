@@ -22,6 +22,8 @@ class LoopPoint:
         frequency_hz: [Hz].
         amplitude: of the fundamental of the signal passed on behind the cut [unit of the source]; NaN where it failed.
         value: L, minus the fundamental returned over the fundamental passed on; None where the point failed.
+        mean: of the signal passed on: where the loop is broken its value at the operating point; in closed loop a
+            nonlinearity that is not symmetric there moves it. None: not known.
         thd_passed: total harmonic distortion of the signal passed on: how far it is from the sine that a describing
             function supposes; 0 where the loop is broken, None: not known.
         thd_returned: of the signal returned.
@@ -37,6 +39,7 @@ class LoopPoint:
     frequency_hz: float
     amplitude: float
     value: complex | None
+    mean: float | None = None
     thd_passed: float | None = None
     thd_returned: float | None = None
     harmonics: tuple[float | None, ...] = ()

@@ -6,6 +6,7 @@ import numpy as np
 
 from workbench.analysis.loop.crossings import gain_crossings, scan
 from workbench.analysis.loop.transfer import Transfer
+from workbench.session.base import Floats
 
 __all__ = ["peak"]
 
@@ -39,7 +40,7 @@ def peak(f: Transfer) -> tuple[float, float]:
     return best, where
 
 
-def _largest(f: Transfer, frequencies: np.ndarray) -> tuple[float, float]:  # type: ignore[type-arg]
+def _largest(f: Transfer, frequencies: Floats) -> tuple[float, float]:
     sizes = np.abs(f.response(frequencies))
     sizes = np.where(np.isnan(sizes), -np.inf, sizes)
     k = int(np.argmax(sizes))

@@ -59,7 +59,9 @@ def find_place(system: SystemDescription, resolved: Resolved, at: At) -> Place:
     if source in resolved.outputs:
         port = resolved.outputs[source]
         source = f"{names[port.component]}.{port.variable.name}"
-    chosen = [i for i, (a, b) in enumerate(ends) if (source in (a, b) if target is None else (source, target) == (a, b))]
+    chosen = [
+        i for i, (a, b) in enumerate(ends) if (source in (a, b) if target is None else (source, target) == (a, b))
+    ]
     if not chosen:
         raise InputError(_unknown(source, target, ends))
     wires = [resolved.wires[i] for i in chosen]

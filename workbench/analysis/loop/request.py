@@ -18,11 +18,13 @@ class Request:
     Attributes:
         errcrit: error criterion of `nfr`.
         max_periods: most periods at a point.
+        value: of the signal at the operating point [unit of the source].
         loop: linear L, for the first guess of injected amplitudes; None: not known.
     """
 
     errcrit: float = 0.1
     max_periods: int = 20
+    value: float = 0.0
     loop: Transfer | None = None
 
     def task(self, input: str, output: str, frequency: float, amplitude: float) -> PointTask:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["LoopResult"]
 
 _COLUMNS = (
-    "how", "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "sensitivity", "complementary", "thd_passed",
-    "thd_returned", "injected", "balance", "status", "failed",
+    "how", "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "sensitivity", "complementary", "mean",
+    "thd_passed", "thd_returned", "injected", "balance", "status", "failed",
 )  # fmt: skip
 _MANY = 200
 
@@ -113,13 +113,8 @@ class LoopResult:
             count: how many.
         """
         transfer = self._linear().transfer
-        poles = np.concatenate([transfer.poles, transfer.sensitivity().poles])
-        if transfer.dt > 0.0:
-            poles = np.log(poles[np.abs(poles) > 1e-6]) / transfer.dt
-        sizes = np.abs(poles) / (2.0 * np.pi)
-        margins = self._linear().margins
-        crossed = [c.frequency_hz for c in (*margins.gain_crossovers, *margins.phase_crossovers)]
-        every = np.concatenate([sizes, crossed])
+        poles = np.concatenate([transfer.rates, transfer.sensitivity().rates])
+        every = np.concatenate([np.abs(poles) / (2.0 * np.pi), self._linear().margins.crossovers_hz])
         every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
         if not len(every):
             every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
@@ -185,10 +180,10 @@ class LoopResult:
         if self.linear is not None:
             f = self.frequencies()
             for frequency, value in zip(f.tolist(), self.linear.response(f).tolist(), strict=True):
-                yield ["linear", "", frequency, *_numbers(value), "", "", "", "", "", ""]
+                yield ["linear", "", frequency, *_numbers(value), *[""] * 7]
         for curve in self.curves:
             for p in curve.points:
-                rest = [p.thd_passed, p.thd_returned, p.injected, p.balance]
+                rest = [p.mean, p.thd_passed, p.thd_returned, p.injected, p.balance]
                 shown = ["" if x is None else x for x in rest]
                 yield [curve.how, curve.amplitude, p.frequency_hz, *_numbers(p.value), *shown, p.status, p.reason or ""]
 
@@ -220,5 +215,3 @@ def _state_space(f: Transfer, name: str) -> StateSpace:
     import control  # noqa: PLC0415 - slow to import, and needed here only
 
     return control.ss(f.A, f.B, f.C, [[f.D]], f.dt, name=name, remove_useless_states=False)
-
-

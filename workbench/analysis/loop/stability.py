@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.loop.transfer import Complex, Transfer
-from workbench.session.base import Floats
 
 __all__ = ["Stability", "stability_of"]
+
+Flags = NDArray[np.bool_]
 
 STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unknown"
 
@@ -71,7 +73,7 @@ def stability_of(loop: Transfer) -> Stability:
     return Stability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
 
 
-def _sides(poles: Complex, f: Transfer) -> tuple[Floats, Floats]:
+def _sides(poles: Complex, f: Transfer) -> tuple[Flags, Flags]:
     """Return which poles lie outside the stable region, and which on its border."""
     rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(f.A)) if len(f.A) else 0.0
     if f.dt > 0.0:

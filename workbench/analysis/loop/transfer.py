@@ -14,6 +14,7 @@ __all__ = ["Complex", "Transfer"]
 
 Complex = NDArray[np.complex128]
 
+_VANISHED = 1e-6  # sampled poles smaller than this are over within a sample
 _NEAR = 1e-12  # 1 + D below this: the loop gain at high frequency is -1
 
 
@@ -44,6 +45,14 @@ class Transfer:
     def poles(self) -> Complex:
         """Eigenvalues of A, shape (n,) [1/s], of a sampled system without unit."""
         return np.linalg.eigvals(self.A).astype(np.complex128)
+
+    @property
+    def rates(self) -> Complex:
+        """Poles [1/s]; of a sampled system those that its samples show, without the ones at 0."""
+        if self.dt == 0.0:
+            return self.poles
+        seen = self.poles[np.abs(self.poles) > _VANISHED]
+        return np.asarray(np.log(seen) / self.dt, dtype=np.complex128)
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Return F at frequencies [Hz], shape (k,); NaN on a pole.
