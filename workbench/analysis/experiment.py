@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from workbench.analysis.experiment_checks import (
     times,
     units_of,
 )
+from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -179,19 +179,8 @@ class Experiment:
         Raises:
             InputError: the file cannot be written.
         """
-        if not isinstance(path, str | Path):
-            self._write(path)
-            return
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                self._write(file)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-    def _write(self, stream: TextIO) -> None:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())])
-        writer.writerows(np.column_stack([self.time, self.u, self.y]).tolist())
+        head = ["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())]
+        write_csv(path, [head, *np.column_stack([self.time, self.u, self.y]).tolist()])
 
 
 def make_experiment(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.analysis.certificate import Certificate
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.zero_input import ZeroInput
+from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats
@@ -208,14 +208,7 @@ class NfrResult:
         Raises:
             InputError: the file cannot be written.
         """
-        if not isinstance(path, str | Path):
-            csv.writer(path, lineterminator="\n").writerows(self._csv_rows())
-            return
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                self.to_csv(file)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_csv(path, self._csv_rows())
 
     def _csv_rows(self) -> list[list[Any]]:
         reasons = {(f.amplitude, f.frequency_hz): f.reason for f in self.failed}

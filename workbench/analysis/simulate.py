@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from workbench.csv_file import write_csv
 from workbench.errors import InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.session.base import Floats, Record, Session
@@ -61,12 +61,16 @@ class SimulationResult:
             "notes": list(self.notes),
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write time [s] and every signal as columns with a heading line to the file `path`."""
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["time", *self.signals])
-            writer.writerows(zip(*self._columns(), strict=True))
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write time [s] and every signal as columns with a heading line.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_csv(path, [["time", *self.signals], *zip(*self._columns(), strict=True)])
 
     def _columns(self) -> list[list[float]]:
         return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.csv_file import write_csv
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -133,14 +132,7 @@ class TrimResult:
         Raises:
             InputError: the file cannot be written.
         """
-        if not isinstance(path, str | Path):
-            csv.writer(path, lineterminator="\n").writerows(self._rows())
-            return
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                self.to_csv(file)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_csv(path, self._rows())
 
     def _rows(self) -> Iterator[list[Any]]:
         yield ["set", "name", "value", "unit"]

@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -105,7 +105,7 @@ def identify(
         out.console.print(text, markup=False, soft_wrap=True)
     out.write(
         {"model": result.data.name, **result.to_dict(), **({"overlay": overlay.to_dict()} if overlay else {})},
-        csv=lambda target: _to_csv(result, target),
+        csv=result.to_csv,
         plot=result.plot,
         report=lambda path, full: _report(result, overlay, path, full),
     )
@@ -227,12 +227,6 @@ def _verdicts(where: str, validation: Validation, console: Console) -> None:
 
 
 # -- files -------------------------------------------------------------------------------------
-
-
-def _to_csv(result: IdentifyResult, target: str | TextIO) -> None:
-    if not isinstance(target, str):
-        raise InputError("--csv: give a file; measured, simulated and predicted outputs go there")
-    result.to_csv(target)
 
 
 def _report(result: IdentifyResult, overlay: Overlay | None, path: Path, full: Mapping[str, Any]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO
@@ -24,6 +23,7 @@ from workbench.cli.options import (
     open_model,
     pairs,
 )
+from workbench.csv_file import write_csv
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -378,13 +378,6 @@ def _verdicts_csv(result: LinComparison) -> _Writer:
 
 def _rows_writer(rows: list[list[Any]]) -> _Writer:
     def write(target: str | TextIO) -> None:
-        if not isinstance(target, str):
-            csv.writer(target, lineterminator="\n").writerows(rows)
-            return
-        try:
-            with Path(target).open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerows(rows)
-        except OSError as error:
-            raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+        write_csv(target, rows)
 
     return write

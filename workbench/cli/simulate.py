@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,7 +26,7 @@ from workbench.cli.options import (
     pairs,
     workers,
 )
-from workbench.errors import InputError, SimulationError
+from workbench.errors import SimulationError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -104,7 +103,7 @@ def _write(result: SimulationResult, out: Output) -> None:
     envelope = {"model": result.model, "interface": result.interface, "solver": result.solver}
     out.write(
         {**envelope, **result.to_dict()},
-        csv=lambda target: _write_csv(result, target),
+        csv=result.to_csv,
         plot=lambda path: _save(result, path),
     )
 
@@ -114,18 +113,6 @@ def _save(result: SimulationResult, path: Path) -> None:
     from workbench.plotting.figure import save as write_figure
 
     write_figure(result.plot(), path)
-
-
-def _write_csv(result: SimulationResult, target: str | TextIO) -> None:
-    if not isinstance(target, str):
-        writer = csv.writer(target, lineterminator="\n")
-        writer.writerow(["time", *result.signals])
-        writer.writerows(zip(result.time.tolist(), *(v.tolist() for v in result.signals.values()), strict=True))
-        return
-    try:
-        result.to_csv(target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
 
 
 def _table(result: SimulationResult) -> Table:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.experiment import Experiment
+from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 
 if TYPE_CHECKING:
@@ -137,13 +137,8 @@ class Advice:
         Raises:
             InputError: the file cannot be written.
         """
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(["topic", "verdict", "evidence", "advice"])
-                writer.writerows([f.topic, f.verdict, f.evidence, f.advice] for f in self.findings)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        rows = [[f.topic, f.verdict, f.evidence, f.advice] for f in self.findings]
+        write_csv(path, [["topic", "verdict", "evidence", "advice"], *rows])
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the data with what was found in them, and the verdicts.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.advice import Advice
 from workbench.analysis.experiment import Experiment
@@ -94,11 +94,11 @@ class IdentifyResult:
             "notes": list(self.notes),
         }
 
-    def to_csv(self, path: str | Path) -> None:
+    def to_csv(self, path: str | Path | TextIO) -> None:
         """Write measured, simulated and predicted outputs of the validation data.
 
         Args:
-            path: of the file.
+            path: of the file, or an open text stream.
 
         Raises:
             InputError: the file cannot be written.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.window import WindowSettings, choose_window
+from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -145,10 +145,4 @@ def write_rows(path: str | Path, header: Sequence[str], table: Floats) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    try:
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows([["" if v != v else v for v in row] for row in table.tolist()])  # noqa: PLR0124  NaN
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    write_csv(path, [header, *([None if v != v else v for v in row] for row in table.tolist())])  # noqa: PLR0124  NaN

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from workbench.analysis.march import march
 from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
+from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -129,11 +129,7 @@ class PoleBootstrap:
         """
         head = [f"{part} {k + 1}" for k in range(len(self.regions)) for part in ("real", "imaginary")]
         table = np.stack([self.replicates.real, self.replicates.imag], axis=-1).reshape(len(self.replicates), -1)
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerows([head, *table.tolist()])
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_csv(path, [head, *table.tolist()])
 
 
 def bootstrap_poles(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.lin.result import LinearModel, LinResult
 from workbench.analysis.nfr_result import NfrResult
+from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -162,13 +162,7 @@ class Overlay:
             for d in self.differences
             for row in zip(d.frequency_hz.tolist(), _nullable(d.gain_db), _nullable(d.phase_deg), strict=True)
         ]
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(["curve", "frequency_hz", "difference_db", "difference_deg"])
-                writer.writerows(rows)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_csv(path, [("curve", "frequency_hz", "difference_db", "difference_deg"), *rows])
 
 
 def overlay(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
+from workbench.csv_file import write_csv
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -133,11 +133,11 @@ class Validation:
             "notes": list(self.notes),
         }
 
-    def to_csv(self, path: str | Path) -> None:
+    def to_csv(self, path: str | Path | TextIO) -> None:
         """Write time [s] and, for each output, measured, simulated and predicted values.
 
         Args:
-            path: of the file.
+            path: of the file, or an open text stream.
 
         Raises:
             InputError: the file cannot be written.
@@ -145,13 +145,8 @@ class Validation:
         outputs = [(n, k) for n in self.data.output_names for k in ("measured", "simulated", "predicted")]
         three = np.stack([self.data.y, self.simulation.computed, self.prediction.computed], axis=-1)
         table = np.column_stack([self.data.time, three.reshape(len(three), -1)])
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(["time [s]", *(_head(n, k, self.data.units.get(n)) for n, k in outputs)])
-                writer.writerows(table.tolist())
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        head = ["time [s]", *(_head(n, k, self.data.units.get(n)) for n, k in outputs)]
+        write_csv(path, [head, *table.tolist()])
 
 
 def _head(name: str, kind: str, unit: str | None) -> str:

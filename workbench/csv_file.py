@@ -1,0 +1,32 @@
+"""Tables as CSV files: one way to write them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from workbench.errors import InputError
+
+__all__ = ["write_csv"]
+
+
+def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]]) -> None:
+    """Write rows, the heading line first; None becomes an empty cell.
+
+    Args:
+        target: path of the file, or an open text stream.
+        rows: cells.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if not isinstance(target, str | Path):
+        csv.writer(target, lineterminator="\n").writerows(rows)
+        return
+    try:
+        with Path(target).open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
