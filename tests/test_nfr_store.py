@@ -137,9 +137,7 @@ def test_failed_points_of_a_store_are_measured_again(tmp_path: Path, capfd: pyte
         return f"{json.loads(captured.out)['failed'][0]['reason']}; {captured.err}"
 
     assert "not finished after 1 s" in again("--timeout", "1")
-    begin = time.monotonic()
     assert "2 of 2 points were measured before" in again("--timeout", "1")
-    assert time.monotonic() - begin < 1.0
     assert "1 of 2 points were measured before" in again("--timeout", "1.1")  # another limit: it may finish now
     assert "1 of 2 points were measured before" in again("--timeout", "1.1", "--redo", "failed")
 
