@@ -1,0 +1,76 @@
+"""Frequencies dense enough that no crossing is missed, however lightly damped a mode is."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import block_diag, eig
+
+from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.nyquist.linear_part import LinearPart
+
+__all__ = ["adaptive_grid"]
+
+_PER_DECADE = 40
+_TURN = np.radians(6.0)  # largest change of phase between neighbours
+_NARROWEST = 1e-10  # relative distance of neighbours
+_ROUNDS = 40
+_MOST = 200_000
+_AROUND = np.array([-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0])
+
+
+def adaptive_grid(part: LinearPart, band: tuple[float, float]) -> tuple[Floats, Complex]:
+    """Return frequencies [Hz] and L there.
+
+    The grid begins with the places that matter: around each pole in units of its damping, and on both sides of each
+    zero of L(s) − L(−s), among which are all crossings of the real axis. Then it is halved wherever the phase
+    turns by more than 6°.
+
+    Args:
+        part: the linear part.
+        band: lowest and highest frequency [Hz].
+    """
+    low, high = band
+    count = max(2, int(np.ceil(np.log10(high / low) * _PER_DECADE)))
+    f = np.concatenate([np.geomspace(low, high, count + 1), _landmarks(part)])
+    f = np.unique(f[(f >= low) & (f <= high)])
+    value = part.response(f)
+    for _ in range(_ROUNDS):
+        with np.errstate(all="ignore"):
+            turn = np.abs(np.angle(value[1:] / value[:-1]))
+        wide = ~(turn <= _TURN) & (np.diff(f) > _NARROWEST * f[1:])
+        if not wide.any() or len(f) > _MOST:
+            break
+        between = 0.5 * (f[:-1] + f[1:])[wide]
+        f, value = _merged(f, value, between, part.response(between))
+    return f, value
+
+
+def _merged(f: Floats, value: Complex, more: Floats, there: Complex) -> tuple[Floats, Complex]:
+    every = np.concatenate([f, more])
+    order = np.argsort(every, kind="stable")
+    return every[order], np.concatenate([value, there])[order]
+
+
+def _landmarks(part: LinearPart) -> Floats:
+    """Return frequencies [Hz] around poles, and around real-axis crossings as an eigenvalue problem gives them."""
+    poles = part.poles
+    width = np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles))
+    around = (np.abs(poles.imag)[:, None] + width[:, None] * _AROUND).ravel()
+    crossings = _axis_candidates(part)
+    beside = (crossings[:, None] * (1.0 + np.array([-1e-3, -1e-6, 1e-6, 1e-3]))).ravel()
+    return np.concatenate([around, beside]) / (2.0 * np.pi)
+
+
+def _axis_candidates(part: LinearPart) -> Floats:
+    """Return |Im s| of the zeros of L(s) − L(−s) near the imaginary axis [rad/s]."""
+    n = len(part.A)
+    if not n:
+        return np.zeros(0)
+    a, b, c = block_diag(part.A, -part.A), np.concatenate([part.B, part.B]), np.concatenate([part.C, part.C])
+    scale_b, scale_c = (max(float(np.abs(x).max(initial=0.0)), 1e-300) for x in (b, c))
+    pencil = np.block([[a, b[:, None] / scale_b], [c[None, :] / scale_c, np.zeros((1, 1))]])
+    alpha, beta = eig(pencil, block_diag(np.eye(2 * n), 0.0), right=False, homogeneous_eigvals=True)
+    with np.errstate(all="ignore"):
+        zeros = alpha / beta
+    zeros = zeros[np.isfinite(zeros)]
+    return np.asarray(np.abs(zeros.imag[np.abs(zeros.real) < 0.05 * np.abs(zeros)]), dtype=np.float64)

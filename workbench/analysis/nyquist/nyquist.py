@@ -1,0 +1,200 @@
+"""The public function: all crossings of a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+from scipy.optimize import brentq
+
+from workbench.analysis.blas import one_thread
+from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.lin.result import LinearModel
+from workbench.analysis.nyquist.axis import AxisCrossing, axis_crossings
+from workbench.analysis.nyquist.grid import adaptive_grid
+from workbench.analysis.nyquist.intersections import intersections
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.errors import InputError
+
+__all__ = ["AMPLITUDES", "BAND", "nyquist"]
+
+BAND = (0.01, 1000.0)  # [Hz]
+AMPLITUDES = (1e-4, 1e4)
+_PER_DECADE = 20
+_ASIDE = 1e-2  # relative change of a gain at which the poles are counted, less where another crossing is near
+
+
+def nyquist(
+    loop: LinearPart | LinearModel | control.StateSpace,
+    block: Block | None = None,
+    *,
+    band: tuple[float, float] = BAND,
+    amplitudes: tuple[float, float] | Sequence[float] | Floats = AMPLITUDES,
+    name: str = "loop",
+) -> NyquistResult:
+    """Return the Nyquist curve of a loop with negative feedback, 1 + N·L = 0, and all its crossings in a band.
+
+    Frequencies are adaptive (see `workbench.analysis.nyquist.grid`), so that no crossing is missed for a lightly
+    damped mode; each is refined to rounding. At each crossing the poles are counted with the block replaced by a gain
+    a little below and above: that is the criterion of stability, and it counts all poles, not the pair that crosses
+    alone.
+
+    Not for a sampled linear part, nor for a block that depends on more than amplitude and frequency of a sine.
+
+    Args:
+        loop: L, one input and one output, continuous.
+        block: N; None: crossings of the negative real axis alone.
+        band: lowest and highest frequency [Hz].
+        amplitudes: lowest and highest amplitude looked at, or all of them, rising.
+        name: of the loop.
+
+    Raises:
+        InputError: L is sampled or has several inputs or outputs, a band or amplitudes that do not rise.
+
+    Source: Slotine & Li, Applied Nonlinear Control, 5.4 (describing function analysis).
+    """
+    with one_thread():
+        return _nyquist(_part(loop), block, _checked(band), _grid(amplitudes), name)
+
+
+def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a: Floats, name: str) -> NyquistResult:
+    f, value = adaptive_grid(part, band)
+    real_axis = axis_crossings(part, f, value)
+    sides = _Sides(part, real_axis)
+    if block is None:
+        found, gains = [sides.plain(c) for c in real_axis if c.gain >= 0.0], np.ones(0, dtype=np.complex128)
+    elif block.real and not block.frequency_dependent:
+        gains = np.array([block.gain(x) for x in a.tolist()], dtype=np.complex128)
+        found = [c for axis in real_axis for c in _with_amplitudes(axis, block, a, gains.real, sides)]
+    else:
+        pairs = intersections(block, part, f, value, a)
+        found = [_complex_crossing(part, block, x, y) for x, y in pairs.tolist()]
+        found += [sides.plain(c) for c in real_axis if c.gain >= 0.0]
+        where = found[0].frequency_hz if found else float(np.sqrt(band[0] * band[1]))
+        gains = np.array([block.gain(x, where) for x in a.tolist()], dtype=np.complex128)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(gains == 0.0, complex(np.nan), -1.0 / gains)
+    return NyquistResult(
+        name=name,
+        block="" if block is None else block.name,
+        frequency_hz=f,
+        response=value,
+        crossings=tuple(sorted(found, key=lambda c: c.frequency_hz)),
+        amplitude=a if block is not None else np.ones(0),
+        minus_inverse=inverse.astype(np.complex128),
+        unstable_open=part.unstable(0j),
+    )
+
+
+def _part(loop: LinearPart | LinearModel | control.StateSpace) -> LinearPart:
+    if isinstance(loop, LinearPart):
+        return loop
+    if isinstance(loop, LinearModel):
+        return LinearPart.from_lin(loop.result)
+    if loop.dt or loop.ninputs != 1 or loop.noutputs != 1:
+        raise InputError("the linear part of a loop must be continuous and have one input and one output")
+    return LinearPart(loop.A, loop.B[:, 0], loop.C[0], float(loop.D[0, 0]))
+
+
+def _checked(band: tuple[float, float]) -> tuple[float, float]:
+    if not (0.0 < band[0] < band[1] < np.inf):
+        raise InputError(f"band {band[0]:g}:{band[1]:g} Hz: it must rise and be positive")
+    return band
+
+
+def _grid(amplitudes: tuple[float, float] | Sequence[float] | Floats) -> Floats:
+    a = np.asarray(amplitudes, dtype=np.float64)
+    if len(a) < 2 or not (a[0] > 0.0 and np.all(np.diff(a) > 0.0) and np.isfinite(a).all()):
+        raise InputError("amplitudes: two or more positive rising numbers are needed")
+    if len(a) > 2:
+        return a
+    count = int(np.ceil(np.log10(a[1] / a[0]) * _PER_DECADE)) + 1
+    return np.asarray(np.geomspace(a[0], a[1], max(count, 10)), dtype=np.float64)
+
+
+class _Sides:
+    """Counts poles on both sides of a crossing's gain, close enough that no other crossing lies between."""
+
+    def __init__(self, part: LinearPart, crossings: Sequence[AxisCrossing]) -> None:
+        self.part = part
+        self._gains = np.unique(np.array([0.0, *(c.gain for c in crossings)]))
+
+    def count(self, gain: float) -> tuple[int, int]:
+        others = np.abs(self._gains - gain)
+        others = others[others > 1e-9 * max(abs(gain), 1e-300)]
+        nearest = float(others.min()) if len(others) else 1.0
+        aside = min(_ASIDE * abs(gain), 0.5 * nearest) if gain else 0.01 * nearest
+        return self.part.unstable(complex(gain - aside)), self.part.unstable(complex(gain + aside))
+
+    def plain(self, c: AxisCrossing) -> Crossing:
+        below, above = self.count(c.gain)
+        return Crossing(
+            frequency_hz=c.frequency, real=-1.0 / c.gain if c.gain else -np.inf, gain=c.gain,
+            unstable_below=below, unstable_above=above,
+        )  # fmt: skip
+
+
+def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats, sides: _Sides) -> list[Crossing]:
+    """Return a crossing of the real axis once for each amplitude at which N is its gain."""
+    bare = sides.plain(axis)
+    roots = _amplitudes(axis.gain, block, a, gains)
+    if not roots:
+        return [bare] if axis.gain > 0.0 else []
+    found = []
+    for amplitude in roots:
+        rising = block.gain(amplitude * 1.001).real > block.gain(amplitude * 0.999).real
+        smaller, greater = bare.unstable_below, bare.unstable_above
+        if not rising:
+            smaller, greater = greater, smaller
+        fields = {
+            **vars(bare),
+            "amplitude": amplitude,
+            "stable": greater == 0 and smaller > 0,
+            "distortion": _distortion(sides.part, block, amplitude, axis.frequency),
+        }
+        found.append(Crossing(**fields))
+    return found
+
+
+def _amplitudes(gain: float, block: Block, a: Floats, gains: Floats) -> list[float]:
+    """Return the amplitudes at which N passes a gain."""
+    distance = gains - gain
+    found = [
+        float(brentq(lambda x: block.gain(x).real - gain, a[i], a[i + 1], xtol=1e-15 * a[i], rtol=1e-14))
+        for i in np.flatnonzero(distance[:-1] * distance[1:] < 0.0).tolist()
+    ]
+    exact = [float(a[i]) for i in np.flatnonzero(distance == 0.0).tolist()]
+    # On a plateau of N, such as that of a saturation, every amplitude would do: none is a limit cycle.
+    return sorted(found + (exact if len(exact) == 1 else []))
+
+
+def _complex_crossing(part: LinearPart, block: Block, amplitude: float, frequency: float) -> Crossing:
+    value = complex(part.response(np.array([frequency]))[0])
+    less, more = (block.gain(amplitude * (1.0 + e), frequency) for e in (-_ASIDE, _ASIDE))
+    if not (np.isfinite(less) and np.isfinite(more)):  # the last measured amplitude
+        less = more = block.gain(amplitude, frequency)
+    smaller, greater = part.unstable(less, frequency), part.unstable(more, frequency)
+    below, above = (smaller, greater) if abs(more) >= abs(less) else (greater, smaller)
+    return Crossing(
+        frequency_hz=frequency,
+        real=value.real,
+        imag=value.imag,
+        gain=1.0 / abs(value),
+        amplitude=amplitude,
+        stable=greater == 0 and smaller > 0,
+        unstable_below=below,
+        unstable_above=above,
+        distortion=_distortion(part, block, amplitude, frequency),
+    )
+
+
+def _distortion(part: LinearPart, block: Block, amplitude: float, frequency: float) -> float | None:
+    """Return the largest harmonic at the block's input over the fundamental, the loop opened there."""
+    if isinstance(block, MeasuredBlock):
+        return None
+    w = block.harmonics(amplitude, frequency)
+    back: Complex = part.response(frequency * np.arange(2.0, HARMONICS + 1)) * w[2:]
+    return float(np.max(np.abs(back))) / amplitude if np.isfinite(back).all() else None
