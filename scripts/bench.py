@@ -30,7 +30,7 @@ import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from scripts import bench_fmpy, bench_processes  # noqa: E402
+from scripts import bench_fmpy, bench_processes, bench_systems  # noqa: E402
 from workbench.workers import Workers  # noqa: E402
 
 Floats = NDArray[np.float64]
@@ -236,6 +236,41 @@ def _sweep(size: Size, driver: str, where: Workers, *, ratio: float = 1.2, solve
         wb.nfr(model, "delC", "del", band=size.sweep, ratio=ratio, amplitudes=size.amplitudes, workers=where)
 
 
+# Systems
+
+
+def systems(size: Size) -> Iterator[Row]:
+    """A loop of three FMUs beside FMPy's calls at the same accuracy; the cost of a right-hand side of up to 50 FMUs."""
+    for tolerance in (1e-3, 1e-4)[: 1 if size is QUICK else 2]:
+        with bench_systems.OurLoop(tolerance) as ours, bench_systems.FmpyLoop() as theirs:
+            wanted = bench_systems.loop_error(ours.run())
+            count, error = bench_systems.equal_step(theirs, wanted)
+            times = alternate({"ours": ours.run, "fmpy": partial(theirs.run, count)}, size.repeats)
+        name = f"loop of three, tolerance {tolerance:g}: FMPy's doStep / ours"
+        row = _ratio(name, times["ours"], times["fmpy"], 20.0, "ms")
+        step = bench_systems.GRID / count
+        note = f"errors against the closed form {wanted:.1e} and {error:.1e} (a step of {1e3 * step:.3g} ms); one delay"
+        yield replace(row, note=note, numbers={**(row.numbers or {}), "error_ours": wanted, "error_theirs": error})
+    for words, feed_through, solver in (
+        ("states as outputs", False, "vkm"), ("feed-through", True, "vkm"),
+        ("states as outputs", False, "gear"), ("feed-through", True, "gear"),
+    ):  # fmt: skip
+        found = bench_systems.growth(15 * size.repeats, feed_through=feed_through, solver=solver)
+        costs = dict(zip(bench_systems.SIZES, found.seconds, strict=True))
+        last = max(costs)
+        yield Row(
+            f"{last} FMUs, {words}, {solver}: slope at the end / of all",
+            f"{1e6 * costs[last]:.2f} µs/rhs",
+            "",
+            1.0 + found.last_slope,
+            "1 ± 0.2",
+            abs(found.last_slope) <= 0.2,
+            {f"seconds_{n}": cost for n, cost in costs.items()},
+            f"{', '.join(f'{n}: {1e6 * c:.2f} µs' for n, c in costs.items())}; off a straight line by at most "
+            f"{100 * found.off_line:.0f} %; {1e9 * found.slope:.0f} ns for each FMU",
+        )
+
+
 # What must stay small
 
 
@@ -279,7 +314,7 @@ def kernel(_: Size) -> Iterator[Row]:
 
 BENCHES: dict[str, Callable[[Size], Iterator[Row]]] = {
     "cs": cs, "me": me, "sweep": sweep, "workers": workers, "cycles": cycles, "sessions": sessions, "start": start,
-    "lin": lin, "kernel": kernel,
+    "systems": systems, "lin": lin, "kernel": kernel,
 }  # fmt: skip
 
 
