@@ -35,7 +35,14 @@ FILE = ROOT / "fmus" / "fmi2" / "FirstOrderLag.fmu"
 SIZES = (5, 10, 25, 50)
 GAIN = -2.0  # of the loop of three: damped oscillation; the loop gets unstable at −8
 STOP, GRID = 20.0, 0.1  # [s]
-POINTS: Floats = GRID * np.arange(1, round(STOP / GRID) + 1)
+
+
+def grid(stop: float) -> Floats:
+    """Return the points up to `stop` [s]."""
+    return np.linspace(0.0, stop, round(stop / GRID) + 1)[1:]
+
+
+POINTS = grid(STOP)
 
 
 def ring(
@@ -189,7 +196,7 @@ def growth(repeats: int, *, feed_through: bool = False, solver: str = "vkm", sto
 
 
 def _evaluation(model: wb.SystemModel, stop: float) -> float:
-    points: Floats = GRID * np.arange(1, round(stop / GRID) + 1)
+    points = grid(stop)
     with model.open_session() as session:
         begin = time.thread_time()
         session.advance(stop, signals={}, record=["y"], points=points)
