@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 
 import control
 import numpy as np
@@ -37,7 +38,7 @@ def unity(
 ) -> DescribedModel:
     """r → e → k → parts in series → y, fed back into e."""
     names = ["e", "k", *parts]
-    chain = [(f"{a}.y", f"{b}.u") for a, b in zip(names[:-1], names[1:], strict=True)]
+    chain = [(f"{a}.y", f"{b}.u") for a, b in pairwise(names)]
     return connect(
         {"e": SumComponent(name="e", signs=signs), "k": gain, **parts},
         [*chain, (f"{names[-1]}.y", "e.u2")],

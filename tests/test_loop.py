@@ -315,9 +315,12 @@ def test_one_model_is_refused() -> None:
 
 
 def test_co_simulation_parts_are_refused() -> None:
-    with wb.load("fmu:FirstOrderLag", interface="cs") as part, pytest.raises(InputError, match="co-simulation parts"):
-        with connect({"a": part, "k": -1.0}, [("a.y", "k.u"), ("k.y", "a.u")], outputs=["a.y"]) as model:
-            loop(model, "a.y")
+    with (
+        wb.load("fmu:FirstOrderLag", interface="cs") as part,
+        connect({"a": part, "k": -1.0}, [("a.y", "k.u"), ("k.y", "a.u")], outputs=["a.y"]) as model,
+        pytest.raises(InputError, match="co-simulation parts"),
+    ):
+        loop(model, "a.y")
 
 
 def test_the_method_is_the_function() -> None:

@@ -1,0 +1,192 @@
+"""Loops measured with sines: against describing functions, and breaking against injecting."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
+from workbench.analysis.loop import loop
+from workbench.analysis.loop.curve_margins import curve_margins
+from workbench.analysis.loop.margins import margins_of
+from workbench.analysis.loop.result import LoopResult
+from workbench.analysis.trim import trim
+from workbench.errors import InputError
+from workbench.system.connect import connect
+from workbench.workers import Workers
+
+HERE = Workers(in_process=True)
+LAGS = {"a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag", "c": "fmu:FirstOrderLag"}
+GAIN = 6.0
+
+
+@pytest.fixture(scope="module")
+def saturated() -> LoopResult:
+    with unity({"s": "fmu:Saturation", **LAGS}, GAIN, start_values=SATURATION) as model:
+        return loop(model, "s.u", [0.5, 2.0, 5.0], band=(0.06, 0.6), ratio=1.4, how="both", workers=HERE)
+
+
+def _truth(amplitude: float) -> tuple[float, float]:
+    """Return gain margin and phase margin [deg] of N(A)·K/(s+1)³."""
+    gain = GAIN * saturation_gain(amplitude)
+    return 8.0 / gain, 180.0 - 3.0 * math.degrees(math.atan(math.sqrt(gain ** (2.0 / 3.0) - 1.0)))
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 2.0, 5.0])
+def test_margins_of_the_broken_loop_are_those_of_the_describing_function(
+    saturated: LoopResult, amplitude: float
+) -> None:
+    gain, phase = _truth(amplitude)
+    m = saturated.curve(amplitude, "break").margins
+    assert m.verdict == "stable"
+    assert m.gain_margin == pytest.approx(gain, rel=1e-3)
+    assert m.phase_margin_deg == pytest.approx(phase, abs=0.05)
+    assert m.phase_crossover_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-3)
+    at = np.array([p.frequency_hz for p in saturated.curve(amplitude, "break").points])
+    truth = GAIN * saturation_gain(amplitude) / (1.0 + 2j * np.pi * at) ** 3
+    assert saturated.curve(amplitude, "break").value == pytest.approx(truth, rel=2e-3)
+
+
+def test_far_beyond_the_limits_the_gain_is_four_over_pi_by_the_amplitude(saturated: LoopResult) -> None:
+    ratio = saturated.curve(5.0, "break").margins.gain_margin / saturated.margins.gain_margin
+    assert 1.0 / ratio == pytest.approx(4.0 / (math.pi * 5.0), rel=1e-2)
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 2.0, 5.0])
+def test_injecting_agrees_with_breaking(saturated: LoopResult, amplitude: float) -> None:
+    """At the crossovers, where the loop filters harmonics well; the distortion tells where it does not."""
+    broken, injected = (saturated.curve(amplitude, how) for how in ("break", "inject"))
+    assert injected.margins.gain_margin == pytest.approx(broken.margins.gain_margin, rel=1e-2)
+    assert injected.margins.gain_margin == pytest.approx(_truth(amplitude)[0], rel=1e-2)
+    assert injected.margins.phase_margin_deg == pytest.approx(broken.margins.phase_margin_deg, abs=0.7)
+    assert not injected.failed
+    assert all(p.amplitude == pytest.approx(amplitude, rel=4e-3) for p in injected.points)
+    assert max(p.balance or 0.0 for p in injected.points) < 2e-3
+    assert injected.margins.verdict == "stable"
+
+
+def test_distortion_tells_where_a_describing_function_says_little(saturated: LoopResult) -> None:
+    assert all(p.thd_passed == 0.0 for c in saturated.curves if c.how == "break" for p in c.points)
+    small, large = (saturated.curve(a, "inject").points for a in (0.5, 2.0))
+    assert max(p.thd_passed or 0.0 for p in small) < 1e-3
+    assert (large[0].thd_passed or 0.0) > 0.1
+    assert (large[-1].thd_passed or 0.0) < 0.01
+    assert any("is no sine" in note for note in saturated.curve(2.0, "inject").notes)
+    assert (large[-1].harmonics[1] or 0.0) > 0.9 * (large[-1].thd_returned or 0.0)  # the third
+
+
+def test_in_its_linear_range_the_loop_is_the_linear_one(saturated: LoopResult) -> None:
+    for how in ("break", "inject"):
+        curve = saturated.curve(0.5, how)
+        assert saturated.linear is not None
+        assert curve.value == pytest.approx(saturated.linear.response(curve.frequency_hz), rel=1e-3)
+        assert curve.margins.disk is not None
+        assert saturated.margins.disk is not None
+        assert curve.margins.disk.alpha == pytest.approx(saturated.margins.disk.alpha, rel=1e-2)
+
+
+def test_a_loop_of_gain_nine_is_unstable_small_and_stable_large() -> None:
+    """K = 12 > 8: the limit cycle has the amplitude at which N(A) K = 8; beyond it the quasi-linear loop is stable."""
+    with unity({"s": "fmu:Saturation", **LAGS}, 12.0, start_values=SATURATION) as model:
+        result = loop(model, "s.u", [0.5, 3.0], [0.15, 0.2, 0.3, 0.4], workers=HERE)
+    assert result.margins.verdict == "unstable"
+    small, large = (result.curve(a).margins for a in (0.5, 3.0))
+    assert (small.verdict, large.verdict) == ("unstable", "stable")
+    assert math.isnan(small.gain_margin)
+    assert large.gain_margin == pytest.approx(8.0 / (12.0 * saturation_gain(3.0)), rel=1e-3)
+
+
+def test_the_operating_point_counts() -> None:
+    """At rest at 0.64 of a limit of 1: linear up to an amplitude of 0.36, unsymmetric beyond."""
+    with unity({"s": "fmu:Saturation", **LAGS}, 4.0, start_values=SATURATION) as model:
+        point = trim(model, u0={"r": 0.8}).point
+        result = loop(model, "k.y", [0.3, 1.0], [0.15, 0.22, 0.3], point=point, how="both", workers=HERE)
+        beyond = loop(model, "k.y", point=trim(model, u0={"r": 5.0}).point)
+    assert result.value == pytest.approx(0.64)
+    for how in ("break", "inject"):
+        assert result.curve(0.3, how).margins.gain_margin == pytest.approx(2.0, rel=1e-3)
+    assert all(p.mean == pytest.approx(0.64) for p in result.curve(1.0, "break").points)
+    assert any("moves the mean" in note for note in result.curve(1.0, "inject").notes)
+    assert any("L is 0" in note for note in beyond.notes)
+
+
+def test_an_integrator_is_measured_in_closed_loop() -> None:
+    with unity({"i": 1 / S, "a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag"}, 1.5, start_values={"b.tau": 0.5}) as m:
+        result = loop(m, "a.u", 1.0, workers=HERE, ratio=1.5)
+    assert "would run away" in result.why
+    curve = result.curve()
+    assert curve.how == "inject"
+    assert curve.margins.gain_margin == pytest.approx(2.0, rel=1e-3)
+    assert curve.margins.phase_margin_deg == pytest.approx(result.margins.phase_margin_deg, abs=0.05)
+
+
+def test_a_sampled_loop_is_measured_below_its_nyquist_frequency() -> None:
+    law = control.ss(control.tf([2.4, -2.0], [1.0, -0.5], 0.1))
+    with unity({"c": law, "p": control.ss(1 / (S * (S + 1)))}, 1.0) as model:
+        result = loop(model, "c.y", 1.0, [0.05, 0.1, 0.2, 0.5], how="inject", refine=0, workers=HERE)
+    assert result.linear is not None
+    assert result.curve().value == pytest.approx(result.linear.response(np.array([0.05, 0.1, 0.2, 0.5])), rel=1e-2)
+    assert any("the loop is sampled" in note for note in result.notes)
+
+
+def test_worker_processes_measure_as_this_one() -> None:
+    values = []
+    for workers in (HERE, Workers(jobs=2)):
+        with unity(LAGS, 4.0, tolerance=1e-8) as model:
+            values.append(loop(model, "c.y", 1.0, [0.2, 0.3], refine=0, workers=workers).curve().value)
+    assert np.array_equal(values[0], values[1])
+
+
+def test_points_that_fail_are_told() -> None:
+    """Injected into an unstable loop nothing repeats."""
+    with unity({"p": 1 / (S + 1) ** 3}, 20.0) as model:
+        curve = loop(model, "p.y", 1.0, [0.2, 0.3], how="inject", workers=HERE).curve()
+    assert len(curve.failed) == 2
+    assert any("points failed, the first at 0.2 Hz: loop.passed grows without bound" in note for note in curve.notes)
+    assert math.isnan(curve.margins.gain_margin)
+    assert curve.to_dict()["points"][0]["gain"] is None
+
+
+def test_a_python_function_in_the_loop() -> None:
+    with connect(
+        {"p": 1 / (S + 1) ** 3, "k": -4.0, "f": np.tanh},
+        [("p.y", "k.u"), ("k.y", "f.u"), ("f.y", "p.u")],
+        outputs=["p.y"],
+        tolerance=1e-8,
+    ) as model:
+        result = loop(model, "k.y", [0.01], [0.2, 0.25, 0.3], how="break")
+    assert result.margins.gain_margin == pytest.approx(2.0, rel=1e-5)
+    assert result.curve().margins.gain_margin == pytest.approx(2.0, rel=1e-3)
+
+
+def test_margins_of_a_curve_are_those_of_its_transfer_function() -> None:
+    loop_transfer = transfer(200 * (S + 1) ** 2 / S**3 / (S + 50) * 50)
+    exact = margins_of(loop_transfer)
+    f = np.geomspace(0.01, 100.0, 120)
+    m = curve_margins(f, loop_transfer.response(f), linear=exact, stability=None)
+    assert m.verdict == "unknown"
+    assert m.gain_reduction == pytest.approx(exact.gain_reduction, rel=1e-3)
+    assert m.phase_margin_deg == pytest.approx(exact.phase_margin_deg, abs=0.05)
+    assert m.delay_margin_s == pytest.approx(exact.delay_margin_s, rel=2e-3)
+    assert m.peak_sensitivity == pytest.approx(exact.peak_sensitivity, rel=2e-3)
+    assert math.isnan(m.gain_margin)  # not seen is not infinite
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"amplitudes": 1.0, "how": "brake"}, "how: 'brake' is unknown; did you mean break"),
+        ({"amplitudes": -1.0}, "amplitude"),
+        ({"band": (0.1, 1.0)}, "frequencies are for measuring at amplitudes"),
+        ({"amplitudes": 1.0, "refine": 99}, "refine must be 0 … 10, not 99"),
+        ({"amplitudes": 1.0, "max_periods": 1}, "max_periods must be at least 2"),
+        ({"method": "exat"}, "method 'exat' is unknown"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, object], said: str) -> None:
+    with unity(LAGS, 4.0) as model, pytest.raises(InputError) as caught:
+        loop(model, "c.y", **options)  # type: ignore[arg-type]
+    assert said in str(caught.value)
