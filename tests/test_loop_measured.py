@@ -190,3 +190,15 @@ def test_wrong_options_are_refused(options: dict[str, object], said: str) -> Non
     with unity(LAGS, 4.0) as model, pytest.raises(InputError) as caught:
         loop(model, "c.y", **options)  # type: ignore[arg-type]
     assert said in str(caught.value)
+
+
+def test_what_was_measured_before_an_end_is_kept() -> None:
+    stops: list[int] = []
+    with unity(LAGS, 4.0) as model:
+        result = loop(
+            model, "c.y", 1.0, band=(0.1, 1.0), workers=HERE,
+            progress=lambda _, done, __: stops.append(done), stopped=lambda: len(stops) >= 4,
+        )  # fmt: skip
+    assert [len(c.points) for c in result.curves] == [4]
+    assert any("interrupted" in note for note in result.curve().notes)
+    assert result.margins.gain_margin == pytest.approx(2.0)

@@ -44,6 +44,7 @@ __all__ = ["loop"]
 _TOLERANCE = 1e-8
 
 _POINTS_FAILED = 1
+_INTERRUPTED = 130
 
 
 def loop(
@@ -97,6 +98,7 @@ def loop(
     Example: `workbench loop drive.toml --at plant.w --amplitude 1,4 --band 0.1:10 --plot loop.png`
     """
     from workbench.analysis.loop.loop import loop as run
+    from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.notes import flush, note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
@@ -115,7 +117,8 @@ def loop(
         set_=set_,
         bias=bias,
     )
-    with loaded, Bar(1) as bar:
+    stops: list[bool] = []
+    with loaded, Bar(1) as bar, OnInterrupt(lambda: stops.append(True)):
 
         def progress(found: LoopPoint, done: int, total: int) -> None:
             bar.update(done / total, f"{found.frequency_hz:.4g} Hz")
@@ -135,12 +138,15 @@ def loop(
             max_periods=max_periods,
             workers=where,
             progress=progress,
+            stopped=lambda: bool(stops),
         )
     for text in result.notes:
         note(text)
     flush()
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, plot=result.plot)
+    if stops:
+        return _INTERRUPTED
     return _POINTS_FAILED if any(c.failed for c in result.curves) else 0
 
 

@@ -117,6 +117,8 @@ def _top(grid: Floats, values: Floats) -> tuple[float, float]:
 def _verdict(
     phase: tuple[PhaseCrossover, ...], frequency_hz: Floats, linear: Margins | None, stability: Stability | None
 ) -> tuple[str, str]:
+    if len(frequency_hz) < 2:
+        return UNKNOWN, "whether the closed loop is stable is not known: fewer than two points have a value"
     if linear is None or stability is None:
         return UNKNOWN, "whether the closed loop is stable is not known: there is no linear loop to count from"
     if stability.verdict == BORDER:

@@ -44,6 +44,7 @@ def loop(
     max_periods: int = 20,
     workers: Workers | None = None,
     progress: Callable[[LoopPoint, int, int], None] | None = None,
+    stopped: Callable[[], bool] | None = None,
 ) -> LoopResult:
     """Open a loop at a connection: loop transfer L, sensitivities S and T, gain, phase, delay and disk margins.
 
@@ -92,6 +93,7 @@ def loop(
         max_periods: see `nfr`.
         workers: see `nfr`.
         progress: called with each measured point, the number done and the number in all that is known of.
+        stopped: asked every few points; true ends the measurement, and what was measured is returned.
 
     Returns:
         The loop: `margins`, `loop`, `sensitivity` and `complementary` (python-control), `curves`, `plot()`.
@@ -124,6 +126,7 @@ def loop(
                 workers=workers or Workers(),
                 linear=linear,
                 progress=progress,
+                stopped=stopped or _never,
             )
     if wanted is not None and linear is not None and linear.transfer.dt > 0.0:
         notes.append("the loop is sampled: what is measured holds the fundamentals of continuous signals, L(z) samples")
@@ -136,6 +139,10 @@ def loop(
         why=why,
         notes=tuple(notes),
     )
+
+
+def _never() -> bool:
+    return False
 
 
 def _amplitudes(amplitudes: Sequence[float] | Floats | float) -> tuple[float, ...]:

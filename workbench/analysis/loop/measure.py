@@ -24,6 +24,7 @@ from workbench.workers import Workers
 __all__ = ["MEASUREMENTS", "Measurement", "choose_measurement", "measure"]
 
 _SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
+_HANDFUL = 4
 
 Progress = Callable[[LoopPoint, int, int], None]
 Points = dict[tuple[float, float], LoopPoint]
@@ -84,6 +85,7 @@ def measure(
     workers: Workers,
     linear: LinearLoop | None,
     progress: Progress | None,
+    stopped: Callable[[], bool],
 ) -> list[LoopCurve]:
     """Return a curve for each amplitude.
 
@@ -96,21 +98,24 @@ def measure(
         refine: so many rounds of more points, at the crossovers that the points so far show.
         workers: where the system runs.
         linear: the linear loop, for the verdict on stability.
-        progress: called after each round with each new point, the number done and the number known to come.
+        progress: called with each new point, the number done and the number in all that is known of.
+        stopped: asked between handfuls of points; true ends the measurement, a note says so.
     """
     way, points = MEASUREMENTS[name], Points()
     with way.cut(cut) as model, Bench(model, workers) as bench:
         wanted = [(f, a) for a in amplitudes for f in frequencies]
         for _ in range(1 + refine):
-            for pair in _parts(wanted):
-                for key, point in zip(pair, way.run(bench, request, pair), strict=True):
+            for part in _parts(wanted):
+                if stopped():
+                    break
+                for key, point in zip(part, way.run(bench, request, part), strict=True):
                     points[key] = point
                     if progress is not None:
                         progress(point, len(points), len({*points, *wanted}))
-            wanted = _closer(points, amplitudes)
+            wanted = [] if stopped() else _closer(points, amplitudes)
             if not wanted:
                 break
-        notes = tuple(bench.notes)
+        notes = (*bench.notes, *(("interrupted: points are missing",) if stopped() else ()))
     curves = []
     for amplitude in amplitudes:
         found = _known(points, amplitude)
@@ -128,8 +133,8 @@ def measure(
 
 
 def _parts(wanted: Sequence[tuple[float, float]]) -> Iterable[Sequence[tuple[float, float]]]:
-    """Return handfuls, so that progress can be told."""
-    return (wanted[i : i + 8] for i in range(0, len(wanted), 8))
+    """Return handfuls, so that progress can be told and the measurement ended."""
+    return (wanted[i : i + _HANDFUL] for i in range(0, len(wanted), _HANDFUL))
 
 
 def _known(points: Points, amplitude: float) -> list[LoopPoint]:
