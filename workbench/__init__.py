@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
     from workbench.analysis.lin.step_check import StepCheck, step_check
     from workbench.analysis.lin.sweep import LinGrid, LinPoint, lin_along, lin_over
+    from workbench.analysis.loop import LoopResult, Margins
+    from workbench.analysis.loop.loop import loop
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
@@ -94,6 +96,8 @@ __all__ = [
     "LinResult",
     "LinearComponent",
     "LinearModel",
+    "LoopResult",
+    "Margins",
     "Model",
     "MultisineDesign",
     "NfrPoint",
@@ -142,6 +146,7 @@ __all__ = [
     "lin_along",
     "lin_over",
     "load",
+    "loop",
     "make_experiment",
     "nfr",
     "overlay",
@@ -161,6 +166,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "workbench.analysis.loop": ("LoopResult", "Margins", "loop"),
     "workbench.build.export": ("ExportResult", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
     "workbench.analysis.excite": ("ExciteResult", "MultisineDesign", "PrbsDesign", "excite"),

@@ -16,6 +16,7 @@ from workbench.cli.export import export
 from workbench.cli.identify import identify
 from workbench.cli.info import info
 from workbench.cli.lin import lin
+from workbench.cli.loop import loop
 from workbench.cli.nfr import nfr
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
@@ -40,6 +41,7 @@ app.command("simulate")(simulate)
 app.command("nfr")(nfr)
 app.command("trim")(trim)
 app.command("lin")(lin)
+app.command("loop")(loop)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("build")(build)
