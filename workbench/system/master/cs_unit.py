@@ -40,6 +40,13 @@ class CsUnit:
         self._slopes_work = part.capabilities.interpolates_inputs
         self._accesses: dict[tuple[str, ...], Access] = {}
 
+    @property
+    def takes(self) -> str:
+        """How it takes its inputs over a step: "start" or "middle" value, or "slope"."""
+        if self._as_start:
+            return "start"
+        return "slope" if self._slopes_work else "middle"
+
     def read(self) -> list[float]:
         """Return the present values of the sources."""
         return [float(v) for v in self._outlet.read()] if self._outlet.variables else []
@@ -48,7 +55,8 @@ class CsUnit:
         """Step from `start` to `end` [s].
 
         Args:
-            start, end: [s].
+            start: [s].
+            end: [s].
             courses: of all inputs that are connected or forced.
             may_stop: it may end earlier, at an event of its own.
         """

@@ -103,4 +103,4 @@ class _CompiledMe(CompiledMeSession):
 
 
 # Driver → session of a group.
-GROUP_SESSIONS: Mapping[str, type[_Me] | type[_CompiledMe]] = {"compiled": _CompiledMe, "python": _Me}
+GROUP_SESSIONS: Mapping[str, type[_Me | _CompiledMe]] = {"compiled": _CompiledMe, "python": _Me}

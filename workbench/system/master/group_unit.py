@@ -62,6 +62,11 @@ class GroupUnit:
             raise SimulationError(f"{self.name} is not initialised, or closed")
         return self._session
 
+    @property
+    def takes(self) -> str:
+        """How it takes its inputs over a step."""
+        return "slope"
+
     def read(self) -> list[float]:
         """Return the present values of the sources."""
         return [float(v) for v in self._outlet.read()] if self._outlet.variables else []

@@ -31,6 +31,8 @@ __all__ = ["MasterInstance", "MasterPlan"]
 
 Floats = NDArray[np.float64]
 
+_LEAST = 1e-3  # of values whose nominal value is not declared
+
 
 @dataclass(frozen=True, eq=False)
 class MasterPlan:
@@ -96,6 +98,10 @@ class MasterInstance(CompositeInstance):
         description: of the system.
         ports: name of a variable of the system → the parts that have it.
         source: what the user named.
+
+    Attributes:
+        decided: see `MasterPlan`.
+        reached: see `watch`.
     """
 
     def __init__(
@@ -108,7 +114,8 @@ class MasterInstance(CompositeInstance):
         self._known: dict[int, float] = {}
         self._forced: dict[tuple[int, str], _Ramp] = {}
         self._next_events: dict[int, float] = {}
-        self._initial = True
+        self._watched: Access | None = None
+        self.reached = np.zeros(0)
         self._groups: dict[int, GroupUnit] = {}
         self._units = [self._unit(k) for k in range(len(decided.units.units))]
 
@@ -228,6 +235,29 @@ class MasterInstance(CompositeInstance):
         later += [t.after(time) for t in self.decided.ticks.values()]
         return min((t for t in later if t > time), default=math.inf)
 
+    def watch(self) -> None:
+        """Keep in `reached` the left limits at the end of each step: connected values, then the system's outputs."""
+        shown = [v for v in self.description.variables if v.causality == "output" and v.is_number]
+        # What a component sees at its inputs depends on the step by nature.
+        outputs = [v for v in shown if self.ports(v)[0][1].causality != "input"]
+        self._watched = self.access(outputs)
+
+    def _watched_values(self) -> Floats:
+        if self._watched is None:
+            return self.reached
+        outputs = [float(v) for v in self._watched.read()] if self._watched.variables else []
+        return np.array([*(self._known[i] for i in sorted(self._known)), *outputs])
+
+    def least(self) -> Floats:
+        """Return from which magnitude on what is watched counts in relative terms."""
+        sources = [self._wiring.connections[i].destination for i in sorted(self.decided.units.outer())]
+        outputs = self._watched.variables if self._watched is not None else ()
+        return np.array([v.nominal or _LEAST for v in (*sources, *outputs)])
+
+    def takes(self, number: int) -> str:
+        """Return how a unit takes its inputs over a step."""
+        return self._units[number].takes
+
     # -- steps ------------------------------------------------------------------------------
 
     def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
@@ -254,6 +284,7 @@ class MasterInstance(CompositeInstance):
         self._slopes = self._new_slopes(start, end - time)
         self.time = end
         self._stale = False  # what is read now are left limits
+        self.reached = self._watched_values()
         return StepResult(end, event=True)
 
     def _advance(self, number: int, time: float, end: float, start: Floats, *, may_stop: bool) -> Reached:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from contextlib import ExitStack
 
-from workbench.errors import SimulationError
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
-from workbench.fmi.wiring import Connection
 from workbench.model.described import DescribedModel
 from workbench.model.load import check_biases, check_starts, choose_driver
 from workbench.model.recipe import DEFAULT_TOLERANCE
@@ -22,10 +19,11 @@ from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
 from workbench.system.model import Opened, connections_of, starts_of
-from workbench.system.parts import Part
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
+
+_LOOSER = 100.0  # tolerance of one communication step in terms of the integration's
 
 
 class MasterModel(DescribedModel):
@@ -38,7 +36,6 @@ class MasterModel(DescribedModel):
     Attributes:
         system: the system as it is written down.
         order: "gauss-seidel" or "jacobi".
-        decided: how the master goes about it.
     """
 
     recipe: SystemRecipe
@@ -48,45 +45,100 @@ class MasterModel(DescribedModel):
         self.system = opened.description
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        variables = {v.name: v for v in described.variables}
         driver, remark = choose_driver(recipe.driver)
-        self.order, self.decided, notes = _decide(opened, recipe, driver)
-        setup = Setup(
-            open_instance=self.new_instance,
-            variables=variables,
-            start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
-            bias=check_biases(recipe.bias, variables),
-            rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
-            tolerance=recipe.tolerance or described.experiment.tolerance,
-            step=recipe.step,
-            hold_inputs=recipe.hold_inputs,
-            solver="fmu",
-        )
+        self._units = find_units(opened.parts, connections_of(opened), opened.resolved)
+        self.order, _ = choose_order(recipe.order, self._units)
+        self._solvers, notes = _solvers(self._units, recipe.solver)
+        self._decided: MasterPlan | None = None
+        self._probing = False
+        setup = _setup(opened, recipe, described)
+        master = _master_note(self.order, self._units, hold_inputs=recipe.hold_inputs)
         super().__init__(
             described,
             source=recipe.source,
             interface="cs",
             setup=setup,
             driver=driver,
-            notes=(*_own_notes(opened), *notes, *filter(None, [remark])),
+            notes=(*_own_notes(opened), master, _step_note(setup, described), *notes, *filter(None, [remark])),
             recipe=recipe,
         )
 
+    @property
+    def decided(self) -> MasterPlan:
+        """How the master goes about it. The first time, sampled components are asked for their instants."""
+        if self._decided is None:
+            sampled = find_ticks(self._opened.parts, self._units)
+            held = frozenset(k for k, found in sampled.items() if found.held)
+            self._decided = MasterPlan(
+                units=self._units,
+                names=tuple(p.name for p in self._opened.parts),
+                stages=choose_order(self.recipe.order, self._units, held)[1],
+                held=held,
+                ticks={k: found.ticks for k, found in sampled.items()},
+                hold_inputs=self.recipe.hold_inputs,
+                solver=self._solvers,
+                rtol=self._setup.rtol,
+                driver=self.driver,
+            )
+        return self._decided
+
     def new_instance(self) -> Instance:
+        decided = self.decided
         with ExitStack() as undo:
             made: list[Instance] = []
             for part in self._opened.parts:
                 made.append(part.instance())
                 undo.callback(made[-1].close)
             undo.pop_all()
-        return MasterInstance(made, self.decided, self.description, self._ports, source=self.source)
+        return MasterInstance(made, decided, self.description, self._ports, source=self.source)
 
     def _open(self, setup: Setup) -> FmuSession:
-        return MasterSession(setup)
+        controlled = setup.step is None and not self._probing and not self.why_fixed_step()
+        return MasterSession(setup, tolerance=_LOOSER * setup.rtol if controlled else None)
+
+    def why_fixed_step(self) -> str:
+        """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""
+        if self._setup.step is not None:
+            return f"a step of {self._setup.step:g} s is given"
+        constant = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].variable_step]
+        if constant:
+            return f"a constant step is needed by {', '.join(constant)}"
+        return self.why_replay()
+
+    def why_replay(self) -> str:
+        claims = ((p.name, p.description.interfaces[p.interface].state) for p in self._opened.parts)
+        without = [name for name, claimed in claims if not claimed]
+        if without:
+            return f"components do not claim to save their state: {', '.join(without)}"
+        before, self._probing = self._probing, True
+        try:
+            return super().why_replay()
+        finally:
+            self._probing = before
 
     def close(self) -> None:
         super().close()
         self._opened.close()
+
+
+def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setup:
+    variables = {v.name: v for v in described.variables}
+    tolerance = recipe.tolerance or described.experiment.tolerance
+    return Setup(
+        open_instance=_not_yet,
+        variables=variables,
+        start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
+        bias=check_biases(recipe.bias, variables),
+        rtol=tolerance or DEFAULT_TOLERANCE,
+        tolerance=tolerance,
+        step=recipe.step or opened.description.default_experiment.step,
+        hold_inputs=recipe.hold_inputs,
+        solver="fmu",
+    )
+
+
+def _not_yet() -> Instance:
+    raise NotImplementedError  # the model puts its own in place
 
 
 def _described(opened: Opened) -> Description:
@@ -106,37 +158,43 @@ def _described(opened: Opened) -> Description:
     return dataclasses.replace(described, interfaces={"cs": joint})
 
 
-def _decide(opened: Opened, recipe: SystemRecipe, driver: str) -> tuple[str, MasterPlan, list[str]]:
-    """Return the method, what is decided once, and notes about it."""
-    parts = opened.parts
-    units = find_units(parts, connections_of(opened), opened.resolved)
-    sampled, notes = find_ticks(parts, units)
-    held = frozenset(k for k, found in sampled.items() if found.held)
-    order, stages = choose_order(recipe.order, units, held)
-    solver = {}
+def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
+    """Return the solver of each group of model exchange components, and notes."""
+    found, notes = dict[int, str](), list[str]()
     for k, unit in enumerate(units.units):
         if unit.group is not None:
-            solver[k], note = choose_solver(recipe.solver, states=unit.group.description.state_count)
-            notes += [f"{unit.name}: {note}"] if unit.group.description.state_count else []
-    decided = MasterPlan(
-        units=units,
-        names=tuple(p.name for p in parts),
-        stages=stages,
-        held=held,
-        ticks={k: found.ticks for k, found in sampled.items()},
-        hold_inputs=recipe.hold_inputs,
-        solver=solver,
-        rtol=recipe.tolerance or DEFAULT_TOLERANCE,
-        driver=driver,
-    )
-    return order, decided, [_order_note(order, decided), *notes]
+            states = unit.group.description.state_count
+            # What is wanted for the whole system does not concern groups without states.
+            found[k], note = choose_solver(wanted if states else "auto", states=states)
+            notes += [f"{unit.name}: {note}"] if states and note else []
+    return found, notes
 
 
-def _order_note(order: str, decided: MasterPlan) -> str:
-    names = [" | ".join(decided.units.units[k].name for k in stage) for stage in decided.stages]
-    return f"master: {order}, {' → '.join(names)}"
+# -- notes --------------------------------------------------------------------------------------
 
 
 def _own_notes(opened: Opened) -> list[str]:
     notes = [*opened.description.notes, *opened.resolved.notes]
     return notes + [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
+
+
+def _master_note(order: str, units: Units, *, hold_inputs: bool) -> str:
+    held = (
+        "held between communication points, which is a delay"
+        if hold_inputs
+        else "linear, or at their middle value, between communication points"
+    )
+    groups = [u.name for u in units.units if u.group is not None and len(u.members) > 1]
+    one = f"; one equation with one solver: {', '.join(groups)}" if groups else ""
+    return f"master: {order}; connected values are {held} (what that costs: delays()){one}"
+
+
+def _step_note(setup: Setup, described: Description) -> str:
+    if setup.step is not None:
+        return f"communication step: {setup.step:g} s, and the instants of sampled components"
+    begin = described.experiment.step
+    fixed = "derived from the signals and points" if begin is None else f"{begin:g} s, the shortest default of an FMU"
+    return (
+        "communication step: controlled by step doubling where the state of all components can be saved (probed), "
+        f"else {fixed}; --step sets it"
+    )

@@ -42,7 +42,10 @@ def choose_order(wanted: str, units: Units, held: Collection[int] = ()) -> tuple
 
 
 def _jacobi(units: Units, held: Collection[int]) -> Order:
-    return (tuple(range(len(units.units))),)
+    """Side by side, but sampled units first: what they hold over a step is known at its start."""
+    first = tuple(sorted(held))
+    rest = tuple(k for k in range(len(units.units)) if k not in held)
+    return tuple(stage for stage in (first, rest) if stage)
 
 
 def _gauss_seidel(units: Units, held: Collection[int]) -> Order:
@@ -76,7 +79,7 @@ def _sorted_loops(numbers: Sequence[int], costs: Mapping[tuple[int, int], float]
         if a in place and b in place:
             graph[place[a], place[b]] = 1.0
     count, label = connected_components(csr_matrix(graph), directed=True, connection="strong")
-    left = [[numbers[i] for i in np.flatnonzero(label == k)] for k in range(count)]
+    left = [[numbers[int(i)] for i in np.flatnonzero(label == k)] for k in range(count)]
     ordered: list[list[int]] = []
     while left:
         free = next(c for c in left if not any((a, b) in costs for o in left if o is not c for a in o for b in c))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from workbench.errors import WorkbenchError
-from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model.recipe import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.master.ticks import Ticks, repeating
@@ -32,33 +31,25 @@ class Sampled:
     held: bool
 
 
-def find_ticks(parts: Sequence[Part], units: Units) -> tuple[dict[int, Sampled], list[str]]:
-    """Return the sampled co-simulation units with their instants, and notes.
+def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
+    """Return the sampled co-simulation units with their instants.
 
     Args:
         parts: the components.
         units: what is stepped.
     """
-    found, notes = dict[int, Sampled](), list[str]()
+    found: dict[int, Sampled] = {}
     for k, unit in enumerate(units.units):
         part = parts[unit.members[0]]
         ticks = _ticks(part) if unit.group is None else None
         if ticks is not None:
             found[k] = Sampled(ticks, held=_held(part))
-            notes.append(f"{part.name}: sampled, every {_words(ticks)}; stepped at its own instants")
-    return found, notes
-
-
-def _words(ticks: Ticks) -> str:
-    if len(ticks.first) == 1:
-        return f"{ticks.period:.9g} s"
-    return f"{ticks.period:.9g} s, {len(ticks.first)} times within that"
+    return found
 
 
 def _held(part: Part) -> bool:
     """Whether nothing but the clock can change an output."""
-    outputs = [v for v in part.description.variables if v.causality == "output" and v.type in FLOAT_TYPES]
-    return part.description.state_count == 0 and all(v.dependencies is None or True for v in outputs)
+    return part.description.state_count == 0
 
 
 def _ticks(part: Part) -> Ticks | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 __all__ = ["Ticks", "repeating"]
 
@@ -40,12 +41,12 @@ class Ticks:
     def longest(self) -> float:
         """The longest time between two instants [s]."""
         times = [*self.first, self.first[0] + self.period]
-        return max(b - a for a, b in zip(times[:-1], times[1:], strict=True))
+        return max(b - a for a, b in pairwise(times))
 
 
 def repeating(times: Sequence[float]) -> Ticks | None:
     """Return the shortest pattern that repeats in these instants [s], seen twice at least; None if there is none."""
-    gaps = [b - a for a, b in zip(times[:-1], times[1:], strict=True)]
+    gaps = [b - a for a, b in pairwise(times)]
     for length in range(1, min(_LONGEST_PATTERN, len(gaps) // 2) + 1):
         period = times[length] - times[0]
         if all(abs(gaps[i + length] - gaps[i]) <= _REPEATS * period for i in range(len(gaps) - length)):
