@@ -117,23 +117,35 @@ def _top(grid: Floats, values: Floats) -> tuple[float, float]:
 def _verdict(
     phase: tuple[PhaseCrossover, ...], frequency_hz: Floats, linear: Margins | None, stability: Stability | None
 ) -> tuple[str, str]:
-    if len(frequency_hz) < 2:
-        return UNKNOWN, "whether the closed loop is stable is not known: fewer than two points have a value"
-    if linear is None or stability is None:
-        return UNKNOWN, "whether the closed loop is stable is not known: there is no linear loop to count from"
-    if stability.verdict == BORDER:
-        return UNKNOWN, f"whether the quasi-linear loop is stable is not known: {stability.words}"
-    left = [c for c in linear.phase_crossovers if c.factor < 1.0]
-    if any(not frequency_hz.min(initial=np.inf) <= c.frequency_hz <= frequency_hz.max(initial=0.0) for c in left):
-        return UNKNOWN, "whether the quasi-linear loop is stable is not known: the band leaves out phase crossovers"
-    count = stability.unstable + 2 * (_turns(phase) - _turns(left))
-    if count == 0:
-        return STABLE, "the quasi-linear loop is stable, by Nyquist's criterion from the linear one"
+    why = _why_unknown(frequency_hz, linear, stability)
+    count = (
+        0
+        if why or linear is None or stability is None
+        else stability.unstable + 2 * (_turns(phase) - _turns(linear.phase_crossovers))
+    )
     if count < 0:
-        return UNKNOWN, "whether the quasi-linear loop is stable is not known: its open loop is not the linear one's"
-    return UNSTABLE, f"the quasi-linear loop has {count} unstable poles; margins mean nothing then"
+        why = "its open loop is not the linear one's"
+    if why:
+        return UNKNOWN, f"whether the quasi-linear loop is stable is not known: {why}"
+    if count:
+        return UNSTABLE, f"the quasi-linear loop has {count} unstable poles; margins mean nothing then"
+    return STABLE, "the quasi-linear loop is stable, by Nyquist's criterion from the linear one"
 
 
-def _turns(crossovers: tuple[PhaseCrossover, ...] | list[PhaseCrossover]) -> int:
+def _why_unknown(frequency_hz: Floats, linear: Margins | None, stability: Stability | None) -> str:
+    """Return why poles cannot be counted; empty if they can."""
+    if len(frequency_hz) < 2:
+        return "fewer than two points have a value"
+    if linear is None or stability is None:
+        return "there is no linear loop to count from"
+    if stability.verdict == BORDER:
+        return stability.words
+    left = [c.frequency_hz for c in linear.phase_crossovers if c.factor < 1.0]
+    if any(not frequency_hz.min() <= f <= frequency_hz.max() for f in left):
+        return "the band leaves out phase crossovers of the linear loop"
+    return ""
+
+
+def _turns(crossovers: tuple[PhaseCrossover, ...]) -> int:
     """Return crossings left of -1: upwards less downwards."""
     return sum(1 if c.upwards else -1 for c in crossovers if c.factor < 1.0)
