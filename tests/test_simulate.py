@@ -84,6 +84,15 @@ def test_points_or_interval(points: list[float] | None) -> None:
     assert result.time == pytest.approx([0.0, 0.1, 0.4] if points else [0.0, 0.3, 0.4])
 
 
+def test_points_lie_on_the_grid_of_a_constant_communication_step() -> None:
+    model = IntegratorModel()
+    model.grid = 0.03
+    at = simulate(model, stop=30.0, inputs={"u": Constant(1.0)}).time
+    steps = np.unique(np.round(at / 0.03, 9))
+    assert np.array_equal(steps, np.round(steps))
+    assert len(steps) == 501  # 500 points of 0.06 s
+
+
 def test_wrong_input_is_refused() -> None:
     model = IntegratorModel()
     with pytest.raises(InputError, match="'y' is an output, but an input is needed"):

@@ -109,7 +109,7 @@ def simulate(
     inputs = dict(inputs or {})
     _check_inputs(model, inputs)
     names = _names(model, outputs)
-    at = _points(start_time, stop, interval, points)
+    at = _points(start_time, stop, interval, points, grid=model.grid)
     run = _Run(model, start_time, stop, inputs, names, at)
     record, step = run.once(None)
     notes = () if step is None or not verify_step else run.doubts(record, step)
@@ -182,13 +182,23 @@ def _names(model: Model, outputs: Sequence[str] | None) -> list[str]:
     return [v.name for v in chosen if v.is_number]
 
 
-def _points(start: float, stop: float, interval: float | None, points: Sequence[float] | Floats | None) -> Floats:
+def _points(
+    start: float,
+    stop: float,
+    interval: float | None,
+    points: Sequence[float] | Floats | None,
+    *,
+    grid: float | None = None,
+) -> Floats:
+    """Return where values are recorded [s]; where nothing is asked for, on the `grid` of communication points."""
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
         raise InputError(f"stop must lie after the start at {start:g} s, not at {stop:g} s")
     if points is not None:
         return np.asarray(points, dtype=np.float64)
     span = stop - start
-    interval = span / DEFAULT_POINTS if interval is None else interval
+    if interval is None:
+        interval = span / DEFAULT_POINTS
+        interval = grid * max(1, round(interval / grid)) if grid is not None else interval
     if not interval > 0.0:
         raise InputError(f"interval must be positive, not {interval:g} s")
     count = max(1, round(span / interval, 9).__floor__())

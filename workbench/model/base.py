@@ -33,6 +33,7 @@ class Model(ABC):
         solver: "vkm", "gear", "fmu" (co-simulation: the FMU's own), "none" (nothing to integrate).
         inputs, outputs, parameters, states: the variables, in the model's order.
         notes: remarks for the user.
+        grid: constant communication step that co-simulation insists on [s]; None: steps may differ.
         recipe: how to make the model again in another process; None: it lives in this one only.
     """
 
@@ -44,6 +45,7 @@ class Model(ABC):
     parameters: tuple[Variable, ...]
     states: tuple[Variable, ...]
     notes: tuple[str, ...]
+    grid: float | None = None
     recipe: Recipe | None = None
 
     @abstractmethod

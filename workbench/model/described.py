@@ -69,6 +69,8 @@ class DescribedModel(Model):
         self.solver = setup.solver
         self.driver = driver
         self.notes = notes
+        if not description.interfaces[interface].variable_step:
+            self.grid = setup.step or description.experiment.step
         self.inputs = self._with("input")
         self.outputs = self._with("output")
         self.parameters = self._with(*_PARAMETERS)
