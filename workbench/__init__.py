@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from workbench.session import Record, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
     from workbench.system.connect import connect
+    from workbench.system.container import ContainerResult, export_container
     from workbench.system.description import (
         Connection,
         FmuComponent,
@@ -75,6 +76,7 @@ __all__ = [
     "Coherence",
     "Connection",
     "Constant",
+    "ContainerResult",
     "DescribedModel",
     "Doubt",
     "ExciteResult",
@@ -141,6 +143,7 @@ __all__ = [
     "estimate",
     "excite",
     "export",
+    "export_container",
     "identify",
     "lin",
     "lin_along",
@@ -204,6 +207,7 @@ _HOMES = {
     "workbench.session": ("Record", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
     "workbench.system.connect": ("connect",),
+    "workbench.system.container": ("ContainerResult", "export_container"),
     "workbench.system.description": (
         "Connection",
         "FmuComponent",
