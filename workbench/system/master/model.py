@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from contextlib import ExitStack
 
 from workbench.fmi.description import Capabilities, Description
@@ -12,7 +13,10 @@ from workbench.model.load import check_biases, check_starts, choose_driver
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.solvers import choose_solver
+from workbench.signals import Signal
 from workbench.system.joint import joint_description, joint_ports
+from workbench.system.master.crossover import opened_loop
+from workbench.system.master.delays import DelayReport, delay_report
 from workbench.system.master.instance import MasterInstance, MasterPlan
 from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
@@ -100,6 +104,8 @@ class MasterModel(DescribedModel):
         """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""
         if self._setup.step is not None:
             return f"a step of {self._setup.step:g} s is given"
+        if self._setup.hold_inputs:
+            return "inputs are held: their error falls too slowly with the step to be controlled"
         constant = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].variable_step]
         if constant:
             return f"a constant step is needed by {', '.join(constant)}"
@@ -115,6 +121,43 @@ class MasterModel(DescribedModel):
             return super().why_replay()
         finally:
             self._probing = before
+
+    def delays(
+        self,
+        *,
+        stop: float | None = None,
+        inputs: Mapping[str, Signal] | None = None,
+        step: float | None = None,
+        frequency: float | None = None,
+    ) -> DelayReport:
+        """Return what the master costs: delays of connections, phase lost, change when the step is halved.
+
+        The system runs three times, with the step, half of it and a quarter.
+
+        Args:
+            stop: how long [s]; None: the default experiment's end, else 500 steps.
+            inputs: forced inputs of these runs; the others keep their start values.
+            step: communication step [s]; None: the one that a run would use, controlled or not.
+            frequency: at which the phase is told [Hz]; None: the crossover of each loop, where the components'
+                model exchange sides give it.
+
+        Raises:
+            InputError: unknown input, stop not positive.
+            FmuError, SimulationError: as for a run.
+        """
+        return delay_report(self, stop=stop, inputs=inputs or {}, step=step, frequency=frequency)
+
+    def shows_input(self, output: str) -> bool:
+        """Whether an output of the system shows what a component sees, which depends on the step by nature."""
+        return self._ports[output][0][1].causality == "input"
+
+    def all_me(self, without: int) -> DescribedModel | None:
+        """Return the same system with model exchange components only and one connection opened; None if it has none.
+
+        Args:
+            without: number of the connection; its ends become the input and the output `loop`.
+        """
+        return opened_loop(self._opened, self.recipe, without)
 
     def close(self) -> None:
         super().close()
@@ -194,6 +237,8 @@ def _step_note(setup: Setup, described: Description) -> str:
         return f"communication step: {setup.step:g} s, and the instants of sampled components"
     begin = described.experiment.step
     fixed = "derived from the signals and points" if begin is None else f"{begin:g} s, the shortest default of an FMU"
+    if setup.hold_inputs:
+        return f"communication step: {fixed}; --step sets it"
     return (
         "communication step: controlled by step doubling where the state of all components can be saved (probed), "
         f"else {fixed}; --step sets it"

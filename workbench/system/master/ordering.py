@@ -30,7 +30,7 @@ def choose_order(wanted: str, units: Units, held: Collection[int] = ()) -> tuple
     Args:
         wanted: "auto" or a name in `ORDERS`.
         units: what is stepped.
-        held: units whose outputs stand still over a step: they go first, and cost nothing to those before them.
+        held: units whose outputs stand still over a step: they go first.
 
     Raises:
         InputError: unknown name.
@@ -50,7 +50,7 @@ def _jacobi(units: Units, held: Collection[int]) -> Order:
 
 def _gauss_seidel(units: Units, held: Collection[int]) -> Order:
     """Units that stop at their own events or hold their outputs first; then along the connections."""
-    costs = _costs(units, held)
+    costs = _costs(units)
     early = [k for k, u in enumerate(units.units) if u.event_mode or k in held]
     rest = [k for k in range(len(units.units)) if k not in early]
     return tuple((k,) for some in (early, rest) for loop in _sorted_loops(some, costs) for k in _best(loop, costs))
@@ -60,7 +60,7 @@ def _gauss_seidel(units: Units, held: Collection[int]) -> Order:
 ORDERS: Mapping[str, Callable[[Units, Collection[int]], Order]] = {"gauss-seidel": _gauss_seidel, "jacobi": _jacobi}
 
 
-def _costs(units: Units, held: Collection[int]) -> dict[tuple[int, int], float]:
+def _costs(units: Units) -> dict[tuple[int, int], float]:
     """Return what it costs to step the second unit of a pair without knowing what the first one reaches."""
     costs: dict[tuple[int, int], float] = {}
     for i in units.outer():

@@ -1,0 +1,122 @@
+"""Where the gain of a loop falls through 1, from the model exchange sides of its components.
+
+The loop is opened at one connection, all others stay closed; the system that remains is linearised by central
+differences where it starts. Not for sampled components: at one instant they stand still.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+
+from workbench.errors import WorkbenchError
+from workbench.model.described import DescribedModel
+from workbench.session.base import Floats
+from workbench.system.description import Connection, FmuComponent
+
+if TYPE_CHECKING:
+    from workbench.system.model import Opened
+    from workbench.system.recipe import SystemRecipe
+
+__all__ = ["crossover", "opened_loop"]
+
+_STEP = 1e-4  # of a difference, relative to the larger of 1 and the value
+_BAND = (-4.0, 4.0)  # decades [Hz] in which a crossover is looked for
+_POINTS = 400
+LOOP = "loop"
+
+
+def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> DescribedModel | None:
+    """Return the system with model exchange only and one connection opened; None if that cannot be.
+
+    Args:
+        opened: the system.
+        recipe: how it was opened.
+        without: number of the connection.
+    """
+    from workbench.system.model import open_system  # noqa: PLC0415 - it opens masters, too
+
+    if any(p.interface == "cs" and "me" not in p.description.interfaces for p in opened.parts):
+        return None
+    parts, wire = opened.parts, opened.resolved.wires[without]
+    source = f"{parts[wire.from_component].name}.{wire.source.name}"
+    destination = f"{parts[wire.to_component].name}.{wire.destination.name}"
+    kept = [w for i, w in enumerate(opened.resolved.wires) if i != without]
+    system = dataclasses.replace(
+        opened.description,
+        components=tuple(
+            dataclasses.replace(c, interface="me") if isinstance(c, FmuComponent) else c
+            for c in opened.description.components
+        ),
+        connections=tuple(
+            Connection(
+                source=f"{parts[w.from_component].name}.{w.source.name}",
+                destination=f"{parts[w.to_component].name}.{w.destination.name}",
+                gain=w.factor,
+                offset=w.offset,
+                convert=False,
+            )
+            for w in kept
+        ),
+        inputs={LOOP: (destination,)},
+        outputs={LOOP + "_back": source},
+    )
+    made = {n: dataclasses.replace(r, interface="me", step=None, owned=False) for n, r in recipe.parts.items()}
+    try:
+        plain = dataclasses.replace(
+            recipe, system=system, parts=made, interface="auto", step=None, hold_inputs=False, bias={}
+        )
+        return open_system(plain)
+    except WorkbenchError:
+        return None
+
+
+def crossover(model: DescribedModel, factor: float) -> float | None:
+    """Return the highest frequency [Hz] at which the opened loop's gain is 1; None if there is none.
+
+    Args:
+        model: made by `opened_loop`.
+        factor: of the opened connection.
+
+    Raises:
+        WorkbenchError: the model cannot be evaluated.
+    """
+    a, b, c, d = _matrices(model)
+
+    def level(exponent: float) -> float:
+        s = 2j * np.pi * 10.0**exponent
+        gain = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
+        return math.log10(max(abs(factor * complex(gain)), 1e-300))
+
+    if not len(a):
+        return None
+    grid = np.linspace(*_BAND, _POINTS)
+    levels = np.array([level(e) for e in grid])
+    falls = np.flatnonzero((levels[:-1] > 0.0) & (levels[1:] <= 0.0))
+    if not len(falls):
+        return None
+    k = int(falls[-1])
+    return float(10.0 ** brentq(level, float(grid[k]), float(grid[k + 1])))
+
+
+def _matrices(model: DescribedModel) -> tuple[Floats, Floats, Floats, float]:
+    """Return A, B, C, D from the one input to the one output where the model starts."""
+    with model.open_point() as point:
+        n, x0, u0 = len(point.x0), point.x0, point.u0
+
+        def both(v: Floats) -> Floats:
+            found = point.at(v[:n], v[n:])
+            return np.concatenate([found.dx, found.y])
+
+        v0 = np.concatenate([x0, u0])
+        columns = []
+        for i in range(n + 1):
+            e = np.zeros(n + 1)
+            e[i] = _STEP * max(1.0, abs(v0[i]))
+            columns.append((both(v0 + e) - both(v0 - e)) / (2.0 * e[i]))
+    full = np.array(columns).T
+    return full[:n, :n], full[:n, n], full[n, :n], float(full[n, n])
