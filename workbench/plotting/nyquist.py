@@ -33,12 +33,13 @@ def plot_nyquist(result: NyquistResult, path: str | Path | None = None) -> Figur
     """
     figure, grid = panels(2, 2, title=f"{result.name}: Nyquist curve", width=9.6, height=2.6, ratios=(1.5, 0.8))
     whole, near = grid[0]
+    below = figure.add_gridspec(2, 1, height_ratios=(1.5, 0.8))[1]
     for ax in grid[1]:
         ax.remove()
     draw_plane(whole, result, reach=None)
     draw_plane(near, result, reach=_reach(result))
     whole.legend(**{**LEGEND, "loc": "best"})
-    table = figure.add_subplot(2, 1, 2)
+    table = figure.add_subplot(below)
     table.axis("off")
     _table(table, result.crossings)
     if path is not None:

@@ -1,0 +1,145 @@
+"""Confirm a limit cycle: simulate from a predicted state, and measure frequency and amplitudes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.describing.base import Floats
+from workbench.analysis.limit_cycle.peaks import half_range
+from workbench.errors import SimulationError
+from workbench.model.described import DescribedModel
+
+__all__ = ["Simulated", "confirm"]
+
+_PER_PERIOD = 200
+_CHUNK = 20  # periods
+_STEADY = 1e-4  # relative change of the fundamental from chunk to chunk
+_VANISHED = 1e-3  # of the predicted amplitude
+_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """What a simulation showed.
+
+    Attributes:
+        frequency: of the block's input [Hz].
+        amplitude: variable → half its peak-to-peak value over the last periods.
+        fundamental: variable → amplitude of its fundamental.
+        mean: variable → its mean.
+        steady: whether the fundamental changed by less than 1e-4 over the last twenty periods.
+        periods: how many were run.
+        time: shape (n,), of the last periods [s].
+        values: variable → shape (n,).
+        note: what was wrong; "": nothing.
+    """
+
+    frequency: float
+    amplitude: Mapping[str, float]
+    fundamental: Mapping[str, float]
+    mean: Mapping[str, float]
+    steady: bool
+    periods: int
+    time: Floats
+    values: Mapping[str, Floats]
+    note: str = ""
+
+
+def confirm(
+    model: DescribedModel,
+    *,
+    states: Mapping[str, float],
+    inputs: Mapping[str, float],
+    frequency: float,
+    amplitude: float,
+    watch: str,
+    outputs: Sequence[str],
+    time: float,
+    periods: int,
+) -> Simulated | str:
+    """Simulate until the motion is steady; return what it is, or in words why there is none.
+
+    Args:
+        model: the system.
+        states: where it starts; those left out keep their start values.
+        inputs: held values.
+        frequency: predicted [Hz].
+        amplitude: predicted, of `watch`.
+        watch: variable whose fundamental counts.
+        outputs: others to measure.
+        time: session time at which it begins [s].
+        periods: at most.
+    """
+    names = list(dict.fromkeys([watch, *outputs]))
+    steady, run, last, f = False, 0, 0.0, frequency
+    at, values = np.zeros(0), dict.fromkeys(names, np.zeros(0))
+    with model.open_at(time=time, values={**inputs, **states}, tolerance=_TOLERANCE) as session:
+        while run < periods and not steady:
+            count = min(_CHUNK, periods - run)
+            begin = session.time
+            points = begin + np.arange(1, count * _PER_PERIOD + 1) / (f * _PER_PERIOD)
+            try:
+                record = session.advance(float(points[-1]), signals={}, record=names, points=points)
+            except SimulationError as error:
+                return f"the simulation failed: {error}"
+            run += count
+            keep = np.isin(record.time, points) & np.append(record.time[1:] > record.time[:-1], True)
+            at, values = record.time[keep], {n: v[keep] for n, v in record.values.items()}
+            f = _frequency(at, values[watch], f)
+            size = _fundamental(at, values[watch], f)
+            steady, last = abs(size - last) < _STEADY * size, size
+            if size < _VANISHED * amplitude:
+                return f"the motion dies out: {watch} has fallen to {size:.2g} after {run} periods"
+    note = "" if steady else f"not steady after {run} periods"
+    return _measured(at, values, f, steady=steady, run=run, note=note)
+
+
+def _measured(at: Floats, values: Mapping[str, Floats], f: float, *, steady: bool, run: int, note: str) -> Simulated:
+    return Simulated(
+        frequency=f,
+        amplitude={n: half_range(v) for n, v in values.items()},
+        fundamental={n: _fundamental(at, v, f) for n, v in values.items()},
+        mean={n: float(np.mean(v)) for n, v in values.items()},
+        steady=steady,
+        periods=run,
+        time=at,
+        values=values,
+        note=note,
+    )
+
+
+def _frequency(at: Floats, v: Floats, guess: float) -> float:
+    """Return the frequency of a periodic record: rising passes of the mean, then the phase of both halves."""
+    x = v - np.mean(v)
+    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    if len(up) < 3:
+        return guess
+    passes = at[up] - x[up] * (at[up + 1] - at[up]) / (x[up + 1] - x[up])
+    f = _rate(passes, guess)
+    for _ in range(3):
+        half = int(len(at) / 2)
+        early, late = (_phasor(at[s], v[s], f) for s in (slice(0, half), slice(half, None)))
+        apart = float(np.mean(at[half:]) - np.mean(at[:half]))
+        f += float(np.angle(late / early)) / (2.0 * np.pi * apart)
+    return f
+
+
+def _rate(passes: Floats, guess: float) -> float:
+    """Return passes per time; where harmonics pass the mean more than once a period, the predicted rate counts."""
+    found = float((len(passes) - 1) / (passes[-1] - passes[0]))
+    return found if found < 1.5 * guess else guess
+
+
+def _phasor(at: Floats, v: Floats, f: float) -> complex:
+    """Return the fundamental by least squares with harmonics 0 … 7."""
+    angle = 2.0 * np.pi * f * np.multiply.outer(at, np.arange(1, 8))
+    columns = np.hstack([np.ones((len(at), 1)), np.cos(angle), np.sin(angle)])
+    found = np.linalg.lstsq(columns, v, rcond=None)[0]
+    return complex(found[1], -found[8])
+
+
+def _fundamental(at: Floats, v: Floats, f: float) -> float:
+    return abs(_phasor(at, v, f))

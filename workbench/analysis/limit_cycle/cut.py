@@ -1,0 +1,296 @@
+"""A system cut at one component: the block, and the linear part between its output and its input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.analysis.describing.base import Block, Floats
+from workbench.analysis.describing.static import StaticBlock, pointwise
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.analysis.trim import trim
+from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.model.base import Model
+from workbench.model.described import DescribedModel
+from workbench.session.point import Point
+from workbench.signals import Table
+from workbench.system.description import Component, FunctionComponent, LinearComponent, SystemDescription
+from workbench.system.model import SystemModel
+from workbench.system.recipe import SystemRecipe
+
+__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block"]
+
+_OPENED, _RETURNED = "opened", "returned"
+_PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
+_AT_REST = 1e-9
+_SWEEP = 1e-6  # [s]
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Where the loop is cut.
+
+    Attributes:
+        component: name of the block's component.
+        input: its input in the loop, without the component's name.
+        output: its output in the loop.
+    """
+
+    component: str
+    input: str
+    output: str
+
+    @property
+    def v(self) -> str:
+        """Full name of the block's input in the system."""
+        return f"{self.component}.{self.input}"
+
+    @property
+    def w(self) -> str:
+        """Full name of the block's output in the system."""
+        return f"{self.component}.{self.output}"
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A loop 1 + N·L = 0.
+
+    Attributes:
+        ports: where it was cut.
+        part: L; signs are shared out so that N is positive where the block's gain has one sign throughout.
+        block: static block about the operating point; None: it has a memory of its own.
+        turned: whether both have another sign than in the system.
+        rest: the linear part as it was linearised.
+        point: operating point of the whole system.
+        centre: of the block's input at that point.
+        notes: what the user should know.
+    """
+
+    ports: Ports
+    part: LinearPart
+    block: Block | None
+    turned: bool
+    rest: LinResult
+    point: OperatingPoint
+    centre: float
+    notes: tuple[str, ...]
+
+
+def find_ports(model: Model, component: str) -> Ports:
+    """Return the input and the output by which a component of a system is connected.
+
+    Args:
+        model: a system.
+        component: name of the block's component.
+
+    Raises:
+        InputError: no system, unknown component, or not exactly one input and one output connected.
+    """
+    system = _system(model)
+    names = [c.name for c in system.components]
+    if component not in names:
+        raise InputError(f"{model.name}: there is no component '{component}'; {suggest(component, names)}")
+    head = f"{component}."
+    inputs = {c.destination.removeprefix(head) for c in system.connections if c.destination.startswith(head)}
+    outputs = {c.source.removeprefix(head) for c in system.connections if c.source.startswith(head)}
+    for what, found in (("input", inputs), ("output", outputs)):
+        if len(found) != 1:
+            listed = f" ({', '.join(sorted(found))})" if found else ""
+            raise InputError(f"{model.name}: component {component} has {len(found)} connected {what}s{listed}, not one")
+    return Ports(component, inputs.pop(), outputs.pop())
+
+
+def _system(model: Model) -> SystemDescription:
+    if not isinstance(model, SystemModel):
+        raise InputError(f"{model.name}: this is no system; limit cycles need a system file or workbench.connect")
+    return model.system
+
+
+def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, time: float, keep: ExitStack) -> Cut:
+    """Return the loop of a system through one of its components.
+
+    Args:
+        model: a system; it stays open.
+        component: the block.
+        at: operating point; None: the start where that is at rest, else what trim finds.
+        time: session time [s]; connections that close later are open.
+        keep: closes the models that the block needs for its evaluation.
+
+    Raises:
+        InputError: see `find_ports`; a linear part that cannot be linearised.
+        FmuError, SimulationError: the model cannot be opened or evaluated.
+    """
+    ports = find_ports(model, component)
+    point, notes = (at, []) if at is not None else _rest(model, time)
+    with model.open_at(time=time, values={**point.x, **point.u}) as session:
+        here = session.values([ports.v, ports.w])
+    rest = _linear_rest(model, ports, point, time, here[ports.w])
+    block = _static(model, ports, here[ports.v], time, keep)
+    part = LinearPart.from_lin(rest, sign=-1.0)
+    turned = block is not None and all(block.gain(a).real <= 0.0 for a in _PROBES)
+    if turned and block is not None:
+        part, block = part.negated(), block.negated()
+    notes += [f"linear part: {note}" for note in rest.notes]
+    notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
+    return Cut(ports, part, block, turned, rest, point, here[ports.v], tuple(notes))
+
+
+def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:
+    """Return where the system is at rest."""
+    start = _start(model, time)
+    if all(abs(v) <= _AT_REST for v in start.dx.values()):
+        return start, []
+    try:
+        found = trim(model, time=time)
+    except WorkbenchError as error:
+        return start, [f"trim failed ({error}); the block is taken about the start values"]
+    if found.converged:
+        return found.point, ["the start is not at rest; the block is taken about the point that trim finds"]
+    return start, ["neither the start nor what trim finds is at rest; the block is taken about the start values"]
+
+
+def _start(model: DescribedModel, time: float) -> OperatingPoint:
+    with model.open_point(time=time) as point:
+        dx = point.at(point.x0, point.u0).dx
+        return OperatingPoint(
+            x={v.name: x for v, x in zip(point.states, point.x0.tolist(), strict=True)},
+            u={v.name: u for v, u in zip(point.inputs, point.u0.tolist(), strict=True)},
+            dx={v.name: d for v, d in zip(point.states, dx.tolist(), strict=True)},
+            time=time,
+        )
+
+
+# -- the linear part --------------------------------------------------------------------------
+
+
+def _linear_rest(model: DescribedModel, ports: Ports, point: OperatingPoint, time: float, w: float) -> LinResult:
+    with _with_system(model, lambda s: _opened(model, s, ports), ports.component, inside=False) as rest:
+        known = {v.name for v in rest.states}
+        inputs = {v.name for v in rest.inputs}
+        found = lin(
+            rest,
+            x0={n: x for n, x in point.x.items() if n in known},
+            u0={**{n: u for n, u in point.u.items() if n in inputs}, _OPENED: w},
+            inputs=[_OPENED],
+            outputs=[_RETURNED],
+            time=time,
+        )
+    return found.result
+
+
+def _opened(model: DescribedModel, system: SystemDescription, ports: Ports) -> SystemDescription:
+    """Return the system with the block replaced: its output shows a new input of the system."""
+    units = {v.name: v.unit for v in model.description.variables}
+    declared = {ports.input: units.get(ports.v), ports.output: units.get(ports.w), _OPENED: units.get(ports.w)}
+    stand_in = LinearComponent(
+        name=ports.component,
+        A=np.zeros((0, 0)),
+        B=np.zeros((0, 2)),
+        C=np.zeros((1, 0)),
+        D=np.array([[0.0, 1.0]]),
+        dt=0.0,
+        input_names=(ports.input, _OPENED),
+        output_names=(ports.output,),
+        state_names=(),
+        x0=np.zeros(0),
+        units={name: unit for name, unit in declared.items() if unit},
+    )
+    components = tuple(stand_in if c.name == ports.component else c for c in system.components)
+    head = f"{ports.component}."
+    driven = {
+        name: kept for name, ends in system.inputs.items() if (kept := tuple(e for e in ends if not e.startswith(head)))
+    }
+    return replace(
+        system,
+        components=components,
+        inputs={**driven, _OPENED: (head + _OPENED,)},
+        outputs={_RETURNED: ports.v},
+    )
+
+
+def _with_system(
+    model: DescribedModel, change: Callable[[SystemDescription], SystemDescription], component: str, *, inside: bool
+) -> DescribedModel:
+    """Open a changed system as the model was opened, with the start values of the component or those of the rest."""
+    recipe = model.recipe
+    if not isinstance(recipe, SystemRecipe):
+        raise InputError(f"{model.name}: this is no system")
+    head = f"{component}."
+    starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside}
+    system = change(recipe.system)
+    bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
+    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}).open()
+
+
+# -- the block --------------------------------------------------------------------------------
+
+
+def _component(system: SystemDescription, name: str) -> Component:
+    return next(c for c in system.components if c.name == name)
+
+
+def only_block(model: DescribedModel, ports: Ports) -> DescribedModel:
+    """Return the block alone as a model with the input `v` and the output `w`; the caller closes it.
+
+    Args:
+        model: the system.
+        ports: of the block.
+    """
+
+    def alone(system: SystemDescription) -> SystemDescription:
+        return replace(
+            system,
+            components=(_component(system, ports.component),),
+            connections=(),
+            inputs={"v": (ports.v,)},
+            outputs={"w": ports.w},
+        )
+
+    return _with_system(model, alone, ports.component, inside=True)
+
+
+def _static(model: DescribedModel, ports: Ports, centre: float, time: float, keep: ExitStack) -> Block | None:
+    """Return the block where it has no memory."""
+    component = _component(_system(model), ports.component)
+    if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
+        return StaticBlock(pointwise(component.function), name=ports.component, centre=centre)
+    alone = keep.enter_context(only_block(model, ports))
+    if any(v.variability == "discrete" for v in alone.outputs):
+        return None
+    point = keep.enter_context(alone.open_point(time=time))
+    if point.memory or len(point.ticks(1, 1e300)) or _sees_states(point):
+        return None
+    return StaticBlock(_swept(alone, time, keep), name=ports.component, centre=centre)
+
+
+def _swept(alone: DescribedModel, time: float, keep: ExitStack) -> Callable[[Floats], Floats]:
+    """Return the block as a function: a session goes through the inputs in compiled code, a microsecond for each."""
+    session = keep.enter_context(alone.open_session(start_time=time))
+
+    def evaluate(v: Floats) -> Floats:
+        times = np.asarray(session.time + _SWEEP * np.arange(1, len(v) + 1), dtype=np.float64)
+        signal = Table(tuple(times.tolist()), tuple(v.tolist()))
+        record = session.advance(float(times[-1]), signals={"v": signal}, record=["w"], points=times)
+        last = np.searchsorted(record.time, times, side="right") - 1
+        return np.asarray(record.values["w"][last], dtype=np.float64)
+
+    return evaluate
+
+
+def _sees_states(point: Point) -> bool:
+    """Whether the output depends on the block's states; those of a block without memory lead nowhere."""
+    if not point.states:
+        return False
+    shifts = point.nominal * np.array([[-1.0], [-0.1], [0.1], [1.0]])
+    for v in (-10.0, -1.0, -0.1, 0.0, 0.1, 1.0, 10.0):
+        u = np.array([v])
+        y = point.at(point.x0, u).y[0]
+        if any(point.at(point.x0 + shift, u).y[0] != y for shift in shifts):
+            return True
+    return False

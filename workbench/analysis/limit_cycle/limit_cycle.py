@@ -1,0 +1,319 @@
+"""The public function: limit cycles of a system with one nonlinear block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.analysis.blas import one_thread
+from workbench.analysis.describing.base import HARMONICS, Block, Floats
+from workbench.analysis.limit_cycle.confirm import Simulated, confirm
+from workbench.analysis.limit_cycle.cut import Cut, cut, only_block
+from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
+from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
+from workbench.analysis.limit_cycle.measure import measured_crossings
+from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
+from workbench.analysis.limit_cycle.shooting import Orbit, shoot
+from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
+from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError, suggest
+from workbench.model.described import DescribedModel
+from workbench.workers import Workers
+
+__all__ = ["METHODS", "limit_cycle"]
+
+METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
+_SAME = 1e-4  # relative difference of two cycles that are one
+_PHASES = 400  # at which the predicted states are looked at
+
+
+def limit_cycle(
+    system: DescribedModel,
+    *,
+    block: str,
+    outputs: Sequence[str] | None = None,
+    band: tuple[float, float] = BAND,
+    amplitudes: tuple[float, float] | None = None,
+    harmonics: int = HARMONICS,
+    methods: Sequence[str] = METHODS,
+    periods: int = 400,
+    at: OperatingPoint | None = None,
+    time: float = 0.0,
+    workers: Workers | None = None,
+) -> LimitCycleResult:
+    """Find the limit cycles of a system with one nonlinear block, by several methods side by side.
+
+    The system is cut at the block. What lies between the block's output and its input is linearised (`workbench.lin`);
+    the block's describing function comes from quadrature if it is static, else it is measured. Then, for each
+    crossing of L(jω) with −1/N(A) in the band:
+
+    - describing function: frequency, amplitude, stability by counting poles on both sides;
+    - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block;
+    - shooting on the simulated system itself (unstable cycles too), stability by its Floquet multipliers;
+    - simulation from the predicted state, for those that are stable.
+
+    The first two take what surrounds the block as linear; shooting and simulation do not, and show by how much that is
+    wrong. Cycles that no crossing predicts are not found. Not for sampled or co-simulated parts.
+
+    Args:
+        system: connected model exchange parts; it stays open.
+        block: name of the nonlinear block's component.
+        outputs: variables whose amplitudes are measured in the simulation; None: all outputs.
+        band: lowest and highest frequency looked at [Hz].
+        amplitudes: lowest and highest amplitude at the block's input; needed with a block that has states, as it is
+            measured; None: 1e-4 … 1e4.
+        harmonics: of harmonic balance.
+        methods: of "describing function", "harmonic balance", "shooting", "simulation".
+        periods: longest simulation.
+        at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
+        time: session time [s]; connections that close later are open.
+        workers: where a block is measured.
+
+    Returns:
+        Crossings, limit cycles and the simulation; `simulated` is that of the first stable cycle.
+
+    Raises:
+        InputError: no system, unknown block, variable or method, a block with several inputs or outputs in the loop.
+        FmuError, SimulationError: a part cannot be opened or evaluated.
+
+    Source: Slotine & Li, Applied Nonlinear Control, chapter 5; the source report, chapter 8.3.
+    """
+    for method in methods:
+        if method not in METHODS:
+            raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")
+    if harmonics < 1 or periods < 1:
+        raise InputError("harmonics and periods must be 1 or more")
+    names = _outputs(system, outputs)
+    with ExitStack() as keep, one_thread():
+        loop = cut(system, block, at=at, time=time, keep=keep)
+        curve = _crossings(system, loop, band, amplitudes, workers)
+        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time)
+        return work.run()
+
+
+def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str, ...]:
+    known = {v.name for v in system.description.variables}
+    for name in outputs or ():
+        if name not in known:
+            raise InputError(f"{system.name}: variable '{name}' is unknown; {suggest(name, known)}")
+    return tuple(outputs) if outputs is not None else tuple(v.name for v in system.outputs if v.is_number)
+
+
+def _crossings(
+    system: DescribedModel,
+    loop: Cut,
+    band: tuple[float, float],
+    amplitudes: tuple[float, float] | None,
+    workers: Workers | None,
+) -> NyquistResult:
+    name = f"{system.name}: loop through {loop.ports.component}"
+    if loop.block is not None:
+        return nyquist(loop.part, loop.block, band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
+    if amplitudes is None:
+        raise InputError(
+            f"{system.name}: block {loop.ports.component} has a memory of its own and must be measured; "
+            "give amplitudes (lowest, highest) and a band"
+        )
+    with only_block(system, loop.ports) as alone:
+        return measured_crossings(
+            alone, loop.part, amplitudes=amplitudes, band=band, name=loop.ports.component, workers=workers
+        )
+
+
+@dataclass
+class _Work:
+    """One analysis under way."""
+
+    system: DescribedModel
+    loop: Cut
+    curve: NyquistResult
+    outputs: tuple[str, ...]
+    harmonics: int
+    methods: tuple[str, ...]
+    periods: int
+    time: float
+    found: list[LimitCycle] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    simulated: SimulatedCycle | None = None
+
+    def run(self) -> LimitCycleResult:
+        self.notes += self.loop.notes
+        for number, crossing in enumerate(self.curve.crossings):
+            if crossing.amplitude is not None:
+                self._refine(number, crossing, crossing.amplitude)
+        model, ports = self.system, self.loop.ports
+        return LimitCycleResult(
+            model=model.name,
+            interface=model.interface,
+            solver=model.solver,
+            block=ports.component,
+            input=ports.v,
+            output=ports.w,
+            input_unit=next((v.unit for v in model.description.variables if v.name == ports.v), None),
+            nyquist=self.curve,
+            limit_cycles=tuple(c for c in self.found if c.method in self.methods),
+            simulated=self.simulated,
+            notes=tuple(dict.fromkeys(self.notes)),
+        )
+
+    def _refine(self, number: int, c: Crossing, amplitude: float) -> None:
+        first = LimitCycle(
+            method=METHODS[0], crossing=number, frequency_hz=c.frequency_hz, amplitude=amplitude,
+            fundamental=amplitude, stable=c.stable,
+        )  # fmt: skip
+        self.found.append(first)
+        if c.distortion is not None and c.distortion > 0.05:
+            self.notes.append(
+                f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % comes back to the block; "
+                "the describing function is a rough estimate there"
+            )
+        block = self.loop.block
+        cycle = self._balanced(number, first, block) if block is not None else None
+        if block is not None and cycle is None:
+            return
+        cycle = cycle or self._sine(first)
+        states, sizes = self._predicted(cycle)
+        if block is not None:
+            self._shot(number, states, sizes, cycle)
+        self._confirmed(number, states)
+
+    def _sine(self, first: LimitCycle) -> Cycle:
+        """Return a describing function's prediction as a motion of the linear part."""
+        v = np.array([0.0, -1j * first.amplitude], dtype=np.complex128)
+        value = complex(self.loop.part.response(np.array([first.frequency_hz]))[0])
+        return Cycle(first.frequency_hz, v, np.array([0.0, -v[1] / value], dtype=np.complex128))
+
+    def _balanced(self, number: int, first: LimitCycle, block: Block) -> Cycle | None:
+        part = self.loop.part
+        cycle = balance(part, block, frequency=first.frequency_hz, amplitude=first.amplitude, count=self.harmonics)
+        if cycle is None:
+            self.notes.append(f"crossing {number + 1}: harmonic balance finds no cycle near it")
+            return self._sine(first)
+        for other in self.found:
+            if other.method == METHODS[1] and _same(other, cycle):
+                self.notes.append(
+                    f"crossing {number + 1}: harmonic balance leads to the cycle of crossing {other.crossing + 1}"
+                )
+                return None
+        floquet = multipliers(part, block, cycle)
+        self.found.append(
+            LimitCycle(
+                method=METHODS[1],
+                crossing=number,
+                frequency_hz=cycle.frequency,
+                amplitude=cycle.amplitude,
+                fundamental=cycle.fundamental,
+                mean=float(cycle.v[0].real),
+                stable=is_stable(floquet),
+                multiplier=_largest(floquet),
+                residual=cycle.residual,
+                states=self._predicted(cycle)[0],
+            )
+        )
+        return cycle
+
+    def _predicted(self, cycle: Cycle) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the states of the linear part at phase 0, and how far each moves."""
+        names = self.loop.rest.state_names
+        along = states_of(self.loop.part, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
+        rest = self.loop.rest.point.x
+        states = {n: rest[n] + x for n, x in zip(names, along[0].tolist(), strict=True)}
+        return states, dict(zip(names, np.ptp(along, axis=0).tolist(), strict=True))
+
+    def _inputs(self) -> dict[str, float]:
+        return dict(self.loop.point.u)
+
+    def _shot(self, number: int, states: Mapping[str, float], sizes: Mapping[str, float], cycle: Cycle) -> None:
+        if METHODS[2] not in self.methods:
+            return
+        orbit = shoot(
+            self.system, states=states, sizes=sizes, frequency=cycle.frequency, inputs=self._inputs(),
+            watch=self.loop.ports.v, time=self.time,
+        )  # fmt: skip
+        if isinstance(orbit, str):
+            self.notes.append(f"crossing {number + 1}: {orbit}")
+            return
+        self.found.append(_from_orbit(number, orbit, self.loop.centre))
+
+    def _confirmed(self, number: int, states: Mapping[str, float]) -> None:
+        last = self.found[-1]
+        if METHODS[3] not in self.methods or last.stable is False:
+            return
+        run = confirm(
+            self.system,
+            states=last.states or states,
+            inputs=self._inputs(),
+            frequency=last.frequency_hz,
+            amplitude=last.amplitude,
+            watch=self.loop.ports.v,
+            outputs=self.outputs,
+            time=self.time,
+            periods=self.periods,
+        )
+        if isinstance(run, str):
+            self.notes.append(f"crossing {number + 1}: {run}")
+            return
+        if run.note:
+            self.notes.append(f"crossing {number + 1}: simulation {run.note}")
+        self.found.append(_from_run(number, run, self.loop.ports.v, self.loop.centre))
+        if self.simulated is None:
+            self.simulated = self._simulated(number, run, last)
+
+    def _simulated(self, number: int, run: Simulated, last: LimitCycle) -> SimulatedCycle:
+        units = {v.name: v.unit for v in self.system.description.variables}
+        return SimulatedCycle(
+            crossing=number,
+            frequency_hz=run.frequency,
+            amplitude=run.amplitude,
+            fundamental=run.fundamental,
+            mean=run.mean,
+            units={n: units.get(n) for n in run.amplitude},
+            steady=run.steady,
+            periods=run.periods,
+            time=run.time,
+            values=run.values,
+            predicted_frequency_hz=last.frequency_hz,
+            predicted_amplitude=last.amplitude,
+        )
+
+
+def _same(other: LimitCycle, cycle: Cycle) -> bool:
+    near = abs(other.frequency_hz / cycle.frequency - 1.0) < _SAME
+    return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
+
+
+def _largest(found: Floats | np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> float | None:
+    """Return the size of the largest multiplier besides the one at 1."""
+    others = np.delete(found, int(np.argmin(np.abs(found - 1.0))))
+    return float(np.abs(others).max()) if len(others) else None
+
+
+def _from_orbit(number: int, orbit: Orbit, centre: float) -> LimitCycle:
+    return LimitCycle(
+        method=METHODS[2],
+        crossing=number,
+        frequency_hz=orbit.frequency,
+        amplitude=orbit.amplitude,
+        fundamental=orbit.fundamental,
+        mean=orbit.mean - centre,
+        stable=is_stable(orbit.multipliers),
+        multiplier=_largest(orbit.multipliers),
+        residual=orbit.residual,
+        states=orbit.states,
+    )
+
+
+def _from_run(number: int, run: Simulated, watch: str, centre: float) -> LimitCycle:
+    return LimitCycle(
+        method=METHODS[3],
+        crossing=number,
+        frequency_hz=run.frequency,
+        amplitude=run.amplitude[watch],
+        fundamental=run.fundamental[watch],
+        mean=run.mean[watch] - centre,
+        stable=True if run.steady else None,
+    )

@@ -1,0 +1,170 @@
+"""What the limit-cycle analysis of a system found."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from workbench.analysis.describing.base import Floats
+from workbench.analysis.nyquist.result import Crossing, NyquistResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LimitCycle:
+    """One limit cycle by one method.
+
+    Attributes:
+        method: "describing function", "harmonic balance", "shooting" or "simulation".
+        crossing: position of the crossing that it comes from in `LimitCycleResult.crossings`.
+        frequency_hz: [Hz].
+        amplitude: half the peak-to-peak value of the block's input.
+        fundamental: amplitude of its fundamental.
+        mean: its mean value, relative to the operating point.
+        stable: by pole counts (describing function), Floquet multipliers (harmonic balance, shooting), or because
+            the simulation stayed; None: not known.
+        multiplier: largest Floquet multiplier besides the one at 1, its size; None: not computed.
+        residual: of the method's equations, relative; None: it has none.
+        states: state → value at one point of the cycle; empty: not known.
+    """
+
+    method: str
+    crossing: int
+    frequency_hz: float
+    amplitude: float
+    fundamental: float
+    mean: float = 0.0
+    stable: bool | None = None
+    multiplier: float | None = None
+    residual: float | None = None
+    states: Mapping[str, float] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON."""
+        return {**vars(self), "states": dict(self.states or {})}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulatedCycle:
+    """The limit cycle that a simulation ends in.
+
+    Attributes:
+        crossing: position of the crossing whose predicted state it began at.
+        frequency_hz: [Hz].
+        amplitude: variable → half its peak-to-peak value.
+        fundamental: variable → amplitude of its fundamental.
+        mean: variable → its mean.
+        units: variable → unit, None where the model declares none.
+        steady: whether it was at the end.
+        periods: how many were run.
+        time: shape (n,), of the last periods [s].
+        values: variable → shape (n,).
+        predicted_frequency_hz: where it began [Hz].
+        predicted_amplitude: of the block's input, where it began.
+    """
+
+    crossing: int
+    frequency_hz: float
+    amplitude: Mapping[str, float]
+    fundamental: Mapping[str, float]
+    mean: Mapping[str, float]
+    units: Mapping[str, str | None]
+    steady: bool
+    periods: int
+    time: Floats
+    values: Mapping[str, Floats]
+    predicted_frequency_hz: float
+    predicted_amplitude: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON; the record goes to the CSV."""
+        skipped = {"time", "values"}
+        return {k: dict(v) if isinstance(v, Mapping) else v for k, v in vars(self).items() if k not in skipped}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LimitCycleResult:
+    """Crossings, limit cycles by several methods side by side, and a simulation that confirms them.
+
+    Attributes:
+        model, interface, solver: what was analysed.
+        block: name of the block's component.
+        input, output: full names of the block's input and output.
+        input_unit: unit of the block's input.
+        nyquist: the curve of the linear part with −1/N.
+        limit_cycles: by crossing and method.
+        simulated: None: no stable cycle was predicted, or its simulation failed (see the notes).
+        notes: what should be known, one line each.
+    """
+
+    model: str
+    interface: str
+    solver: str
+    block: str
+    input: str
+    output: str
+    input_unit: str | None
+    nyquist: NyquistResult
+    limit_cycles: tuple[LimitCycle, ...]
+    simulated: SimulatedCycle | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """All crossings, rising in frequency."""
+        return self.nyquist.crossings
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: the Nyquist curve with −1/N, the crossings, the motion.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.limit_cycle import plot_limit_cycle  # noqa: PLC0415  matplotlib is slow
+
+        return plot_limit_cycle(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        curve = self.nyquist.to_dict()
+        return {
+            "model": self.model,
+            "interface": self.interface,
+            "solver": self.solver,
+            "block": self.block,
+            "block_input": self.input,
+            "block_output": self.output,
+            "criterion": self.nyquist.criterion,
+            "unstable_open": self.nyquist.unstable_open,
+            "crossings": curve["crossings"],
+            "limit_cycles": [c.to_dict() for c in self.limit_cycles],
+            "simulated": None if self.simulated is None else self.simulated.to_dict(),
+            "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each limit cycle and method.
+
+        Args:
+            path: of the file, or an open one.
+        """
+        if isinstance(path, str | Path):
+            with Path(path).open("w", newline="", encoding="utf-8") as file:
+                self._write(file)
+        else:
+            self._write(path)
+
+    def _write(self, file: TextIO) -> None:
+        columns = ["crossing", "method", "frequency_hz", "amplitude", "fundamental", "mean", "stable", "multiplier"]
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for c in self.limit_cycles:
+            writer.writerow(["" if getattr(c, n) is None else getattr(c, n) for n in columns])

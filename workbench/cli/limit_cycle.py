@@ -1,0 +1,198 @@
+"""`workbench limit-cycle`: limit cycles of a system with one nonlinear block."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from workbench.cli.options import (
+    Bias,
+    Csv,
+    InProcess,
+    Interface,
+    Json,
+    MemoryLimit,
+    ModelName,
+    Plot,
+    Set,
+    Solver,
+    Step,
+    Timeout,
+    Tolerance,
+    numbers,
+    open_model,
+    workers,
+)
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from workbench.analysis.limit_cycle.result import LimitCycleResult, SimulatedCycle
+
+__all__ = ["limit_cycle"]
+
+_MOST_OUTPUTS = 40  # printed; more belong into a file
+
+
+def limit_cycle(
+    model: ModelName,
+    block: Annotated[str, typer.Option("--block", metavar="COMPONENT", help="The nonlinear block of the system.")],
+    output: Annotated[
+        list[str] | None, typer.Option("--output", metavar="NAME", help="Measure its amplitude; repeatable.")
+    ] = None,
+    band: Annotated[str, typer.Option("--band", metavar="LO:HI", help="Frequencies looked at [Hz].")] = "0.01:1000",
+    amplitude: Annotated[
+        str | None,
+        typer.Option("--amplitude", metavar="LO:HI", help="Amplitudes at the block's input."),
+    ] = None,
+    harmonics: Annotated[int, typer.Option("--harmonics", metavar="K", help="Of harmonic balance.")] = 7,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="describing function, harmonic balance, shooting, simulation; repeatable; all unless given.",
+        ),
+    ] = None,
+    periods: Annotated[int, typer.Option("--periods", metavar="N", help="Longest simulation.")] = 400,
+    at: Annotated[
+        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
+    ] = None,
+    time: Annotated[float, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = 0.0,
+    interface: Interface = "auto",
+    solver: Solver = "auto",
+    step: Step = None,
+    tolerance: Tolerance = None,
+    set_: Set = None,
+    bias: Bias = None,
+    in_process: InProcess = False,
+    timeout: Timeout = None,
+    memory_limit: MemoryLimit = None,
+    json_path: Json = None,
+    csv_path: Csv = None,
+    plot: Plot = None,
+) -> int:
+    """Predict limit cycles from the crossings of L(jω) with −1/N(A), refine them, and confirm them by simulation.
+
+    The system is cut at the block; the rest is taken as linear. Harmonic balance and shooting refine what the
+    describing function predicts; a simulation from the predicted state confirms it.
+
+    Example: `workbench limit-cycle failed_aileron.toml --block damper --output z_wing_tip --plot cycle.png`
+    """
+    from workbench.analysis.limit_cycle.limit_cycle import METHODS
+    from workbench.analysis.limit_cycle.limit_cycle import limit_cycle as analyse
+    from workbench.analysis.operating_point import OperatingPoint
+    from workbench.cli.notes import note
+    from workbench.cli.output import Output
+
+    out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot)
+    limits = _range("--band", band)
+    sizes = _range("--amplitude", amplitude) if amplitude is not None else None
+    point = OperatingPoint.read(at) if at is not None else None
+    where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
+    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    with loaded:
+        result = analyse(
+            loaded,
+            block=block,
+            outputs=output,
+            band=limits,
+            amplitudes=sizes,
+            harmonics=harmonics,
+            methods=tuple(method) if method else METHODS,
+            periods=periods,
+            at=point,
+            time=time,
+            workers=where,
+        )
+    _show(result, out.console)
+    for text in result.notes:
+        note(text)
+    out.write(result.to_dict(), csv=lambda target: _write_csv(result, target), plot=result.plot)
+    return 0
+
+
+def _write_csv(result: LimitCycleResult, target: str | TextIO) -> None:
+    try:
+        result.to_csv(target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+
+
+def _range(option: str, text: str) -> tuple[float, float]:
+    limits = numbers(option, text, separator=":")
+    if len(limits) != 2 or not 0.0 < limits[0] < limits[1]:
+        raise InputError(f"{option}: '{text}' is not of the form LO:HI with 0 < LO < HI, as in 0.1:10")
+    return limits[0], limits[1]
+
+
+def _show(result: LimitCycleResult, console: Console) -> None:
+    console.print(_crossings(result))
+    if result.limit_cycles:
+        console.print(_cycles(result))
+    else:
+        console.print("no limit cycle: −1/N(A) is met nowhere in the band")
+    if result.simulated is not None:
+        console.print(_outputs(result.simulated))
+
+
+def _table(title: str, *headings: str) -> Table:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
+    for heading in headings:
+        table.add_column(escape(heading), justify="right")
+    return table
+
+
+def _crossings(result: LimitCycleResult) -> Table:
+    table = _table(
+        f"{result.model}: crossings of the loop through {result.block}",
+        "", "f [Hz]", "real part", "gain", "amplitude", "unstable below", "above", "stable",
+    )  # fmt: skip
+    for number, c in enumerate(result.crossings, 1):
+        place = f"{c.real:.5g}" if not c.imag else f"{c.real:.4g} {c.imag:+.4g}j"
+        size = "" if c.amplitude is None else f"{c.amplitude:.5g}"
+        table.add_row(
+            str(number), f"{c.frequency_hz:.6g}", place, f"{c.gain:.5g}", size,
+            str(c.unstable_below), str(c.unstable_above), _word(c.stable),
+        )  # fmt: skip
+    return table
+
+
+def _cycles(result: LimitCycleResult) -> Table:
+    unit = f" [{result.input_unit}]" if result.input_unit else ""
+    table = _table(
+        f"limit cycles, amplitude of {result.input}{unit}",
+        "crossing", "method", "f [Hz]", "amplitude", "fundamental", "mean", "multiplier", "stable",
+    )  # fmt: skip
+    for c in result.limit_cycles:
+        multiplier = "" if c.multiplier is None else f"{c.multiplier:.4g}"
+        table.add_row(
+            str(c.crossing + 1), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            f"{c.mean:.3g}", multiplier, _word(c.stable),
+        )  # fmt: skip
+    return table
+
+
+def _outputs(cycle: SimulatedCycle) -> Table:
+    table = _table(
+        f"simulated at {cycle.frequency_hz:.6g} Hz from the predicted state, {cycle.periods} periods",
+        "variable", "unit", "amplitude", "fundamental", "mean",
+    )  # fmt: skip
+    for name in list(cycle.amplitude)[:_MOST_OUTPUTS]:
+        table.add_row(
+            name, cycle.units.get(name) or "", f"{cycle.amplitude[name]:.5g}", f"{cycle.fundamental[name]:.5g}",
+            f"{cycle.mean[name]:.3g}",
+        )  # fmt: skip
+    return table
+
+
+def _word(stable: bool | None) -> str:  # noqa: FBT001 - a column of a table
+    return "" if stable is None else "yes" if stable else "no"
