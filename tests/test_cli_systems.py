@@ -82,3 +82,21 @@ def test_a_wrong_system_is_one_line(
     captured = capsys.readouterr()
     assert message in captured.err
     assert len(captured.err.splitlines()) == 1
+
+
+def test_delays_of_co_simulation_parts_in_plain_words(
+    loop: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "cs.toml", tmp_path / "out.json"
+    text = LOOP.replace('"fmu:FirstOrderLag"', '{model = "fmu:FirstOrderLag", interface = "cs"}')
+    path.write_text(text, encoding="utf-8")
+    command = ["--stop", "2", "--input", "reference=1", "--step", "0.02", "--json", str(out)]
+    assert run(["delays", str(path), *command]) == 0
+    assert "on average" in capsys.readouterr().out
+    found = json.loads(out.read_text(encoding="utf-8"))
+    # The closed form 0.75 (1 − e^(−4t)) moves by 0.75: the master's error is far below one per cent of it.
+    assert found["outputs"][0]["error"] < 0.0075
+    assert run(["delays", loop, "--json", str(out)]) == 0
+    assert json.loads(out.read_text(encoding="utf-8"))["connections"] == []
+    assert run(["delays", "fmu:FirstOrderLag", "--interface", "cs"]) == 2
+    assert "has no connections" in capsys.readouterr().err

@@ -11,6 +11,7 @@ import typer
 from workbench import __version__
 from workbench.cli import notes
 from workbench.cli.build import build
+from workbench.cli.delays import delays
 from workbench.cli.excite import excite
 from workbench.cli.export import export
 from workbench.cli.identify import identify
@@ -42,6 +43,7 @@ app.command("nfr")(nfr)
 app.command("trim")(trim)
 app.command("lin")(lin)
 app.command("loop")(loop)
+app.command("delays")(delays)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("build")(build)

@@ -1,0 +1,60 @@
+"""`workbench delays`: what the master of a system with co-simulation components costs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from workbench.cli.options import Interface, Json, ModelName, Set, Solver, Tolerance, open_model, pairs
+from workbench.errors import InputError
+
+__all__ = ["delays"]
+
+
+def delays(
+    model: ModelName,
+    stop: Annotated[
+        float | None, typer.Option("--stop", metavar="T", help="How long the runs are [s]; else the experiment's end.")
+    ] = None,
+    input: Annotated[
+        list[str] | None, typer.Option("--input", metavar="NAME=SIGNAL", help="Force an input; repeatable.")
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option("--step", metavar="S", help="Communication step [s]; else the one a run would use.")
+    ] = None,
+    frequency: Annotated[
+        float | None, typer.Option("--freq", metavar="F", help="Tell the phase at F [Hz]; else at the crossovers.")
+    ] = None,
+    interface: Interface = "auto",
+    solver: Solver = "auto",
+    tolerance: Tolerance = None,
+    set_: Set = None,
+    json_path: Json = None,
+) -> int:
+    """Say which connections of a system carry a delay, what phase that costs, and how far the answer is off.
+
+    For systems with co-simulation components. The system runs three times, with the step, half and a quarter of it.
+
+    Example: `workbench delays drive.toml --stop 5 --input reference=1 --step 0.01`
+    """
+    from workbench.cli.notes import note
+    from workbench.cli.output import Output
+    from workbench.signals import parse_signal
+    from workbench.system.master.model import MasterModel
+
+    out = Output("delays", json_path=json_path)
+    inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
+    loaded = open_model(model, interface=interface, solver=solver, step=None, tolerance=tolerance, set_=set_, bias=None)
+    with loaded:
+        if not isinstance(loaded, MasterModel):
+            if loaded.interface == "me":
+                note("all parts are of model exchange: one set of equations, no connection carries a delay")
+                out.write({"model": loaded.name, "interface": loaded.interface, "connections": [], "loops": []})
+                return 0
+            raise InputError(f"{loaded.name}: one co-simulation FMU has no connections; connect it to a system first")
+        report = loaded.delays(stop=stop, inputs=inputs, step=step, frequency=frequency)
+        for line in report.lines():
+            out.console.print(line, markup=False, soft_wrap=True)
+        out.write({"model": loaded.name, "interface": loaded.interface, "solver": loaded.solver, **report.to_dict()})
+    return 0
