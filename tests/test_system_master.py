@@ -24,6 +24,7 @@ from workbench.system.description import FmuComponent
 from workbench.system.load import load
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import halving
+from workbench.system.master.sampled import clock_ticks
 from workbench.system.master.ticks import repeating
 
 both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
@@ -396,3 +397,27 @@ step = 0.05
         assert mastered(model).interface == "cs"
         assert any("master: gauss-seidel" in note for note in model.notes)
         assert "0.05 s is given" in mastered(model).why_fixed_step()
+
+
+def test_clocks_of_a_description_are_instants(tmp_path: Path) -> None:
+    path = tmp_path / "modelDescription.xml"
+    path.write_text(
+        '<fmiModelDescription><ModelVariables><Clock name="a" intervalVariability="constant" intervalDecimal="0.02"/>'
+        '<Clock name="b" intervalVariability="constant" intervalDecimal="0.04" shiftDecimal="0.01"/>'
+        '<Clock name="c" intervalVariability="triggered"/></ModelVariables></fmiModelDescription>'
+    )
+    ticks = clock_ticks(path)
+    assert ticks is not None
+    assert ticks.first == pytest.approx((0.0, 0.01, 0.02))
+    assert ticks.period == pytest.approx(0.04)
+
+
+def test_a_components_own_step_is_kept() -> None:
+    slow = FmuComponent(name="a", file="fmu:FirstOrderLag", interface="cs", step=0.03)
+    with (
+        connect({"a": slow}, inputs={"u": "a.u"}, outputs={"y": "a.y"}, step=0.1) as model,
+        model.open_session() as session,
+    ):
+        record = session.advance(0.1, signals={"u": Constant(1.0)}, record=["y"])
+    assert np.unique(record.time) == pytest.approx([0.0, 0.03, 0.06, 0.09, 0.1])
+    assert record.values["y"][-1] == pytest.approx(-math.expm1(-0.1), abs=1e-6)

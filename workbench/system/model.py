@@ -141,9 +141,17 @@ def open_system(recipe: SystemRecipe) -> DescribedModel:
         opened = Opened(recipe.system, parts, resolved)
         if recipe.interface not in ("auto", opened.interface):
             raise InputError(f"{recipe.source}: interface {recipe.interface} is wanted, but {_kinds(opened)}")
+        if opened.interface == "me":
+            _check_no_master(recipe)
         model = SYSTEMS[opened.interface](opened, recipe.with_parts(parts))
         undo.pop_all()
     return model
+
+
+def _check_no_master(recipe: SystemRecipe) -> None:
+    for name, given in (("order", recipe.order != "auto"), ("hold_inputs", recipe.hold_inputs)):
+        if given:
+            raise InputError(f"{recipe.source}: {name} is for systems with co-simulation components; this has none")
 
 
 def _kinds(opened: Opened) -> str:

@@ -68,7 +68,7 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
     made = {n: dataclasses.replace(r, interface="me", step=None, owned=False) for n, r in recipe.parts.items()}
     try:
         plain = dataclasses.replace(
-            recipe, system=system, parts=made, interface="auto", step=None, hold_inputs=False, bias={}
+            recipe, system=system, parts=made, interface="auto", step=None, order="auto", hold_inputs=False, bias={}
         )
         return open_system(plain)
     except WorkbenchError:

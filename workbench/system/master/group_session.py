@@ -14,7 +14,13 @@ __all__ = ["GROUP_SESSIONS", "GroupSession"]
 
 
 class GroupSession(Protocol):
-    """What the master uses of them."""
+    """What the master uses of them.
+
+    Attributes:
+        time: [s].
+    """
+
+    time: float
 
     def advance(
         self,

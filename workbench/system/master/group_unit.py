@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from workbench.errors import SimulationError
+from workbench.fmi.access import Access
 from workbench.session.base import Snapshot
 from workbench.session.fmu import Setup
 from workbench.signals import Constant, Signal, Table
@@ -54,6 +55,7 @@ class GroupUnit:
         )
         self._kind = GROUP_SESSIONS[driver]
         self._session: GroupSession | None = None
+        self._accesses: dict[tuple[str, ...], Access] = {}
 
     @property
     def session(self) -> GroupSession:
@@ -90,6 +92,9 @@ class GroupUnit:
 
     def step(self, start: float, end: float, courses: Sequence[Course], *, may_stop: bool) -> Reached:
         """Advance from `start` to `end` [s] with inputs that follow `courses`; events inside are made there."""
+        if self._is_static and self.session.due() > end:
+            self._follow(end, courses)
+            return Reached(end)
         signals = {f"{self._names[c.component]}.{c.variable.name}": _signal(c, start, end) for c in courses}
         try:
             self.session.advance(end, signals=signals)
@@ -97,6 +102,22 @@ class GroupUnit:
             raise _of(self.name, error) from error
         self.instance.touch()
         return Reached(end, event=self.session.due() <= end)
+
+    @property
+    def _is_static(self) -> bool:
+        """Whether there is nothing to integrate and nothing that could happen on the way."""
+        return self.instance.nx == 0 and self.instance.nz == 0
+
+    def _follow(self, end: float, courses: Sequence[Course]) -> None:
+        """Take static components to the end of the step."""
+        names = tuple(f"{self._names[c.component]}.{c.variable.name}" for c in courses)
+        if names not in self._accesses:
+            known = {v.name: v for v in self._inlet.variables}
+            self._accesses[names] = self.instance.access([known[n] for n in names])
+        self.instance.set_time(end)
+        self.session.time = end
+        if courses:
+            self._accesses[names].write([c.end for c in courses])
 
     def snapshot(self) -> Snapshot:
         """Save what the components' own states do not hold."""

@@ -114,6 +114,7 @@ class MasterInstance(CompositeInstance):
         self._known: dict[int, float] = {}
         self._forced: dict[tuple[int, str], _Ramp] = {}
         self._next_events: dict[int, float] = {}
+        self._inlets: dict[tuple[int, str], Access] = {}
         self._watched: Access | None = None
         self.reached = np.zeros(0)
         self._groups: dict[int, GroupUnit] = {}
@@ -182,8 +183,10 @@ class MasterInstance(CompositeInstance):
                 self._inlet(number, name).write([ramp.at(self.time)])
 
     def _inlet(self, number: int, name: str) -> Access:
-        part = self.parts[number]
-        return part.access([v for v in part.description.variables if v.name == name])
+        if (number, name) not in self._inlets:
+            part = self.parts[number]
+            self._inlets[number, name] = part.access([v for v in part.description.variables if v.name == name])
+        return self._inlets[number, name]
 
     def iterate_events(self) -> EventInfo:
         """Iterate until no component wants another round and no connected value changes."""
@@ -315,7 +318,7 @@ class MasterInstance(CompositeInstance):
         found = []
         for (component, name), ramp in self._forced.items():
             if self.decided.units.of[component] == number:
-                variable = next(v for v in self.parts[component].description.variables if v.name == name)
+                variable = self._inlet(component, name).variables[0]
                 found.append(Course(component, variable, ramp.at(time), ramp.at(end)))
         return found
 

@@ -1,21 +1,28 @@
-"""Which components are sampled, and when: found out on their model exchange twins."""
+"""Which components are sampled, and when: from their model exchange twins, their clocks, or the step they are given."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
 
 from workbench.errors import WorkbenchError
 from workbench.model.recipe import FmuRecipe
 from workbench.session.point import FmuPoint
+from workbench.system.description import FmuComponent
 from workbench.system.master.ticks import Ticks, repeating
 from workbench.system.master.units import Units
 from workbench.system.parts import Part
 
-__all__ = ["Sampled", "find_ticks"]
+__all__ = ["Sampled", "clock_ticks", "find_ticks"]
 
 _TICKS = 200  # so many instants are looked at
+_PROBE = 1e-2  # how far inputs are moved to see whether an output follows, relative to the larger of 1 and the value
+_SAME = 1e-12  # relative: outputs that move less stand still
 
 
 @dataclass(frozen=True)
@@ -24,7 +31,7 @@ class Sampled:
 
     Attributes:
         ticks: its instants.
-        held: it has no continuous states: its outputs stand still between the instants.
+        held: its outputs stand still between them.
     """
 
     ticks: Ticks
@@ -40,31 +47,58 @@ def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
     """
     found: dict[int, Sampled] = {}
     for k, unit in enumerate(units.units):
-        part = parts[unit.members[0]]
-        ticks = _ticks(part) if unit.group is None else None
-        if ticks is not None:
-            found[k] = Sampled(ticks, held=_held(part))
+        sampled = _sampled(parts[unit.members[0]]) if unit.group is None else None
+        if sampled is not None:
+            found[k] = sampled
     return found
 
 
-def _held(part: Part) -> bool:
-    """Whether nothing but the clock can change an output."""
-    return part.description.state_count == 0
-
-
-def _ticks(part: Part) -> Ticks | None:
-    """Return the instants of a component, as its model exchange side tells them."""
+def _sampled(part: Part) -> Sampled | None:
     recipe = part.recipe
-    if recipe is None or "me" not in part.description.interfaces:
+    if isinstance(part.component, FmuComponent) and part.component.step is not None:
+        return Sampled(Ticks((0.0,), part.component.step), held=False)
+    if recipe is None:
         return None
-    twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False, owned=False)
-    return _ticks_of(twin)
+    if "me" in part.description.interfaces:
+        twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False, owned=False)
+        return _of_twin(twin)
+    ticks = clock_ticks(Path(recipe.folder) / "modelDescription.xml")
+    return None if ticks is None else Sampled(ticks, held=part.description.state_count == 0)
 
 
-def _ticks_of(recipe: FmuRecipe) -> Ticks | None:
+def _of_twin(recipe: FmuRecipe) -> Sampled | None:
+    """Ask the model exchange side of a component for its instants."""
     try:
-        with recipe.open() as model, model.open_session() as session, FmuPoint(session) as point:
-            times = point.ticks(_TICKS, float("inf"))
+        with recipe.open() as model:
+            with FmuPoint(model.open_session()) as point:
+                held = not len(point.states) and _stands_still(point)
+            with FmuPoint(model.open_session()) as point:
+                ticks = repeating([float(t) for t in point.ticks(_TICKS, float("inf"))])
     except WorkbenchError:  # what cannot be asked is stepped as it comes
         return None
-    return repeating([float(t) for t in times])
+    return None if ticks is None else Sampled(ticks, held=held)
+
+
+def _stands_still(point: FmuPoint) -> bool:
+    """Whether no output follows an input as long as no time passes."""
+    x, u = point.x0, point.u0
+    y = point.at(x, u).y
+    for i in range(len(u)):
+        if point.inputs[i].is_continuous_input:
+            moved = u.copy()
+            moved[i] += _PROBE * max(1.0, abs(u[i]))
+            if np.abs(point.at(x, moved).y - y).max(initial=0.0) > _SAME * np.abs(y).max(initial=1.0):
+                return False
+    return True
+
+
+def clock_ticks(path: Path) -> Ticks | None:
+    """Return the instants of the clocks with a constant interval in an FMI 3.0 description; None if there are none."""
+    clocks = etree.parse(str(path)).getroot().iter("Clock")
+    pairs = [(c.get("shiftDecimal") or "0", c.get("intervalDecimal")) for c in clocks]
+    known = [(float(shift), float(interval)) for shift, interval in pairs if interval and float(interval) > 0.0]
+    if not known:
+        return None
+    end = _TICKS * min(interval for _, interval in known)
+    times = {round(s + k * i, 12) for s, i in known for k in range(int((end - s) / i) + 1)}
+    return repeating(sorted(times))
