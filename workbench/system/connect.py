@@ -86,8 +86,8 @@ def connect(
         tolerance: relative tolerance of the integration; None: 1e-6.
         start_values: by full name, "component.variable".
         bias: constants added to the system's inputs.
-        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by side), or
-            "auto".
+        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
+            side), or "auto".
         hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
         driver: as for `load`.
 
@@ -149,6 +149,9 @@ def open_description(
         tolerance: relative tolerance of the integration.
         start_values: by full name.
         bias: constants added to the system's inputs.
+        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
+            side), or "auto".
+        hold_inputs: in such systems, hold inputs between communication points.
         driver: as for `load`.
 
     Raises:
