@@ -17,6 +17,8 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate import simulate
 from workbench.analysis.trim import trim
 from workbench.errors import InputError, SimulationError
+from workbench.fmi.variable import Variable
+from workbench.model import Model
 from workbench.model.load import load
 from workbench.signals import Constant, Sine, Step
 from workbench.system.connect import connect
@@ -48,12 +50,12 @@ def test_two_mass_spring_subsystems_are_the_whole(driver: str) -> None:
     assert max(np.abs(parts.values[n] - one.values[n]).max() for n in names) < 1e-7
 
 
-def _opened(system: object) -> list[tuple[str, tuple[object, ...]]]:
+def _opened(system: Model) -> list[tuple[str, tuple[Variable, ...]]]:
     found = []
     for name, fmu in zip("ab", SPRINGS, strict=True):
         with load(gemseo_fmu(fmu)) as model:
             found.append((name, model.states))
-    return found  # type: ignore[return-value]
+    return found
 
 
 @both
@@ -152,7 +154,7 @@ def test_snapshots_bring_a_system_back_to_the_last_bit(driver: str) -> None:
         for _ in range(2):
             session.restore(saved)
             runs.append(session.advance(2.0, signals=signals, record=["y"], points=points).values["y"])
-    assert np.array_equal(*runs)
+    assert np.array_equal(runs[0], runs[1])
 
 
 @needs_kernel
@@ -263,7 +265,7 @@ def test_workers_measure_a_system_as_this_process_does() -> None:
     for workers in (Workers(jobs=2), Workers(in_process=True)):
         with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver="auto", tolerance=1e-6) as model:
             gains.append(nfr(model, "r", "y", [0.5], [1.0], workers=workers).gain)
-    assert np.array_equal(*gains)
+    assert np.array_equal(gains[0], gains[1])
     assert gains[0][0, 0] == pytest.approx(4.0 / abs(5.0 + 1j * np.pi), rel=1e-3)
 
 
@@ -272,6 +274,7 @@ def test_a_packed_recipe_needs_no_file() -> None:
         packed, identity = model.recipe.packed(), model.recipe.identity()
     with packed.open() as again:
         assert pytest.approx(np.array([[-5.0]])) == lin(again).A
+        assert again.recipe is not None
         assert again.recipe.identity() == identity
         assert identity != again.recipe.tighter(0.1).identity()
 

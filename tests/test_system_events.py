@@ -12,7 +12,7 @@ from tests.drivers import each_driver  # noqa: F401  used by pytest
 from tests.hybrid_fmus import FakeC, FakeInstance, Hybrid, describe
 from tests.test_session_events import Ball, Integrator, Sampler
 from workbench.errors import SimulationError
-from workbench.session.base import Record
+from workbench.session.base import Floats, Record
 from workbench.signals import Signal, Sine, Step
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.health import resolve
@@ -75,7 +75,7 @@ def fakes(models: Mapping[str, type[Hybrid]], wires: Sequence[tuple[str, str]], 
 
 
 def run(model: SystemModel, until: float, signals: Mapping[str, Signal], record: Sequence[str]) -> Record:
-    points = until * np.arange(1, 58) / 57.0
+    points: Floats = until * np.arange(1.0, 58.0) / 57.0
     with model, model.open_session(signals=signals) as session:
         return session.advance(until, signals=signals, record=record, points=points)
 

@@ -204,8 +204,8 @@ def _points(
     count = max(1, round(span / interval, 9).__floor__())
     if count > MAX_POINTS:
         raise InputError(f"interval {interval:g} s gives {count} points; at most {MAX_POINTS} are recorded")
-    grid = start + interval * np.arange(1, count + 1)
-    return np.append(grid[grid < stop - 1e-9 * interval], stop)
+    at = start + interval * np.arange(1, count + 1)
+    return np.append(at[at < stop - 1e-9 * interval], stop)
 
 
 def _with_end(session: Session, record: Record, inputs: Mapping[str, Signal], names: Sequence[str]) -> Record:
