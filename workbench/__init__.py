@@ -62,6 +62,8 @@ if TYPE_CHECKING:
         SystemDescription,
     )
     from workbench.system.load import load
+    from workbench.system.master.delays import DelayReport
+    from workbench.system.master.model import MasterModel
     from workbench.system.model import SystemModel
     from workbench.system.read import read_system
     from workbench.system.ssp_write import write_ssp
@@ -77,6 +79,7 @@ __all__ = [
     "Connection",
     "Constant",
     "ContainerResult",
+    "DelayReport",
     "DescribedModel",
     "Doubt",
     "ExciteResult",
@@ -100,6 +103,7 @@ __all__ = [
     "LinearModel",
     "LoopResult",
     "Margins",
+    "MasterModel",
     "Model",
     "MultisineDesign",
     "NfrPoint",
@@ -218,6 +222,8 @@ _HOMES = {
         "SystemDescription",
     ),
     "workbench.system.load": ("load",),
+    "workbench.system.master.delays": ("DelayReport",),
+    "workbench.system.master.model": ("MasterModel",),
     "workbench.system.model": ("SystemModel",),
     "workbench.system.read": ("read_system",),
     "workbench.system.ssp_write": ("write_ssp",),
