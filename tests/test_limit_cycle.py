@@ -15,6 +15,8 @@ from scipy.optimize import brentq
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.describing.describe import standard_block
+from workbench.analysis.limit_cycle.continuation import follow
+from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
@@ -311,3 +313,54 @@ def test_no_system_no_loop() -> None:
         pytest.raises(InputError, match="0 connected outputs"),
     ):
         limit_cycle(system, block="block")
+
+
+# -- continuation ------------------------------------------------------------------------------
+
+
+def test_the_fold_of_a_relay_with_a_dead_zone() -> None:
+    """With one harmonic: N = (4M/πA)√(1 − (δ/A)²) is largest, 2M/πδ, at A = δ√2; gain/8 · N = 1 there."""
+    plant = control.ss(LAG)
+    part, block = (
+        LinearPart(plant.A, plant.B[:, 0], plant.C[0]),
+        standard_block("relay", {"level": 2.0, "dead_zone": 0.1}),
+    )
+    cycle = balance(part, block, frequency=0.27, amplitude=0.31, count=1)
+    assert cycle is not None
+    branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.3, 2.0), cycle=cycle)
+    (fold,) = branch.folds
+    assert fold.value == pytest.approx(8.0 * math.pi * 0.1 / 4.0, rel=1e-6)
+    assert fold.fundamental == pytest.approx(0.1 * math.sqrt(2.0), rel=1e-4)
+    assert {p.stable for p in branch.points} == {True, False}
+    assert branch.points[0].value == pytest.approx(2.0)
+    assert branch.points[-1].value == pytest.approx(2.0)
+    for p in branch.points:
+        assert p.value / 8.0 * block.gain(p.fundamental).real == pytest.approx(1.0, rel=1e-5)
+
+
+def test_cycles_of_fmus_over_a_parameter(tmp_path: Path) -> None:
+    """The limit of a saturation scales the amplitude and nothing else; a time constant moves the frequency."""
+    with chain() as system:
+        result = limit_cycle(
+            system,
+            block="block",
+            methods=("harmonic balance",),
+            harmonics=3,
+            vary={"c.tau": (0.5, 2.0), "gain": (0.85, 2.0)},
+        )
+    over_tau, over_gain = result.branches
+    assert (over_tau.parameter, over_gain.parameter) == ("c.tau", "gain")
+    for p in over_tau.points:
+        # Im of (jω + 1)²(jωτ + 1) is zero at ω² = (2 + τ)/τ.
+        assert p.frequency_hz == pytest.approx(math.sqrt((2.0 + p.value) / p.value) / (2.0 * math.pi), rel=0.01)
+        assert p.stable
+    assert over_gain.points[0].fundamental < over_gain.points[-1].fundamental
+    result.plot(tmp_path / "a.png")
+    over_tau.plot(tmp_path / "b.png")
+    over_tau.to_csv(tmp_path / "b.csv")
+    assert len((tmp_path / "b.csv").read_text(encoding="utf-8").splitlines()) == len(over_tau.points) + 1
+
+
+def test_an_unknown_parameter_is_one_line() -> None:
+    with chain() as system, pytest.raises(InputError, match=r"did you mean .*c\.tau"):
+        limit_cycle(system, block="block", methods=("harmonic balance",), vary={"c.tua": (0.5, 2.0)})

@@ -23,6 +23,7 @@ from workbench.cli.options import (
     Tolerance,
     numbers,
     open_model,
+    pairs,
     workers,
 )
 from workbench.errors import InputError
@@ -59,6 +60,10 @@ def limit_cycle(
         ),
     ] = None,
     periods: Annotated[int, typer.Option("--periods", metavar="N", help="Longest simulation.")] = 400,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="NAME=LO:HI", help="Follow the cycles over a parameter, or gain; repeatable."),
+    ] = None,
     at: Annotated[
         Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
     ] = None,
@@ -92,6 +97,7 @@ def limit_cycle(
     out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot)
     limits = _range("--band", band)
     sizes = _range("--amplitude", amplitude) if amplitude is not None else None
+    ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
     point = OperatingPoint.read(at) if at is not None else None
     where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
@@ -105,6 +111,7 @@ def limit_cycle(
             harmonics=harmonics,
             methods=tuple(method) if method else METHODS,
             periods=periods,
+            vary=ranges,
             at=point,
             time=time,
             workers=where,
@@ -130,6 +137,13 @@ def _range(option: str, text: str) -> tuple[float, float]:
     return limits[0], limits[1]
 
 
+def _limits(name: str, text: str) -> tuple[float, float]:
+    limits = numbers("--vary", text, separator=":")
+    if len(limits) != 2 or not limits[0] < limits[1]:
+        raise InputError(f"--vary: {name}={text} is not of the form NAME=LO:HI with LO < HI")
+    return limits[0], limits[1]
+
+
 def _show(result: LimitCycleResult, console: Console) -> None:
     console.print(_crossings(result))
     if result.limit_cycles:
@@ -138,6 +152,11 @@ def _show(result: LimitCycleResult, console: Console) -> None:
         console.print("no limit cycle: −1/N(A) is met nowhere in the band")
     if result.simulated is not None:
         console.print(_outputs(result.simulated))
+    for branch in result.branches:
+        folds = ", ".join(f"{p.value:.5g} (amplitude {p.amplitude:.4g})" for p in branch.folds) or "none"
+        console.print(
+            f"over {branch.parameter}: {len(branch.points)} points; folds: {folds}", soft_wrap=True, markup=False
+        )
 
 
 def _table(title: str, *headings: str) -> Table:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from workbench.plotting.branch import draw_branch
 from workbench.plotting.figure import COLOURS, label, save
 from workbench.plotting.nyquist import draw_plane
 from workbench.plotting.panels import LEGEND, panels
@@ -39,6 +40,11 @@ def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -
     plane.legend(**{**LEGEND, "loc": "best"})
     _methods(methods, result)
     _motion(motion, result, [result.input])
+    if result.branches:
+        _branches(outputs, result)
+        if path is not None:
+            save(figure, path)
+        return figure
     others = [n for n in (result.simulated.amplitude if result.simulated else ()) if n != result.input]
     if others:
         _motion(outputs, result, others[:_CURVES])
@@ -47,6 +53,16 @@ def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -
     if path is not None:
         save(figure, path)
     return figure
+
+
+def _branches(ax: Axes, result: LimitCycleResult) -> None:
+    """Draw the amplitude over the first parameter."""
+    name = result.branches[0].parameter
+    for branch in result.branches:
+        if branch.parameter == name and branch.points:
+            draw_branch(ax, branch, lambda p: p.amplitude)
+    ax.set(xlabel=name, ylabel=label(f"amplitude of {result.input}", result.input_unit))
+    ax.legend(**{**LEGEND, "loc": "best"})
 
 
 def _reach(result: LimitCycleResult) -> float | None:

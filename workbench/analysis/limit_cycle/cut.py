@@ -24,7 +24,7 @@ from workbench.system.description import Component, FunctionComponent, LinearCom
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block"]
+__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block", "recut"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -139,6 +139,32 @@ def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, tim
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
     return Cut(ports, part, block, turned, rest, point, here[ports.v], tuple(notes))
+
+
+def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: ExitStack) -> Cut:
+    """Return the loop of a system that differs by one parameter from one that was cut; what did not change is kept.
+
+    Args:
+        model: the system; it stays open as long as `keep`.
+        base: the loop before.
+        own: the parameter is the block's, else that of another component.
+        time: session time [s].
+        keep: closes the models that the block needs for its evaluation.
+
+    Raises:
+        InputError, FmuError, SimulationError: see `cut`.
+    """
+    point, _ = _rest(model, time)
+    with model.open_at(time=time, values={**point.x, **point.u}) as session:
+        here = session.values([base.ports.v, base.ports.w])
+    centre, part, block, rest = here[base.ports.v], base.part, base.block, base.rest
+    if not own:
+        rest = _linear_rest(model, base.ports, point, time, here[base.ports.w])
+        part = LinearPart.from_lin(rest, sign=1.0 if base.turned else -1.0)
+    if own or centre != base.centre:
+        fresh = _static(model, base.ports, centre, time, keep)
+        block = fresh.negated() if fresh is not None and base.turned else fresh
+    return replace(base, part=part, block=block, rest=rest, point=point, centre=centre)
 
 
 def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from workbench.analysis.describing.base import Block, Complex
+from workbench.analysis.describing.base import Block, Complex, Floats
 from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
 from workbench.analysis.nyquist.linear_part import LinearPart
@@ -43,8 +43,12 @@ def multipliers(part: LinearPart, block: Block, cycle: Cycle) -> Complex:
     step = 1.0 / cycle.frequency / count
     flow = np.eye(len(part.A))
     rank_one = np.outer(part.B, part.C)
-    for k in slope.tolist():
-        flow = expm((part.A - k * rank_one) * step) @ flow
+    steps: dict[float, Floats] = {}  # blocks of straight pieces have few slopes
+    unit = max(float(np.abs(slope).max(initial=0.0)), 1e-300)
+    for k in (np.round(slope / unit, 10) * unit).tolist():
+        if k not in steps:
+            steps[k] = expm((part.A - k * rank_one) * step)
+        flow = steps[k] @ flow
     found = np.linalg.eigvals(flow).astype(np.complex128)
     return found[np.argsort(-np.abs(found))]
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import HARMONICS, Block, Floats
+from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
+from workbench.analysis.limit_cycle.continuation import Family, follow
 from workbench.analysis.limit_cycle.cut import Cut, cut, only_block
+from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
@@ -27,6 +31,7 @@ from workbench.workers import Workers
 __all__ = ["METHODS", "limit_cycle"]
 
 METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
+_ON_BRANCH = 0.02  # interpolated
 _SAME = 1e-4  # relative difference of two cycles that are one
 _PHASES = 400  # at which the predicted states are looked at
 
@@ -41,6 +46,7 @@ def limit_cycle(
     harmonics: int = HARMONICS,
     methods: Sequence[str] = METHODS,
     periods: int = 400,
+    vary: Mapping[str, tuple[float, float]] | None = None,
     at: OperatingPoint | None = None,
     time: float = 0.0,
     workers: Workers | None = None,
@@ -69,6 +75,8 @@ def limit_cycle(
         harmonics: of harmonic balance.
         methods: of "describing function", "harmonic balance", "shooting", "simulation".
         periods: longest simulation.
+        vary: parameter → (lowest, highest) value over which the cycles are followed by harmonic balance, around folds;
+            "gain" is a factor on the linear part.
         at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
         time: session time [s]; connections that close later are open.
         workers: where a block is measured.
@@ -92,7 +100,9 @@ def limit_cycle(
         loop = cut(system, block, at=at, time=time, keep=keep)
         curve = _crossings(system, loop, band, amplitudes, workers)
         work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time)
-        return work.run()
+        result = work.run()
+        branches = [b for name, limits in (vary or {}).items() for b in work.followed(name, limits, keep)]
+        return replace(result, branches=tuple(branches), notes=tuple(dict.fromkeys(work.notes)))
 
 
 def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str, ...]:
@@ -139,6 +149,7 @@ class _Work:
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
+    cycles: list[Cycle] = field(default_factory=list)
 
     def run(self) -> LimitCycleResult:
         self.notes += self.loop.notes
@@ -181,6 +192,29 @@ class _Work:
             self._shot(number, states, sizes, cycle)
         self._confirmed(number, states)
 
+    def followed(self, name: str, limits: tuple[float, float], keep: ExitStack) -> list[Branch]:
+        """Return the branches over a parameter through the cycles of harmonic balance, each once."""
+        block = self.loop.block
+        if block is None:
+            self.notes.append(f"{name}: a measured block cannot be followed")
+            return []
+        family, start = self._family(name, block, limits, keep)
+        if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:
+            raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
+        found: list[Branch] = []
+        for cycle in self.cycles:
+            if not any(_passes(b, start, cycle) for b in found):
+                found.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
+        return found
+
+    def _family(self, name: str, block: Block, limits: tuple[float, float], keep: ExitStack) -> tuple[Family, float]:
+        if name == GAIN:
+            return (lambda value: gain_family(self.loop.part, block, value)), 1.0
+        family = SystemFamily(self.system, self.loop, name, time=self.time, keep=keep)
+        family.prepare(*limits)
+        with self.system.open_session(start_time=self.time) as session:
+            return family, session.values([name])[name]
+
     def _sine(self, first: LimitCycle) -> Cycle:
         """Return a describing function's prediction as a motion of the linear part."""
         v = np.array([0.0, -1j * first.amplitude], dtype=np.complex128)
@@ -199,6 +233,7 @@ class _Work:
                     f"crossing {number + 1}: harmonic balance leads to the cycle of crossing {other.crossing + 1}"
                 )
                 return None
+        self.cycles.append(cycle)
         floquet = multipliers(part, block, cycle)
         self.found.append(
             LimitCycle(
@@ -279,6 +314,17 @@ class _Work:
             predicted_frequency_hz=last.frequency_hz,
             predicted_amplitude=last.amplitude,
         )
+
+
+def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:
+    """Whether a branch goes through a cycle at a value of its parameter."""
+    for a, b in pairwise(branch.points):
+        if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
+            part = (value - a.value) / (b.value - a.value)
+            size = a.fundamental + part * (b.fundamental - a.fundamental)
+            if abs(size / cycle.fundamental - 1.0) < _ON_BRANCH:
+                return True
+    return False
 
 
 def _same(other: LimitCycle, cycle: Cycle) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.describing.base import Floats
+from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class LimitCycleResult:
         nyquist: the curve of the linear part with −1/N.
         limit_cycles: by crossing and method.
         simulated: None: no stable cycle was predicted, or its simulation failed (see the notes).
+        branches: the cycles followed over each parameter that was asked for.
         notes: what should be known, one line each.
     """
 
@@ -114,6 +116,7 @@ class LimitCycleResult:
     nyquist: NyquistResult
     limit_cycles: tuple[LimitCycle, ...]
     simulated: SimulatedCycle | None
+    branches: tuple[Branch, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -146,6 +149,7 @@ class LimitCycleResult:
             "crossings": curve["crossings"],
             "limit_cycles": [c.to_dict() for c in self.limit_cycles],
             "simulated": None if self.simulated is None else self.simulated.to_dict(),
+            "branches": [b.to_dict() for b in self.branches],
             "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},
             "notes": list(self.notes),
         }

@@ -1,0 +1,82 @@
+"""A branch of limit cycles over a parameter."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Branch", "BranchPoint"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchPoint:
+    """One cycle of a branch, by harmonic balance.
+
+    Attributes:
+        value: of the parameter.
+        frequency_hz: [Hz].
+        amplitude: half the peak-to-peak value of the block's input.
+        fundamental: amplitude of its fundamental.
+        mean: of the block's input, relative to the operating point.
+        stable: by Floquet multipliers; None: not computed.
+    """
+
+    value: float
+    frequency_hz: float
+    amplitude: float
+    fundamental: float
+    mean: float
+    stable: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Branch:
+    """Limit cycles followed over a parameter, around folds.
+
+    Attributes:
+        parameter: its name; "gain": a factor on the linear part.
+        points: along the branch, from one end to the other; the parameter need not rise.
+        folds: where the branch turns back; two cycles meet and vanish there.
+        ends: why it ends, at the first and at the last point.
+    """
+
+    parameter: str
+    points: tuple[BranchPoint, ...]
+    folds: tuple[BranchPoint, ...]
+    ends: tuple[str, str]
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: amplitude and frequency over the parameter, unstable parts dashed, folds marked.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.branch import plot_branch  # noqa: PLC0415  matplotlib is slow
+
+        return plot_branch(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "parameter": self.parameter,
+            "points": [dict(vars(p)) for p in self.points],
+            "folds": [dict(vars(p)) for p in self.folds],
+            "ends": list(self.ends),
+        }
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write one line for each point.
+
+        Args:
+            path: of the file.
+        """
+        with Path(path).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(BranchPoint.__dataclass_fields__)
+            for point in self.points:
+                writer.writerow(["" if v is None else v for v in vars(point).values()])
