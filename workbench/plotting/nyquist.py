@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import LEGEND, panels
@@ -72,6 +73,7 @@ def draw_plane(ax: Axes, result: NyquistResult, *, reach: float | None) -> None:
     ax.axhline(0.0, color="#888888", linewidth=0.7)
     ax.axvline(0.0, color="#888888", linewidth=0.7)
     ax.set(xlabel="real part", ylabel="imaginary part")
+    ax.xaxis.set_major_locator(MaxNLocator(6))
     size = reach if reach is not None else float(np.nanquantile(np.abs(value), 0.98)) / 1.2
     if size > 0.0:
         ax.set_xlim(-1.25 * size, (0.35 if reach is not None else 1.25) * size)

@@ -160,6 +160,7 @@ class _Track:
             following = _Place(y, self._tangent(y, place.direction))
             if following.direction[-1] * place.direction[-1] < 0.0:
                 folds.append(self._fold(place, length))
+                points.append(folds[-1])
             if not 0.0 <= y[-1] <= 1.0:
                 return [*points, self._at_limit(place, y)], folds, "limit of the parameter"
             points.append(y)

@@ -17,7 +17,9 @@ __all__ = ["Orbit", "shoot"]
 _TOLERANCE = 1e-10
 _NUDGE = 1e-5  # of the size of each state
 _CLOSE = 1e-7
-_ROUNDS = 12
+_ROUNDS = 16
+_CLOSING = 0.2
+_NEARBY = 2e-3
 _MOST_STATES = 200
 _SAMPLES = 1000
 _FARTHEST = 0.5  # relative change of the period in one step
@@ -103,12 +105,16 @@ class _Shooting:
 
     def run(self, x: Floats, period: float) -> Orbit | str:
         self._check(x)
-        flow, residual = self._direction(x), np.inf
+        flow, residual, origin = self._direction(x), np.inf, x
+        jacobian: Floats | None = None
         for turn in range(1, _ROUNDS + 1):
             end = self._after(x, period)
             distance = (end - x) / self._size
-            residual = float(np.abs(distance).max())
-            jacobian = self._jacobian(x, period, end)
+            before, residual = residual, float(np.abs(distance).max())
+            moved = float(np.abs((x - origin) / self._size).max())
+            # A Jacobian is good for the steps after it as long as they close in, and for the multipliers nearby.
+            if jacobian is None or (residual > _CLOSING * before or moved > _NEARBY):
+                jacobian, origin = self._jacobian(x, period, end), x
             if residual < _CLOSE:
                 return self._orbit(x, period, jacobian, residual, turn)
             step, stretch = self._newton(jacobian, self._direction(end), flow, distance, period)

@@ -11,7 +11,7 @@ from workbench.analysis.nyquist.linear_part import LinearPart
 __all__ = ["adaptive_grid"]
 
 _PER_DECADE = 40
-_TURN = np.radians(6.0)  # largest change of phase between neighbours
+_TURN = np.radians(3.0)  # largest change of phase between neighbours
 _NARROWEST = 1e-10  # relative distance of neighbours
 _ROUNDS = 40
 _MOST = 200_000
@@ -23,7 +23,7 @@ def adaptive_grid(part: LinearPart, band: tuple[float, float]) -> tuple[Floats, 
 
     The grid begins with the places that matter: around each pole in units of its damping, and on both sides of each
     zero of L(s) − L(−s), among which are all crossings of the real axis. Then it is halved wherever the phase
-    turns by more than 6°.
+    turns by more than 3°.
 
     Args:
         part: the linear part.
