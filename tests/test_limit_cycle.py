@@ -364,3 +364,18 @@ def test_cycles_of_fmus_over_a_parameter(tmp_path: Path) -> None:
 def test_an_unknown_parameter_is_one_line() -> None:
     with chain() as system, pytest.raises(InputError, match=r"did you mean .*c\.tau"):
         limit_cycle(system, block="block", methods=("harmonic balance",), vary={"c.tua": (0.5, 2.0)})
+
+
+def test_splitting_gives_the_same_multipliers() -> None:
+    """Large systems are split into the linear part and the block; here both ways on the same cycle."""
+    plant = control.ss(10.0 * LAG)
+    part, block = LinearPart(plant.A, plant.B[:, 0], plant.C[0]), standard_block("saturation")
+    cycle = balance(part, block, frequency=0.2757, amplitude=1.4555)
+    assert cycle is not None
+    padded = LinearPart(
+        np.block([[part.A, np.zeros((3, 30))], [np.zeros((30, 3)), -np.eye(30)]]),
+        np.append(part.B, np.zeros(30)),
+        np.append(part.C, np.zeros(30)),
+    )
+    small, large = multipliers(part, block, cycle), multipliers(padded, block, cycle)
+    assert np.abs(large[:2]) == pytest.approx(np.abs(small[:2]), rel=1e-4)

@@ -29,7 +29,7 @@ __all__ = ["Cut", "Ports", "cut", "find_ports", "only_block", "recut"]
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
 _AT_REST = 1e-9
-_SWEEP = 1e-6  # [s]
+_SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
 
 
 @dataclass(frozen=True)
@@ -296,11 +296,12 @@ def _static(model: DescribedModel, ports: Ports, centre: float, time: float, kee
 
 
 def _swept(alone: DescribedModel, time: float, keep: ExitStack) -> Callable[[Floats], Floats]:
-    """Return the block as a function: a session goes through the inputs in compiled code, a microsecond for each."""
+    """Return the block as a function: a session goes through the inputs in compiled code, some 10 µs for each."""
     session = keep.enter_context(alone.open_session(start_time=time))
+    step = _SWEEP * max(1.0, abs(time))
 
     def evaluate(v: Floats) -> Floats:
-        times = np.asarray(session.time + _SWEEP * np.arange(1, len(v) + 1), dtype=np.float64)
+        times = np.asarray(session.time + step * np.arange(1, len(v) + 1), dtype=np.float64)
         signal = Table(tuple(times.tolist()), tuple(v.tolist()))
         record = session.advance(float(times[-1]), signals={"v": signal}, record=["w"], points=times)
         last = np.searchsorted(record.time, times, side="right") - 1
