@@ -6,9 +6,9 @@
     python3 scripts/calibrate_aircraft.py --from-prior  fit anew, from strip theory on
     python3 scripts/calibrate_aircraft.py --check       print target and achieved of every figure, measured on the FMUs
 
-There is nothing random in it. The inequalities make the path of a fit depend on rounding and on the order of its stages.
-The stored parameters, those of the bundled FMU, come from an earlier order of the stages and are where --refine stays;
---from-prior ends elsewhere and meets less (modelica_src/Aircraft/README.md, "Calibration"), so give it --out.
+There is nothing random in it. The inequalities make the path of a fit depend on rounding and on the order of its
+stages. The stored parameters, those of the bundled FMU, were found from the prior with stages led by hand and are where
+--refine stays; --from-prior ends elsewhere and meets less (modelica_src/Aircraft/README.md, "Calibration"), so give it --out.
 """
 
 from __future__ import annotations
