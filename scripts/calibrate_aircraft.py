@@ -8,7 +8,7 @@
 
 There is nothing random in it. The inequalities make the path of a fit depend on rounding and on the order of its
 stages. The stored parameters, those of the bundled FMU, were found from the prior with stages led by hand and are where
---refine stays; --from-prior ends elsewhere and meets less (modelica_src/Aircraft/README.md, "Calibration"), so give it --out.
+--refine stays; --from-prior ends elsewhere and meets less (see modelica_src/Aircraft/README.md), so give it --out.
 """
 
 from __future__ import annotations
