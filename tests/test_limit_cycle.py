@@ -379,3 +379,17 @@ def test_splitting_gives_the_same_multipliers() -> None:
     )
     small, large = multipliers(part, block, cycle), multipliers(padded, block, cycle)
     assert np.abs(large[:2]) == pytest.approx(np.abs(small[:2]), rel=1e-4)
+
+
+def test_cycles_over_a_parameter_of_the_block() -> None:
+    """A dead band's or a saturation's own limits are followed with the block alone opened again."""
+    with chain() as system:
+        result = limit_cycle(
+            system, block="block", methods=("harmonic balance",), harmonics=3, vary={"block.D": (0.9, 1.2)}
+        )
+    (branch,) = result.branches
+    (cycle,) = result.limit_cycles
+    # y = sat(D u): D u has the cycle of a loop with gain D.
+    assert branch.points[0].value == pytest.approx(0.9)
+    assert branch.points[-1].value == pytest.approx(1.2)
+    assert branch.points[0].fundamental < cycle.fundamental < branch.points[-1].fundamental

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -16,6 +16,7 @@ from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim import trim
 from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.session.point import Point
@@ -24,7 +25,7 @@ from workbench.system.description import Component, FunctionComponent, LinearCom
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block", "recut"]
+__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block", "reblock", "recut"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -167,6 +168,27 @@ def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: Exi
     return replace(base, part=part, block=block, rest=rest, point=point, centre=centre)
 
 
+def reblock(
+    model: DescribedModel, base: Cut, starts: Mapping[str, Value], *, time: float, keep: ExitStack
+) -> Cut | None:
+    """Return the loop with other parameters of its block, nothing else opened; None: the operating point may move.
+
+    Args:
+        model: the system as it was cut.
+        base: its loop.
+        starts: parameters of the block, by full name.
+        time: session time [s].
+        keep: closes the model of the block.
+    """
+    if base.block is None or base.centre != 0.0:
+        return None
+    fresh = _static(model, base.ports, 0.0, time, keep, starts)
+    zero = np.zeros(1)
+    block = fresh.negated() if fresh is not None and base.turned else fresh
+    same = block is not None and block.static(zero)[0] == base.block.static(zero)[0]
+    return replace(base, block=block) if same else None
+
+
 def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:
     """Return where the system is at rest."""
     start = _start(model, time)
@@ -241,14 +263,19 @@ def _opened(model: DescribedModel, system: SystemDescription, ports: Ports) -> S
 
 
 def _with_system(
-    model: DescribedModel, change: Callable[[SystemDescription], SystemDescription], component: str, *, inside: bool
+    model: DescribedModel,
+    change: Callable[[SystemDescription], SystemDescription],
+    component: str,
+    *,
+    inside: bool,
+    more: Mapping[str, Value] | None = None,
 ) -> DescribedModel:
     """Open a changed system as the model was opened, with the start values of the component or those of the rest."""
     recipe = model.recipe
     if not isinstance(recipe, SystemRecipe):
         raise InputError(f"{model.name}: this is no system")
     head = f"{component}."
-    starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside}
+    starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside} | dict(more or {})
     system = change(recipe.system)
     bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
     return replace(recipe, system=system, start_values=starts, bias=bias, parts={}).open()
@@ -261,12 +288,13 @@ def _component(system: SystemDescription, name: str) -> Component:
     return next(c for c in system.components if c.name == name)
 
 
-def only_block(model: DescribedModel, ports: Ports) -> DescribedModel:
+def only_block(model: DescribedModel, ports: Ports, starts: Mapping[str, Value] | None = None) -> DescribedModel:
     """Return the block alone as a model with the input `v` and the output `w`; the caller closes it.
 
     Args:
         model: the system.
         ports: of the block.
+        starts: parameters of the block in place of the system's, by full name.
     """
 
     def alone(system: SystemDescription) -> SystemDescription:
@@ -278,15 +306,22 @@ def only_block(model: DescribedModel, ports: Ports) -> DescribedModel:
             outputs={"w": ports.w},
         )
 
-    return _with_system(model, alone, ports.component, inside=True)
+    return _with_system(model, alone, ports.component, inside=True, more=starts)
 
 
-def _static(model: DescribedModel, ports: Ports, centre: float, time: float, keep: ExitStack) -> Block | None:
+def _static(  # noqa: PLR0917 - what a block is looked up by
+    model: DescribedModel,
+    ports: Ports,
+    centre: float,
+    time: float,
+    keep: ExitStack,
+    starts: Mapping[str, Value] | None = None,
+) -> Block | None:
     """Return the block where it has no memory."""
     component = _component(_system(model), ports.component)
     if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
         return StaticBlock(pointwise(component.function), name=ports.component, centre=centre)
-    alone = keep.enter_context(only_block(model, ports))
+    alone = keep.enter_context(only_block(model, ports, starts))
     if any(v.variability == "discrete" for v in alone.outputs):
         return None
     point = keep.enter_context(alone.open_point(time=time))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.chebyshev import ChebyshevPart, chebyshev_nodes, stacked
-from workbench.analysis.limit_cycle.cut import Cut, recut
+from workbench.analysis.limit_cycle.cut import Cut, reblock, recut
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
@@ -103,6 +103,12 @@ class SystemFamily:
             recipe = self._model.recipe
             starts = {**recipe.start_values, self._parameter: value}
             with ExitStack() as stack:
+                only = {self._parameter: value}
+                quick = reblock(self._model, self._base, only, time=self._time, keep=stack) if self._own else None
+                if quick is not None:
+                    self._open[value] = (quick, stack.pop_all())
+                    self._close(_KEPT)
+                    return quick
                 opened = stack.enter_context(replace(recipe, start_values=starts).open())
                 loop = recut(opened, self._base, own=self._own, time=self._time, keep=stack)
                 self._open[value] = (loop, stack.pop_all())
