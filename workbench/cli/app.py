@@ -16,6 +16,7 @@ from workbench.cli.excite import excite
 from workbench.cli.export import export
 from workbench.cli.identify import identify
 from workbench.cli.info import info
+from workbench.cli.limit_cycle import limit_cycle
 from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.nfr import nfr
@@ -44,6 +45,7 @@ app.command("trim")(trim)
 app.command("lin")(lin)
 app.command("loop")(loop)
 app.command("delays")(delays)
+app.command("limit-cycle")(limit_cycle)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("build")(build)
