@@ -68,8 +68,9 @@ def _ends(plane: Axes, amplitude: Floats, inverse: Complex) -> None:
 
 
 def _harmonics(ax: Axes, result: DescribingFunction) -> None:
-    ax.set_ylabel("harmonics / fundamental")
-    ratio = result.harmonics[:, 0, :]
+    where = f" at {result.frequency_hz[-1]:.4g} Hz" if result.frequency_dependent else ""
+    ax.set_ylabel(f"harmonics / fundamental{where}")
+    ratio = result.harmonics[:, -1, :]
     if not np.isfinite(ratio).any():
         ax.text(0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", color="#666666")
         return
