@@ -104,7 +104,7 @@ def test_relay_with_a_third_order_lag_against_tsypkin() -> None:
     frequency, peak = relay_cycle(plant.A, plant.B[:, 0], plant.C[0])
     with around(np.sign, LAG) as system:
         found = by_method(limit_cycle(system, block="block"))
-    # 8 M/(8π)·2 …: the describing function says A = 4M/(8π).
+    # N(A) = 4M/πA = 8.
     assert found["describing function"].amplitude == pytest.approx(0.5 / math.pi, rel=1e-9)
     assert found["shooting"].frequency_hz == pytest.approx(frequency, rel=1e-6)
     assert found["shooting"].amplitude == pytest.approx(peak, rel=1e-5)
