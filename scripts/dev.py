@@ -143,7 +143,9 @@ def _fingerprint() -> str:
 
 
 def _run(command: Sequence[str | Path]) -> None:
-    subprocess.run([str(part) for part in command], cwd=ROOT, check=True)
+    # Small matrices gain nothing from several BLAS threads, which wait for each other on a busy machine.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")}
+    subprocess.run([str(part) for part in command], cwd=ROOT, check=True, env=environment)
 
 
 def _complain(message: str) -> int:

@@ -130,7 +130,20 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 
 def test_help_has_an_example_for_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    known = ["info", "simulate", "nfr", "trim", "lin", "loop", "delays", "excite", "identify", "build", "export"]
+    known = [
+        "info",
+        "simulate",
+        "nfr",
+        "trim",
+        "lin",
+        "loop",
+        "delays",
+        "limit-cycle",
+        "excite",
+        "identify",
+        "build",
+        "export",
+    ]
     for command in known:
         assert run([command, "--help"]) == 0
         text = capsys.readouterr().out

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from workbench.analysis.blas import one_thread
 from workbench.session.base import Floats
 
 __all__ = ["LongArx", "fit_long_arx", "lagged"]
@@ -104,7 +105,8 @@ def fit_long_arx(u: Floats, y: Floats, *, truncate: float = _ROUNDING) -> LongAr
     clock = np.linspace(-1.0, 1.0, n - lags)
     columns = np.hstack([lagged(y, 1, lags, lags), lagged(u, 0, lags, lags), np.ones((n - lags, 1)), clock[:, None]])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    theta, rank = _least_squares(columns / scale, y[lags:], truncate)
+    with one_thread():
+        theta, rank = _least_squares(columns / scale, y[lags:], truncate)
     residual = y[lags:] - columns / scale @ theta
     theta /= scale[:, None]
     split = lags * p

@@ -19,6 +19,7 @@ from workbench.analysis.advice.saturation import judge_saturation
 from workbench.analysis.advice.settling import judge_settling
 from workbench.analysis.advice.study import Study
 from workbench.analysis.advice.trend import judge_trend
+from workbench.analysis.blas import one_thread
 from workbench.analysis.experiment import Experiment
 from workbench.errors import InputError, suggest
 
@@ -64,11 +65,12 @@ def advise(
     for name in limits or {}:
         if name not in experiment.output_names:
             raise InputError(f"limits: '{name}' is no output of the data; {suggest(name, experiment.output_names)}")
-    study = Study(experiment, order=order, limits=limits)
-    return Advice(
-        experiment=experiment,
-        findings=tuple(judge(study) for judge in TOPICS.values()),
-        excited_orders=excited_orders(study),
-        single_sine=is_single_sine(study),
-        order=order,
-    )
+    with one_thread():
+        study = Study(experiment, order=order, limits=limits)
+        return Advice(
+            experiment=experiment,
+            findings=tuple(judge(study) for judge in TOPICS.values()),
+            excited_orders=excited_orders(study),
+            single_sine=is_single_sine(study),
+            order=order,
+        )
