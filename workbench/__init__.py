@@ -19,11 +19,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding, advise
     from workbench.analysis.certificate import Certificate
+    from workbench.analysis.describing.base import Block
+    from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
     from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
     from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
     from workbench.analysis.identified import IdentifiedModel
     from workbench.analysis.identify import IdentifyResult
     from workbench.analysis.identify.identify import identify
+    from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+    from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+    from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
     from workbench.analysis.lin.compare import LinComparison, Verdict, compare
     from workbench.analysis.lin.linearise import lin
     from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
@@ -34,6 +39,9 @@ if TYPE_CHECKING:
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
+    from workbench.analysis.nyquist.linear_part import LinearPart
+    from workbench.analysis.nyquist.nyquist import nyquist
+    from workbench.analysis.nyquist.result import Crossing, NyquistResult
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.simulate import SimulationResult, simulate
@@ -73,14 +81,19 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Advice",
+    "Block",
+    "Branch",
+    "BranchPoint",
     "BuildError",
     "Certificate",
     "Coherence",
     "Connection",
     "Constant",
     "ContainerResult",
+    "Crossing",
     "DelayReport",
     "DescribedModel",
+    "DescribingFunction",
     "Doubt",
     "ExciteResult",
     "Experiment",
@@ -95,12 +108,15 @@ __all__ = [
     "IdentifiedModel",
     "IdentifyResult",
     "InputError",
+    "LimitCycle",
+    "LimitCycleResult",
     "LinComparison",
     "LinGrid",
     "LinPoint",
     "LinResult",
     "LinearComponent",
     "LinearModel",
+    "LinearPart",
     "LoopResult",
     "Margins",
     "MasterModel",
@@ -109,6 +125,7 @@ __all__ = [
     "NfrPoint",
     "NfrResult",
     "NfrSweep",
+    "NyquistResult",
     "OperatingPoint",
     "Overlay",
     "PoleBootstrap",
@@ -117,6 +134,7 @@ __all__ = [
     "Record",
     "Session",
     "Signal",
+    "SimulatedCycle",
     "SimulationError",
     "SimulationResult",
     "Sine",
@@ -143,12 +161,14 @@ __all__ = [
     "compare",
     "connect",
     "cut_settling",
+    "describing_function",
     "detrend",
     "estimate",
     "excite",
     "export",
     "export_container",
     "identify",
+    "limit_cycle",
     "lin",
     "lin_along",
     "lin_over",
@@ -156,6 +176,7 @@ __all__ = [
     "loop",
     "make_experiment",
     "nfr",
+    "nyquist",
     "overlay",
     "parse_signal",
     "read_experiment",
@@ -166,6 +187,7 @@ __all__ = [
     "scale",
     "sdf",
     "simulate",
+    "standard_block",
     "step_check",
     "trim",
     "validate",
@@ -173,6 +195,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "workbench.analysis.describing.base": ("Block",),
+    "workbench.analysis.describing.describe": ("DescribingFunction", "describing_function", "standard_block"),
+    "workbench.analysis.limit_cycle.branch": ("Branch", "BranchPoint"),
+    "workbench.analysis.limit_cycle.limit_cycle": ("limit_cycle",),
+    "workbench.analysis.limit_cycle.result": ("LimitCycle", "LimitCycleResult", "SimulatedCycle"),
+    "workbench.analysis.nyquist.linear_part": ("LinearPart",),
+    "workbench.analysis.nyquist.nyquist": ("nyquist",),
+    "workbench.analysis.nyquist.result": ("Crossing", "NyquistResult"),
     "workbench.analysis.loop": ("LoopResult", "Margins", "loop"),
     "workbench.build.export": ("ExportResult", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
