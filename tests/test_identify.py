@@ -161,6 +161,15 @@ def test_a_failed_elevator_shows_its_limit() -> None:
     assert "15 deg" in limit.evidence
 
 
+@pytest.mark.parametrize(("failed", "verdict"), [(0.0, "good"), (1.0, "poor")])
+def test_a_slow_input_tells_a_limit_from_a_settled_response(failed: float, verdict: str) -> None:
+    # Under two levels both configurations rest at their extremes; where the input moves on, only a limit does.
+    signal = wb.MultisineDesign(amplitude=1.0, band=(0.05, 0.2), seed=1)
+    with wb.load("fmu:ElevatorLaw", "me", start_values={"elevator_failed": failed}) as model:
+        data = wb.excite(model, ["side_stick"], ["elevator"], signal=signal, dt=PERIOD, samples=3000, settle=2.0)
+    assert wb.advise(data.identification).finding("saturation").verdict == verdict
+
+
 def test_a_page_stands_alone(tmp_path: Path) -> None:
     figure = lag_figure()
     table = Table(("what", "verdict"), [("<b>", "good")], verdict=1)
