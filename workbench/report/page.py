@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -11,13 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import InputError
+from workbench.json_values import finite
+from workbench.report.svg import svg_of
+from workbench.report.tones import Verdict, counted, tone, worst_first
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Page", "Section", "Table", "write_page"]
+__all__ = ["SUFFIXES", "Page", "Section", "Table", "write_page"]
 
-_SUFFIXES = (".html", ".htm")
+SUFFIXES = (".html", ".htm")
+_LONG = 5  # a page of so many sections begins with a list of them
+
+# What stands in a column of numbers: signs, digits, a unit of one sign, or that there is none.
+_NUMBER = re.compile(r"^[+\-−±<>≤≥≈]?\s*(\d[\d.,]*(e[+\-−]?\d+)?|∞|inf|nan)?\s*[%°]?$|^[–-]$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -27,12 +33,32 @@ class Table:
     Attributes:
         headings: of the columns, with units.
         rows: cells as text.
-        verdict: number of the column whose word colours the row ("good", "watch", "poor", …); None: no colours.
+        verdict: number of the column whose word colours its cell (a word of `tones.TONES`: "good", "watch", "poor",
+            "passed", "failed", …); None: no colours.
+        title: above the table.
+        right: numbers of the columns that stand at the right edge; None: those that hold numbers only.
     """
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     verdict: int | None = None
+    title: str = ""
+    right: Sequence[int] | None = None
+
+    @property
+    def at_right(self) -> frozenset[int]:
+        """Numbers of the columns that stand at the right edge."""
+        if self.right is not None:
+            return frozenset(self.right)
+        return frozenset(i for i in range(len(self.headings)) if self._holds_numbers(i))
+
+    def _holds_numbers(self, column: int) -> bool:
+        cells = [row[column] for row in self.rows if column < len(row)]
+        return any(cells) and all(_is_number(cell) for cell in cells)
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.match(cell.strip()))
 
 
 @dataclass(frozen=True)
@@ -45,6 +71,10 @@ class Section:
         items: lines of a list.
         tables: below the text.
         figures: (picture, what it shows).
+        verdicts: lines with coloured words, below the paragraphs, in the order given.
+        code: command lines or code, one block each, below the text.
+        parts: sections inside this one.
+        folded: shown by its heading alone until it is opened; always open in print.
     """
 
     title: str
@@ -52,6 +82,10 @@ class Section:
     items: Sequence[str] = ()
     tables: Sequence[Table] = ()
     figures: Sequence[tuple[Figure, str]] = ()
+    verdicts: Sequence[Verdict] = ()
+    code: Sequence[str] = ()
+    parts: Sequence[Section] = ()
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,9 +95,12 @@ class Page:
     Attributes:
         title: of the page.
         lead: what was found, in a sentence or two.
-        facts: name → value: model, versions, settings, the command to run it again.
+        facts: name → value: model, versions, settings; "command" is shown as code.
         sections: in order.
-        data: the result in full, embedded as JSON.
+        data: the result in full, embedded as JSON; what JSON has no number for becomes null.
+        summary: verdicts at the top; the violated come first, whatever their order here.
+        notes: warnings and remarks, below the lead.
+        kind: what kind of page it is, above the title: the command's name.
     """
 
     title: str
@@ -71,6 +108,9 @@ class Page:
     facts: Mapping[str, str]
     sections: Sequence[Section]
     data: Mapping[str, Any] = field(default_factory=dict)
+    summary: Sequence[Verdict] = ()
+    notes: Sequence[str] = ()
+    kind: str = ""
 
 
 def write_page(page: Page, path: str | Path) -> None:
@@ -83,32 +123,40 @@ def write_page(page: Page, path: str | Path) -> None:
     Raises:
         InputError: another suffix, or the file cannot be written.
     """
-    import jinja2  # noqa: PLC0415  only reports need it
-
     target = Path(path)
-    if target.suffix.lower() not in _SUFFIXES:
-        raise InputError(f"{target}: a report is a page; name it .html")
-    loader = jinja2.PackageLoader("workbench.report", "templates")
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    sections = [
-        {"section": s, "figures": [(_svg(f, f"s{i}f{k}"), words) for k, (f, words) in enumerate(s.figures)]}
-        for i, s in enumerate(page.sections)
-    ]
-    # "</" would end the script element in which the data stand.
-    data = json.dumps(page.data, allow_nan=False).replace("</", "<\\/")
-    text = environment.get_template("page.html").render(page=page, sections=sections, data=data)
+    if target.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{target}: a report is a page; name it {SUFFIXES[0]}")
+    text = _render(page)
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
 
 
-def _svg(figure: Figure, prefix: str) -> str:
-    """Return a picture as SVG text; its names begin with `prefix`, so that several pictures fit into one page."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r'\bid="', f'id="{prefix}-', text)
-    text = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", text)
-    return re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", text, count=1) or text
+def _render(page: Page) -> str:
+    import jinja2  # noqa: PLC0415  only reports need it
+
+    loader = jinja2.PackageLoader("workbench.report", "templates")
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["tone"] = tone
+    return environment.get_template("page.html").render(
+        page=page,
+        sections=[_filled(section, f"s{i}") for i, section in enumerate(page.sections, start=1)],
+        summary=worst_first(page.summary),
+        count=counted(page.summary),
+        contents=len(page.sections) >= _LONG,
+        data=_embedded(page.data),
+    )
+
+
+def _filled(section: Section, name: str) -> dict[str, Any]:
+    """Return a section and those inside it with names, and with pictures as text."""
+    figures = [(svg_of(figure, f"{name}f{k}", words), words) for k, (figure, words) in enumerate(section.figures)]
+    parts = [_filled(part, f"{name}p{k}") for k, part in enumerate(section.parts)]
+    return {"section": section, "name": name, "figures": figures, "parts": parts}
+
+
+def _embedded(data: Mapping[str, Any]) -> str:
+    text = json.dumps(finite(data), ensure_ascii=False, allow_nan=False)
+    # Neither "</script>" nor "<!--" may stand in the script element that holds the data.
+    return text.replace("<", "\\u003c")
