@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
+    from workbench.analysis.zero_input import ZeroInput
     from workbench.build.export import ExportResult, export
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
