@@ -1,0 +1,83 @@
+"""A page for each command, generated from what `--help` shows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from workbench.cli.app import app
+
+__all__ = ["command_names", "command_page"]
+
+_EXTRA = re.compile(r"\s*\[(?:required|default: [^\]]*|[^\]]*;\s*(?:required|default[^\]]*))\]$")
+
+
+def _commands() -> dict[str, Any]:
+    group: Any = typer.main.get_command(app)
+    return dict(group.commands)
+
+
+def command_names() -> list[str]:
+    """Return the names of all commands, in the order of `workbench --help`."""
+    return list(_commands())
+
+
+def command_page(name: str) -> str:
+    """Return the Markdown of a command's page.
+
+    Args:
+        name: of the command.
+    """
+    command = _commands()[name]
+    context = typer.Context(command, info_name=name)
+    usage = " ".join(["workbench", name, *command.collect_usage_pieces(context)])
+    head = [f"# {name}", "", *_help(command.help or ""), "```bash", usage, "```", ""]
+    return "\n".join([*head, *_tables(command, context)])
+
+
+def _help(text: str) -> Iterator[str]:
+    """The command's own words; examples as blocks of their own."""
+    for paragraph in text.split("\n\n"):
+        words = " ".join(paragraph.split())
+        if words.startswith(("Example:", "Examples:")):
+            yield from ("**Example**" if words.startswith("Example:") else "**Examples**", "")
+            for code in re.findall(r"`([^`]+)`", words):
+                yield from ("```bash", code, "```", "")
+        else:
+            yield from (words, "")
+
+
+def _tables(command: Any, context: typer.Context) -> Iterator[str]:  # noqa: ANN401 - typer's own class is private
+    arguments = [p for p in command.params if p.param_type_name == "argument"]
+    options = [p for p in command.params if p.param_type_name == "option" and not p.hidden]
+    for title, parameters in (("Arguments", arguments), ("Options", options)):
+        if not parameters:
+            continue
+        yield from (f"## {title}", "", f"| {title[:-1].lower()} | meaning | default |", "|---|---|---|")
+        for parameter in parameters:
+            yield _row(parameter, context)
+        yield ""
+
+
+def _row(parameter: Any, context: typer.Context) -> str:  # noqa: ANN401
+    names, meaning = parameter.get_help_record(context)
+    if parameter.param_type_name == "argument":
+        names = str(parameter.metavar or names.split()[0])
+    default = "required" if parameter.required else _default(parameter)
+    return f"| `{_cell(names)}` | {_cell(_EXTRA.sub('', meaning))} | {default} |"
+
+
+def _default(parameter: Any) -> str:  # noqa: ANN401
+    value = parameter.default
+    if value is None or value is False or value == []:
+        return ""
+    if value is True and parameter.secondary_opts:
+        return f"`{parameter.opts[0]}`"
+    return f"`{value}`"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", r"\|").replace("\n", " ")

@@ -1,0 +1,75 @@
+"""Hooks of MkDocs: generated pages, formulas as MathML, and a look at what the built pages would fetch."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the workbench and `docs` of this checkout
+
+from docs.tools.command_pages import command_names, command_page
+from docs.tools.mathematics import with_mathml
+from docs.tools.python_pages import python_page, python_pages
+
+__all__ = ["on_config", "on_files", "on_page_content", "on_post_build"]
+
+_COMMANDS, _PYTHON = "commands (generated)", "python (generated)"
+_FETCHED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*?\b(?:src|href)=[\"']?((?:https?:)?//[^\"' >]+)[^>]*>")
+_STYLE = re.compile(r"url\(\s*[\"']?(?:https?:)?//|@import\s+[\"']?(?:https?:)?//")
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the generated pages in their places of the navigation."""
+    pages = {
+        _COMMANDS: [{name: f"reference/commands/{name}.md"} for name in command_names()],
+        _PYTHON: [{title: f"reference/python/{page}.md"} for page, title in python_pages().items()],
+    }
+    config.nav = _expanded(config.nav or [], pages)
+    return config
+
+
+def _expanded(nav: list[object], pages: dict[str, list[dict[str, str]]]) -> list[object]:
+    found: list[object] = []
+    for item in nav:
+        if isinstance(item, str) and item in pages:
+            found += pages[item]
+        elif isinstance(item, dict):
+            found.append({k: _expanded(v, pages) if isinstance(v, list) else v for k, v in item.items()})
+        else:
+            found.append(item)
+    return found
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages."""
+    texts = {f"reference/commands/{name}.md": command_page(name) for name in command_names()}
+    texts |= {f"reference/python/{page}.md": python_page(page) for page in python_pages()}
+    for path, text in texts.items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 - as MkDocs calls it
+    """Draw the formulas."""
+    try:
+        return with_mathml(html)
+    except ValueError as error:
+        raise PluginError(f"{page.file.src_uri}: {error}") from None
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Refuse pages that fetch anything from elsewhere."""
+    site = Path(config.site_dir)
+    for path in site.rglob("*.html"):
+        for found in _FETCHED.finditer(path.read_text(encoding="utf-8")):
+            if 'rel="canonical"' not in found.group() and 'rel="edit"' not in found.group():
+                raise PluginError(f"{path.relative_to(site)} fetches {found.group(1)}; pages must stand alone")
+    for path in site.rglob("*.css"):
+        if _STYLE.search(path.read_text(encoding="utf-8")):
+            raise PluginError(f"{path.relative_to(site)} fetches from elsewhere; pages must stand alone")

@@ -1,0 +1,37 @@
+"""Formulas as MathML, which every browser draws by itself: nothing is fetched when a page is read."""
+
+from __future__ import annotations
+
+import html
+import re
+
+from latex2mathml.converter import convert
+
+__all__ = ["with_mathml"]
+
+_FORMULA = re.compile(
+    r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\\(|\\\[)(?P<latex>.*?)(?:\\\)|\\\])</(?P=tag)>', re.DOTALL
+)
+_UNKNOWN = re.compile(r"\\[A-Za-z]+")
+
+
+def with_mathml(page: str) -> str:
+    """Return a page with its formulas as MathML.
+
+    Args:
+        page: HTML with formulas as pymdownx.arithmatex leaves them (generic).
+
+    Raises:
+        ValueError: a formula holds a command that cannot be converted.
+    """
+    return _FORMULA.sub(_one, page)
+
+
+def _one(found: re.Match[str]) -> str:
+    latex = html.unescape(found["latex"]).strip()
+    block = found["open"] == r"\["
+    mathml = convert(latex, display="block" if block else "inline")
+    left = _UNKNOWN.search(re.sub(r"<[^>]*>", " ", html.unescape(mathml)))
+    if left is not None:
+        raise ValueError(f"formula '{latex}': {left.group()} is not known to latex2mathml")
+    return f'<{found["tag"]} class="formula" data-search-exclude>{mathml}</{found["tag"]}>'

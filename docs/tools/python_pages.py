@@ -1,0 +1,66 @@
+"""Pages of the Python interface: every public name of `workbench`, grouped by where it lives."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import workbench as wb
+
+__all__ = ["grouped_names", "python_page", "python_pages"]
+
+# The first prefix that fits a name's home decides; what fits none is under "Further names".
+_GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("models", "Models, sessions, signals", ("model", "session", "signals", "system.load", "workers", "fmi")),
+    ("errors", "Errors", ("errors",)),
+    (
+        "response",
+        "Time histories and frequency response",
+        ("analysis.simulate", "analysis.nfr", "analysis.certificate", "analysis.zero_input"),
+    ),
+    ("linear", "Operating points and linear models", ("analysis.trim", "analysis.operating_point", "analysis.lin")),
+    (
+        "identification",
+        "Identification",
+        (
+            "analysis.advice", "analysis.excite", "analysis.experiment", "analysis.identif", "analysis.preprocess",
+            "analysis.spectra", "analysis.subspace", "analysis.validate",
+        ),
+    ),
+    ("systems", "Systems", ("system",)),
+    ("loops", "Loops, limit cycles, control", (
+        "analysis.loop", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle", "analysis.feedback",
+        "analysis.feed_forward", "analysis.reduction", "analysis.modes", "analysis.motions", "analysis.acceleration",
+    )),
+    ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check")),
+    ("building", "Building FMUs", ("build",)),
+)  # fmt: skip
+_REST = ("further", "Further names")
+
+
+def _home(name: str) -> str:
+    """Return the module in which the package says that a public name lives, without `workbench.`."""
+    text = Path(wb.__file__).read_text(encoding="utf-8")
+    found = re.search(rf"^    from workbench\.(\S+) import (?:\((?:[^)]*\s)?|.*\b){name}\b", text, re.MULTILINE)
+    return found.group(1) if found else ""
+
+
+def grouped_names() -> dict[tuple[str, str], list[str]]:
+    """Return (page, title) → the public names on it, functions before classes; every name once."""
+    pages: dict[tuple[str, str], list[str]] = {(page, title): [] for page, title, _ in _GROUPS}
+    for name in sorted(wb.__all__, key=lambda n: (n[0].isupper(), n)):
+        home = _home(name)
+        key = next(((p, t) for p, t, prefixes in _GROUPS if home.startswith(prefixes)), _REST)
+        pages.setdefault(key, []).append(name)
+    return {key: names for key, names in pages.items() if names}
+
+
+def python_pages() -> dict[str, str]:
+    """Return page → title, of the pages that have names."""
+    return {page: title for page, title in grouped_names()}  # noqa: C416 - the keys are pairs
+
+
+def python_page(page: str) -> str:
+    """Return the Markdown of one page."""
+    (title, names) = next((t, names) for (p, t), names in grouped_names().items() if p == page)
+    return "\n".join([f"# {title}", "", *(f"::: workbench.{name}\n" for name in names)])

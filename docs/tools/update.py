@@ -1,0 +1,50 @@
+"""Write what the examples show into the pages, and their pictures into `docs/pictures/`.
+
+python -m docs.tools.update [PAGE.md ..]
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from docs.tools.examples import compare, pictures_of, run_page, with_shown
+from docs.tools.given import provide
+
+DOCS = Path(__file__).resolve().parents[1]
+
+
+def main(arguments: list[str]) -> int:
+    """Update the named pages, or all; 1 if something is left that does not agree."""
+    pages = [Path(a).resolve() for a in arguments] or sorted(DOCS.rglob("*.md"))
+    return max(map(_update, pages), default=0)
+
+
+def _update(path: Path) -> int:
+    page = path.read_text(encoding="utf-8")
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if not provide(page, folder):
+            sys.stdout.write(f"{path.relative_to(DOCS)}: not run, the FMU of another tool is missing\n")
+            return 0
+        shown = run_page(page, folder)
+        path.write_text(with_shown(page, shown), encoding="utf-8")
+        for owner, picture in pictures_of(page):
+            if owner == path.stem:
+                (DOCS / "pictures" / owner).mkdir(parents=True, exist_ok=True)
+                shutil.copy(folder / picture, DOCS / "pictures" / owner / picture)
+    # What was written in place agrees by itself; blocks with gaps are the author's.
+    left = [words for one in shown if one.gaps for words in compare([one])]
+    for words in left:
+        sys.stdout.write(f"{path.relative_to(DOCS)}: {words}\n")
+    if shown:
+        sys.stdout.write(f"{path.relative_to(DOCS)}: {len(shown)} runs, {time.monotonic() - begin:.1f} s\n")
+    return 1 if left else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
