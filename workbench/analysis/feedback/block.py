@@ -1,0 +1,236 @@
+"""The nonlinear block of a system, and the limit cycles that a feedback's gain leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.describing.base import Block
+from workbench.analysis.feedback.actuator import Actuator
+from workbench.analysis.feedback.place import Place
+from workbench.analysis.feedback.standing import Standing, linear
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.limit_cycle.cut import Cut, Ports, cut, find_ports
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.errors import InputError
+from workbench.model.described import DescribedModel
+from workbench.session.base import Floats
+from workbench.system.description import (
+    Component,
+    FmuComponent,
+    FunctionComponent,
+    LinearComponent,
+    SystemDescription,
+)
+from workbench.system.model import SystemModel
+
+__all__ = ["CyclesLeft", "TwoPorts", "cut_at", "find_block"]
+
+_INJECTED, _RETURNED = "feedback.block_output", "feedback.block_input"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CyclesLeft:
+    """The limit cycles of the closed loop for one gain, by the describing function.
+
+    Attributes:
+        gain: g.
+        cycles: crossings of the linear part with −1/N(A) to which an amplitude belongs, rising in frequency.
+        unstable_small: poles in the right half-plane with the block's gain at the smallest amplitude looked at.
+        unstable_large: the same at the largest.
+        curve: the Nyquist curve of the linear part, from the block's output to its input, the feedback closed.
+    """
+
+    gain: float
+    cycles: tuple[Crossing, ...]
+    unstable_small: int
+    unstable_large: int
+    curve: NyquistResult
+
+    @property
+    def words(self) -> str:
+        """What remains, in a few words."""
+        steady = [c for c in self.cycles if c.stable]
+        if steady:
+            return "; ".join(f"cycle at {c.frequency_hz:.4g} Hz, amplitude {c.amplitude:.4g}" for c in steady)
+        if self.unstable_small and self.unstable_large:
+            return "unstable at every amplitude"
+        if self.unstable_small:
+            return "unstable at small amplitudes"
+        if self.unstable_large or self.cycles:
+            least = min((c.amplitude or 0.0 for c in self.cycles), default=0.0)
+            return f"settles from amplitudes below {least:.4g}; not from all above"
+        return "no cycle: settles from every amplitude"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "gain": self.gain,
+            "cycles": [c.to_dict() for c in self.cycles],
+            "unstable_small": self.unstable_small,
+            "unstable_large": self.unstable_large,
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPorts:
+    """The system without block and feedback: inputs are the block's output and the target, outputs its input and source.
+
+    Attributes:
+        lin: with these two inputs and outputs.
+        loop: of the system without feedback, cut at the block.
+    """
+
+    lin: LinResult
+    loop: Cut
+
+    @property
+    def block(self) -> Block | None:
+        """The block about the operating point; None: it has a memory of its own."""
+        return self.loop.block
+
+    def part(self, gain: float) -> LinearPart:
+        """Return the linear part that the block sees with u = g·y.
+
+        Args:
+            gain: g.
+        """
+        a, b, c, d = self.lin.A, self.lin.B, self.lin.C, self.lin.D
+        k = gain / (1.0 - gain * float(d[1, 1]))
+        sign = 1.0 if self.loop.turned else -1.0
+        return LinearPart(
+            np.asarray(a + k * np.outer(b[:, 1], c[1]), dtype=np.float64),
+            np.asarray(sign * (b[:, 0] + k * b[:, 1] * d[1, 0]), dtype=np.float64),
+            np.asarray(c[0] + k * d[0, 1] * c[1], dtype=np.float64),
+            float(sign * (d[0, 0] + k * d[0, 1] * d[1, 0])),
+            self.lin.state_names,
+        )
+
+    def loop_cycles(self) -> tuple[Crossing, ...]:
+        """Return the limit cycles without feedback, by the describing function; none where the block has a memory."""
+        if self.block is None:
+            return ()
+        return tuple(c for c in nyquist(self.part(0.0), self.block).crossings if c.amplitude is not None)
+
+    def left(self, gain: float, *, band: tuple[float, float], amplitudes: tuple[float, float]) -> CyclesLeft:
+        """Return the limit cycles that remain with u = g·y.
+
+        Args:
+            gain: g.
+            band: frequencies looked at [Hz].
+            amplitudes: at the block's input.
+
+        Raises:
+            InputError: the block has a memory.
+        """
+        if self.block is None:
+            raise InputError(f"{self.loop.ports.component} has a memory of its own; its cycles are not predicted here")
+        part = self.part(gain)
+        found = nyquist(part, self.block, band=band, amplitudes=amplitudes, name=f"gain {gain:.4g}")
+        small, large = (self.block.gain(a) for a in amplitudes)
+        return CyclesLeft(
+            gain=gain,
+            cycles=tuple(c for c in found.crossings if c.amplitude is not None),
+            unstable_small=part.unstable(small),
+            unstable_large=part.unstable(large),
+            curve=found,
+        )
+
+
+def find_block(model: DescribedModel) -> tuple[str | None, str]:
+    """Return the only component that may be a nonlinear block, and in words why there is none.
+
+    Candidates are FMUs without states and Python functions with one input and one output connected.
+
+    Args:
+        model: a system; of one FMU there is no block.
+    """
+    if not isinstance(model, SystemModel):
+        return None, "no system of model exchange parts, and so no block to look for limit cycles with"
+    found = [c.name for c in model.system.components if _may_be_block(model, c)]
+    if len(found) == 1:
+        return found[0], ""
+    if not found:
+        return None, "no component looks like a static nonlinear block: limit cycles are not looked for"
+    return None, f"{', '.join(found)} may each be the nonlinear block; name one to look for limit cycles (block)"
+
+
+def _may_be_block(model: SystemModel, component: Component) -> bool:
+    if not isinstance(component, FunctionComponent | FmuComponent):
+        return False
+    if any(v.name.startswith(f"{component.name}.") for v in model.states):
+        return False
+    try:
+        find_ports(model, component.name)
+    except InputError:
+        return False
+    return True
+
+
+def cut_at(
+    place: Place, where: Standing, component: str, *, time: float, actuator: Actuator | None, keep: ExitStack
+) -> TwoPorts:
+    """Return a system opened at its block and at the feedback.
+
+    Args:
+        place: of the feedback.
+        where: operating point.
+        component: the block.
+        time: session time [s].
+        actuator: before the target.
+        keep: closes the models that the block needs for its evaluation.
+
+    Raises:
+        InputError: unknown component, or not one input and one output of it connected.
+    """
+    ports = find_ports(place.model, component)
+    loop = cut(place.model, component, at=where.point, time=time, keep=keep)
+    with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:
+        resting = session.values([ports.w])[ports.w]
+    opened = _without_block(place.model, place.system, ports)
+    found = linear(
+        place,
+        where,
+        time=time,
+        actuator=actuator,
+        system=opened,
+        more=({_INJECTED: resting}, (_RETURNED,)),
+    )
+    return TwoPorts(found, loop)
+
+
+def _without_block(model: DescribedModel, system: SystemDescription, ports: Ports) -> SystemDescription:
+    """Return the system with the block replaced by one whose output is a new input of the system."""
+    units = {v.name: v.unit for v in model.description.variables}
+    declared: Mapping[str, str | None] = {ports.input: units.get(ports.v), ports.output: units.get(ports.w)}
+    none: Floats = np.zeros(0)
+    stand_in = LinearComponent(
+        name=ports.component,
+        A=np.zeros((0, 0)),
+        B=np.zeros((0, 2)),
+        C=np.zeros((1, 0)),
+        D=np.array([[0.0, 1.0]]),
+        dt=0.0,
+        input_names=(ports.input, "injected"),
+        output_names=(ports.output,),
+        state_names=(),
+        x0=none,
+        units={name: unit for name, unit in declared.items() if unit},
+    )
+    head = f"{ports.component}."
+    others = {n: tuple(e for e in ends if not e.startswith(head)) for n, ends in system.inputs.items()}
+    inputs = {n: ends for n, ends in others.items() if ends}
+    outputs = {n: v for n, v in system.outputs.items() if not v.startswith(head)}
+    return replace(
+        system,
+        components=tuple(stand_in if c.name == ports.component else c for c in system.components),
+        inputs={**inputs, _INJECTED: (f"{head}injected",)},
+        outputs={**outputs, _RETURNED: ports.v},
+    )

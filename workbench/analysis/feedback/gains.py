@@ -1,0 +1,222 @@
+"""The gains at which a pole reaches the border of stability, all of them, and the intervals between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.feedback.plant import Plant
+from workbench.analysis.loop.crossings import real_crossings
+
+__all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
+
+_SAME = 1e-9  # relative difference of two gains that are one
+_ZERO = 1e-10  # |G| below this part of its size elsewhere is a zero of G, which no finite gain belongs to
+_AXIS = 1e-9  # relative distance of an open-loop pole from the border that counts as on it
+_WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
+_OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """A gain at which a pole of the closed loop stands on the border of stability: 1 = g·G(jω).
+
+    Attributes:
+        gain: g.
+        frequency_hz: of that pole [Hz]; 0: a real one; infinite: it comes back from infinity, at g = 1/D.
+        real: G there, a real number, 1/g; infinite where G has a pole there and g is 0.
+        unstable_below: poles beyond the border with a gain a little below.
+        unstable_above: the same a little above.
+        residual: distance of the nearest pole of the closed loop from jω over its size: what rounding leaves; NaN: not
+            evaluated.
+    """
+
+    gain: float
+    frequency_hz: float
+    real: float
+    unstable_below: int
+    unstable_above: int
+    residual: float = math.nan
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON; null: infinite."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Gains between two neighbouring crossings.
+
+    Attributes:
+        low, high: the ends; infinite: no crossing beyond.
+        unstable: poles beyond the border of stability for each gain in it.
+        border: poles on the border for each gain in it.
+    """
+
+    low: float
+    high: float
+    unstable: int
+    border: int
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles decay."""
+        return self.unstable == 0 and self.border == 0
+
+
+@dataclass(frozen=True)
+class _Place:
+    gain: float
+    frequency: float
+    real: float
+
+
+def crossings(plant: Plant) -> tuple[Crossing, ...]:
+    """Return all gains at which a pole of A + B g (1 − gD)⁻¹ C reaches the border of stability, rising.
+
+    A pole stands at jω where 1 = g·G(jω), so where G is real. These ω come from the eigenvalues of a pencil, the zeros
+    of G(s) − G(−s), between which Im G keeps its sign; each is refined to rounding. Then there are ω = 0 (and half the
+    sampling frequency), g = 1/D, at which a pole passes through infinity, and g = 0 for open-loop poles on the border.
+    The poles on both sides are counted by eigenvalues.
+
+    Poles that the feedback does not move stay where they are and give no crossing (`fixed_modes` finds them).
+
+    Args:
+        plant: G.
+
+    Source: Boyd, Balakrishnan & Kabamba 1989 (for the pencil); Franklin, Powell & Emami-Naeini, Feedback Control of
+    Dynamic Systems, chapter 5.
+    """
+    places = _distinct(sorted(_places(plant), key=lambda p: (p.gain, p.frequency)))
+    counted = intervals(plant, [p.gain for p in places])
+    found = []
+    for place in places:
+        below = next(i for i in counted if i.high >= place.gain > i.low)
+        above = next(i for i in counted if i.low <= place.gain < i.high)
+        found.append(
+            Crossing(
+                gain=place.gain,
+                frequency_hz=place.frequency,
+                real=place.real,
+                unstable_below=below.unstable,
+                unstable_above=above.unstable,
+                residual=_residual(plant, place),
+            )
+        )
+    return tuple(found)
+
+
+def _places(plant: Plant) -> Iterator[_Place]:
+    g = plant.transfer
+    poles = _border_poles(plant)
+    size = _size(plant)
+    for frequency in real_crossings(g):
+        value = g.at(frequency)
+        if abs(value) > _ZERO * size and not np.any(np.abs(poles - frequency) < 1e-7 * frequency):
+            yield _Place(1.0 / value.real, frequency, value.real)
+    ends = [0.0, g.highest_hz] if plant.dt > 0.0 else [0.0]
+    for frequency in ends:
+        value = g.at(frequency)
+        if np.isfinite(value) and abs(value) > _ZERO * size and not np.any(np.abs(poles - frequency) < 1e-12):
+            yield _Place(1.0 / value.real, frequency, value.real)
+    if plant.D != 0.0:
+        yield _Place(1.0 / plant.D, math.inf, plant.D)
+    for frequency in np.unique(poles).tolist():
+        yield _Place(0.0, frequency, math.inf)
+
+
+def _border_poles(plant: Plant) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return the frequencies of the open-loop poles on the border [Hz]."""
+    poles = plant.poles
+    rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(plant.A)) if len(plant.A) else 0.0
+    size = np.ones(len(poles)) if plant.dt > 0.0 else np.abs(poles)
+    distance = np.abs(np.abs(poles) - 1.0) if plant.dt > 0.0 else np.abs(poles.real)
+    near = poles[distance <= _AXIS * size + rounding]
+    found = [plant.frequency(p) for p in near.tolist()]
+    return np.array([f if f * 2.0 * math.pi > _AXIS + rounding else 0.0 for f in found], dtype=np.float64)
+
+
+def _size(plant: Plant) -> float:
+    """Return how large G is where it is large."""
+    rates = np.abs(plant.transfer.rates)
+    f = np.unique(np.concatenate([rates, [1.0]])) / (2.0 * math.pi)
+    f = f[f < plant.transfer.highest_hz]
+    value = np.abs(plant.transfer.response(f)) if len(f) else np.zeros(0)
+    value = value[np.isfinite(value)]
+    return max(float(np.median(value)) if len(value) else 0.0, abs(plant.D), 1e-300)
+
+
+def _distinct(places: Sequence[_Place]) -> list[_Place]:
+    kept: list[_Place] = []
+    for place in places:
+        near = [p for p in kept if _close(p.gain, place.gain) and _close(p.frequency, place.frequency)]
+        if not near:
+            kept.append(place)
+    return kept
+
+
+def _close(a: float, b: float) -> bool:
+    return a == b or abs(a - b) <= _SAME * max(abs(a), abs(b))
+
+
+def _residual(plant: Plant, place: _Place) -> float:
+    """Return how far from the border the pole is that should stand on it, relative to its size."""
+    if not plant.solvable(place.gain) or math.isinf(place.frequency) or not len(plant.A):
+        return math.nan
+    poles = plant.poles_at(place.gain)
+    s = 2j * math.pi * place.frequency
+    wanted = np.exp(s * plant.dt) if plant.dt > 0.0 else s
+    scale = max(abs(wanted), 1e-3 * float(np.median(np.abs(poles))), 1e-300)
+    return float(np.abs(poles - wanted).min() / scale)
+
+
+def intervals(plant: Plant, gains: Sequence[float]) -> list[Interval]:
+    """Return the intervals of gains between crossings, with the poles counted inside each.
+
+    Args:
+        plant: G.
+        gains: where crossings are, rising.
+    """
+    ends = [-math.inf, *dict.fromkeys(gains), math.inf]
+    merged = [ends[0]]
+    for gain in ends[1:]:
+        if not (math.isfinite(gain) and math.isfinite(merged[-1]) and _close(gain, merged[-1])):
+            merged.append(gain)
+    return [_counted(plant, low, high) for low, high in pairwise(merged)]
+
+
+def _counted(plant: Plant, low: float, high: float) -> Interval:
+    counts = [plant.count(g) for g in _inside(low, high) if plant.solvable(g)]
+    # Near the ends a pole may count as on the border; the count that most places give is that of the interval.
+    unstable, border = max(counts, key=lambda c: (counts.count(c), -c[1]))
+    return Interval(low, high, unstable, border)
+
+
+def _inside(low: float, high: float) -> list[float]:
+    """Return some gains inside an interval."""
+    if math.isfinite(low) and math.isfinite(high):
+        return [low + part * (high - low) for part in _WITHIN]
+    if math.isfinite(low):
+        return [low + (abs(low) or 1.0) * (times - 1.0) for times in _OUTSIDE]
+    if math.isfinite(high):
+        return [high - (abs(high) or 1.0) * (times - 1.0) for times in _OUTSIDE]
+    return [-1.0, 0.0, 1.0]
+
+
+def stable_gains(found: Sequence[Interval], limits: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    """Return the intervals of gains for which all poles decay, those that touch joined, within limits.
+
+    Two stable intervals touch where a pole reaches the border and turns back: that gain alone is not stable, and splits
+    them.
+
+    Args:
+        found: from `intervals`.
+        limits: lowest and highest gain looked at.
+    """
+    inside = [(max(i.low, limits[0]), min(i.high, limits[1])) for i in found if i.stable]
+    return tuple((low, high) for low, high in inside if low < high)

@@ -1,0 +1,392 @@
+"""How fast a motion settles after a feedback closes, over its gain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from workbench.analysis.feedback.actuator import Actuator
+from workbench.analysis.feedback.place import Place, Wish
+from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
+from workbench.errors import InputError, SimulationError
+from workbench.model.described import DescribedModel
+from workbench.session.base import Floats, Record, Session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["THRESHOLDS", "GainRun", "Optimum", "Settings", "SettlingStudy", "settling_study"]
+
+THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+_CHUNK = 10  # cycles
+_FINE = 10  # times more points in the first cycle, in which the feedback engages
+_GROWN = 100.0  # times the motion at the beginning: it does not settle
+_AT_LIMIT = 0.98
+_DRAWN = 400  # points kept of each run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a settling study is made.
+
+    Attributes:
+        threshold: part of the magnitude at the beginning below which the motion counts as settled.
+        thresholds: others, for the table.
+        order: of the polynomial.
+        longest: after which a run is given up [s]; None: 250 cycles.
+        tolerance: relative, of the integration.
+    """
+
+    threshold: float = 0.01
+    thresholds: tuple[float, ...] = THRESHOLDS
+    order: int = 4
+    longest: float | None = None
+    tolerance: float = 1e-8
+
+    def __post_init__(self) -> None:
+        for value in (self.threshold, *self.thresholds):
+            if not 0.0 < value < 1.0:
+                raise InputError(f"threshold: it must lie between 0 and 1 (a part of the motion), not {value:g}")
+        if self.order < 2:
+            raise InputError(f"order: the polynomial needs 2 or more, not {self.order}")
+        if self.longest is not None and not self.longest > 0.0:
+            raise InputError(f"longest: it must be positive, not {self.longest:g} s")
+
+    @property
+    def every(self) -> tuple[float, ...]:
+        """All thresholds, falling."""
+        return tuple(sorted({self.threshold, *self.thresholds}, reverse=True))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GainRun:
+    """The motion after the feedback closed with one gain.
+
+    Attributes:
+        gain: g.
+        settled: threshold → time after closing from which the mean magnitude over a cycle stays below it [s]; None:
+            it did not come to that.
+        seconds: how long was simulated.
+        left: mean magnitude at the end over that at the beginning.
+        peak_deflection: largest size of what is handed to the target [its unit], behind the actuator if there is one.
+        peak_rate: largest rate of that [its unit / s]; without an actuator the jump at closing is left out.
+        deflection_limited: how long the deflection was at its limit [s]; None: there is no known limit.
+        rate_limited: how long the rate was at its limit [s]; None: likewise.
+        why: why it ended early; "": it did not.
+        time: after closing, thinned out, shape (k,) [s].
+        magnitude: mean over a cycle there, over that at the beginning, shape (k,).
+    """
+
+    gain: float
+    settled: Mapping[float, float | None]
+    seconds: float
+    left: float
+    peak_deflection: float
+    peak_rate: float
+    deflection_limited: float | None
+    rate_limited: float | None
+    why: str
+    time: Floats
+    magnitude: Floats
+
+    @property
+    def limit_reached(self) -> bool:
+        """Whether the actuator came to a limit."""
+        return bool(self.deflection_limited) or bool(self.rate_limited)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON; the curve is left out."""
+        skipped = {"time", "magnitude"}
+        plain = {k: v for k, v in vars(self).items() if k not in skipped}
+        settled = [{"threshold": k, "seconds": v} for k, v in self.settled.items()]
+        return {**plain, "settled": settled, "limit_reached": self.limit_reached}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimum:
+    """The best gain for one threshold.
+
+    Attributes:
+        threshold: see `Settings`.
+        gain: at which the fitted polynomial is smallest, between the lowest and the highest gain measured; None: too
+            few gains settled.
+        seconds: of the polynomial there [s].
+        at_end: it is the lowest or highest gain: the polynomial has no smaller minimum inside.
+        fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
+        unsettled: how many did not settle.
+        coefficients: of the polynomial in g, from g⁰ on.
+    """
+
+    threshold: float
+    gain: float | None
+    seconds: float | None
+    at_end: bool
+    fastest_gain: float | None
+    fastest_seconds: float | None
+    unsettled: int
+    coefficients: tuple[float, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON."""
+        return {**vars(self), "coefficients": list(self.coefficients)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SettlingStudy:
+    """Settling times over the gain.
+
+    Attributes:
+        variable: whose magnitude counts.
+        unit: of it.
+        target: what the feedback drives.
+        target_unit: of it.
+        settings: how it was made.
+        start: the motion before the feedback closes.
+        actuator: between gain and target; None: none.
+        runs: one for each gain, rising.
+        optima: one for each threshold, falling.
+    """
+
+    variable: str
+    unit: str | None
+    target: str
+    target_unit: str | None
+    settings: Settings
+    start: Start
+    actuator: Actuator | None
+    runs: tuple[GainRun, ...]
+    optima: tuple[Optimum, ...]
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Rising."""
+        return tuple(r.gain for r in self.runs)
+
+    @property
+    def settling_seconds(self) -> tuple[float | None, ...]:
+        """For the chosen threshold [s]; None: did not settle."""
+        return tuple(r.settled[self.settings.threshold] for r in self.runs)
+
+    @property
+    def best(self) -> Optimum:
+        """For the chosen threshold."""
+        return next(o for o in self.optima if o.threshold == self.settings.threshold)
+
+    @property
+    def optimum(self) -> float | None:
+        """Gain at which the polynomial of the chosen threshold is smallest."""
+        return self.best.gain
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: settling times with their polynomial, the optimum over the threshold, the motions.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.feedback_settling import plot_settling  # noqa: PLC0415  matplotlib is slow
+
+        return plot_settling(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON."""
+        return {
+            "gains": list(self.gains),
+            "settling_seconds": list(self.settling_seconds),
+            "optimum": self.optimum,
+            "optimum_seconds": self.best.seconds,
+            "optimum_at_end": self.best.at_end,
+            "fastest_gain": self.best.fastest_gain,
+            "threshold": self.settings.threshold,
+            "polynomial_order": self.settings.order,
+            "variable": self.variable,
+            "unit": self.unit,
+            "start": self.start.how,
+            "closes_at": self.start.closes,
+            "frequency_hz": self.start.frequency,
+            "magnitude": self.start.magnitude,
+            "thresholds": [o.to_dict() for o in self.optima],
+            "actuator": None if self.actuator is None else self.actuator.to_dict(),
+            "runs": [r.to_dict() for r in self.runs],
+        }
+
+
+def settling_study(
+    place: Place,
+    start: Start,
+    gains: Sequence[float],
+    *,
+    watch: str,
+    y0: float,
+    actuator: Actuator | None,
+    settings: Settings,
+    progress: Callable[[int, int], None] | None = None,
+) -> SettlingStudy:
+    """Close the feedback with each gain on the same motion and measure how fast it settles.
+
+    Args:
+        place: of the feedback.
+        start: the motion.
+        gains: rising.
+        watch: variable whose magnitude counts, by the model's name.
+        y0: of the source at rest.
+        actuator: between gain and target; None: none.
+        settings: threshold, polynomial, patience.
+        progress: told (done, total).
+
+    Raises:
+        InputError, FmuError: the system with feedback cannot be opened.
+    """
+    runs = []
+    for number, gain in enumerate(gains):
+        closes = start.closes if start.opens < start.closes else None
+        wish = Wish(gain, y0, actuator, closes)
+        with place.opened(place.closed(wish)) as model:
+            runs.append(_run(model, place, start, wish, watch, settings))
+        if progress is not None:
+            progress(number + 1, len(gains))
+    units = {v.name: v.unit for v in place.model.description.variables}
+    return SettlingStudy(
+        variable=watch,
+        unit=units.get(watch) or None,
+        target=place.shown[1],
+        target_unit=place.target_unit,
+        settings=settings,
+        start=start,
+        actuator=actuator,
+        runs=tuple(runs),
+        optima=tuple(_optimum(runs, threshold, settings.order) for threshold in settings.every),
+    )
+
+
+def _run(  # noqa: PLR0917 - one run of the study
+    model: DescribedModel, place: Place, start: Start, wish: Wish, watch: str, settings: Settings
+) -> GainRun:
+    command, handed, scale = place.command(wish)
+    names = list(dict.fromkeys([place.full(watch), command, handed]))
+    values = {place.full(n): v for n, v in start.values.items()}
+    inputs = {n: v for n, v in start.values.items() if n in {i.name for i in model.inputs}}
+    with model.open_at(time=start.opens, values={**values, **inputs}, tolerance=settings.tolerance) as session:
+        if start.opens < start.closes:
+            session.advance(start.closes, signals=start.signals)
+        time, columns, why = _watched(session, start, names, settings)
+    x = columns[names[0]] - start.centre
+    size = mean_magnitude(time, x, 1.0 / start.frequency) / start.magnitude
+    # Before the first cycle is over, the cycle before the feedback closed counts along.
+    early = time < 1.0 / start.frequency
+    size[early] = np.maximum(size[early], 1.0 - time[early] * start.frequency)
+    deflection, limited_d, limited_r, rate = _effort(time, scale * columns[handed], wish.actuator)
+    thin = np.unique(np.linspace(0, len(time) - 1, _DRAWN).astype(int))
+    return GainRun(
+        gain=wish.gain,
+        settled={t: _settled(time, size, t) for t in settings.every},
+        seconds=float(time[-1]),
+        left=float(size[-1]),
+        peak_deflection=deflection,
+        peak_rate=rate,
+        deflection_limited=limited_d,
+        rate_limited=limited_r,
+        why=why,
+        time=time[thin],
+        magnitude=size[thin],
+    )
+
+
+def _watched(
+    session: Session, start: Start, names: Sequence[str], settings: Settings
+) -> tuple[Floats, dict[str, Floats], str]:
+    """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
+    period = 1.0 / start.frequency
+    longest = settings.longest or 250.0 * period
+    pieces: list[Record] = []
+    why = "given up"
+    begin = session.time
+    while session.time < begin + longest * (1.0 - 1e-9):
+        until = min(session.time + _CHUNK * period, begin + longest)
+        points = _points(session.time, until, period, first=not pieces)
+        try:
+            pieces.append(session.advance(until, signals=start.signals, record=names, points=points))
+        except SimulationError as error:
+            why = f"the simulation failed: {error}"
+            break
+        last = pieces[-1].values[names[0]][-PER_CYCLE:] - start.centre
+        left = float(np.mean(np.abs(last))) / start.magnitude
+        if left < 0.5 * settings.every[-1] or left > _GROWN:
+            why = "" if left < 1.0 else "the motion grows"
+            break
+    if not pieces:
+        raise SimulationError(f"the feedback cannot be closed: {why}")
+    time = np.concatenate([p.time for p in pieces]) - begin
+    keep = np.append(time[1:] > time[:-1], True)
+    return time[keep], {n: np.concatenate([p.values[n] for p in pieces])[keep] for n in names}, why
+
+
+def _points(begin: float, until: float, period: float, *, first: bool) -> Floats:
+    step = period / PER_CYCLE
+    count = max(1, round((until - begin) / step))
+    coarse = begin + (until - begin) * np.arange(1, count + 1) / count
+    if not first:
+        return coarse
+    fine = begin + step / _FINE * np.arange(1, min(PER_CYCLE, count) * _FINE)
+    return np.unique(np.concatenate([fine[fine < coarse[min(PER_CYCLE, count) - 1]], coarse]))
+
+
+def _effort(
+    time: Floats, handed: Floats, actuator: Actuator | None
+) -> tuple[float, float | None, float | None, float]:
+    """Return peak deflection, seconds at the limit of deflection and of rate, and peak rate."""
+    steps = np.diff(time)
+    rate = np.abs(np.diff(handed)) / steps
+    peak = float(np.abs(handed).max())
+    if actuator is None or actuator.limit is None:
+        limited_d = None
+    else:
+        limited_d = float(steps[np.abs(handed[1:]) >= _AT_LIMIT * actuator.limit].sum())
+    if actuator is None or actuator.rate_limit is None:
+        limited_r = None
+    else:
+        limited_r = float(steps[rate >= _AT_LIMIT * actuator.rate_limit].sum())
+    return peak, limited_d, limited_r, float(rate.max(initial=0.0))
+
+
+def _settled(time: Floats, size: Floats, threshold: float) -> float | None:
+    """Return the time from which a magnitude stays below a threshold [s], interpolated in its logarithm."""
+    above = np.flatnonzero(size >= threshold)
+    if not len(above):
+        return 0.0
+    last = int(above[-1])
+    if last == len(size) - 1:
+        return None
+    a, b = math.log(size[last]), math.log(max(size[last + 1], 1e-300))
+    part = (a - math.log(threshold)) / (a - b) if a > b else 1.0
+    return float(time[last] + part * (time[last + 1] - time[last]))
+
+
+def _optimum(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
+    found = [(r.gain, t) for r in runs if (t := r.settled[threshold]) is not None]
+    missing = len(runs) - len(found)
+    fastest = min(found, key=lambda p: p[1]) if found else (None, None)
+    if len(found) < order + 1:
+        return Optimum(
+            threshold=threshold, gain=None, seconds=None, at_end=False, fastest_gain=fastest[0],
+            fastest_seconds=fastest[1], unsettled=missing,
+        )  # fmt: skip
+    g, t = (np.array(x) for x in zip(*found, strict=True))
+    fit = Polynomial.fit(g, t, order)
+    inner = [float(r.real) for r in fit.deriv().roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
+    best = min([float(g[0]), float(g[-1]), *inner], key=lambda x: float(fit(x)))
+    return Optimum(
+        threshold=threshold,
+        gain=best,
+        seconds=float(fit(best)),
+        at_end=best not in inner,
+        fastest_gain=fastest[0],
+        fastest_seconds=fastest[1],
+        unsettled=missing,
+        coefficients=tuple(fit.convert().coef.tolist()),
+    )
