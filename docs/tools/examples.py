@@ -4,7 +4,8 @@ In the Markdown of a page, in their order:
   - a block `sh` holds commands, one a line (`\` continues it): `workbench …`, or `echo $?`, the exit code;
   - a block `python` is run, with the names of those before it;
   - a block of any language with `title="name"` is a file, written to the folder of the page;
-  - a block `text` right after a run holds what was shown. A line `…` stands for any number of lines.
+  - a block `text` right after a run holds what was shown. A line `…` stands for any number of lines, ` …`
+    at the end of a line for the rest of it.
 Blocks in other languages (`bash`, for what cannot be run here) are only read.
 """
 
@@ -69,7 +70,7 @@ class Shown:
     @property
     def gaps(self) -> bool:
         """Whether the page leaves lines out."""
-        return self.expected is not None and "\n…\n" in f"\n{self.expected.text}"
+        return self.expected is not None and any(line.endswith("…") for line in self.expected.text.splitlines())
 
 
 class ExampleError(AssertionError):
