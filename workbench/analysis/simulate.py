@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from workbench.analysis.divergence_run import explained
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, SimulationError, article, suggest
 from workbench.model.base import Model
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
 
@@ -27,7 +29,7 @@ WORRYING_CHANGE = 0.01
 
 
 @dataclass(frozen=True)
-class SimulationResult:
+class SimulationResult(Reportable):
     """Time histories.
 
     Attributes:
@@ -76,6 +78,7 @@ class SimulationResult:
         return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
 
 
+@with_origin()
 def simulate(
     model: Model,
     *,
@@ -105,13 +108,19 @@ def simulate(
         InputError: unknown name, an output forced, times or points out of order.
         FmuError: the FMU cannot be instantiated.
         SimulationError: the model failed while running.
+        DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
+            in finite time, and when.
     """
     inputs = dict(inputs or {})
     _check_inputs(model, inputs)
     names = _names(model, outputs)
     at = _points(start_time, stop, interval, points, grid=model.grid)
     run = _Run(model, start_time, stop, inputs, names, at)
-    record, step = run.once(None)
+    try:
+        record, step = run.once(None)
+    except SimulationError as error:
+        why = explained(model, error, start=start_time, signals=inputs, names=names)
+        raise why from error
     notes = () if step is None or not verify_step else run.doubts(record, step)
     units = _units(model, [*names, *inputs])
     columns = {**record.values, **record.inputs}

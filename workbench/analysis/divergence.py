@@ -1,0 +1,171 @@
+"""How a quantity grows without bound: by a constant factor in equal times, or to infinity in finite time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+
+__all__ = ["Divergence", "DivergenceError", "divergence"]
+
+_BEGIN = 16.0  # times its early size: from there on growth is judged
+_LEAST = 8  # doublings that a judgement needs
+_LEAST_STEADY = 20  # doublings before steady growth counts as without bound: a factor of a million
+_LAST = 16  # doublings that are looked at
+_SHRINKS = 0.93  # doubling times that fall by this factor and more end in finite time: x ~ (t* − t)^−p, p < 9.5
+_STOPPED = 2.5  # of the last doubling time; without a doubling for longer the growth had stopped
+_STEADY = 1.1  # ratio of doubling times up to which growth is exponential
+
+
+@dataclass(frozen=True, kw_only=True)
+class Divergence:
+    """How a simulation grew until it stopped.
+
+    Attributes:
+        variable: that grew most.
+        unit: of it; None: none declared.
+        kind: "finite escape", "exponential" or "growing".
+        time: until which it was followed [s].
+        size: its largest magnitude until then.
+        doubling_times: in which its magnitude doubled, the last ones, in their order [s].
+        escape_time: where the doubling times, taken as a geometric series, end [s]; None: no finite escape.
+        exponent: p of |x| ~ (escape_time − t)^−p; None: no finite escape.
+    """
+
+    variable: str
+    unit: str | None = None
+    kind: str
+    time: float
+    size: float
+    doubling_times: tuple[float, ...]
+    escape_time: float | None = None
+    exponent: float | None = None
+
+    @property
+    def words(self) -> str:
+        """One clause: what grew, how, and when."""
+        last = f"{self.doubling_times[-1]:.3g} s"
+        unit = f" {self.unit}" if self.unit and self.unit != "1" else ""
+        reached = f"{self.size:.3g}{unit}"
+        if self.kind == "finite escape":
+            return (
+                f"{self.variable} escapes to infinity in finite time, at t = {self.escape_time:.9g} s: its doubling "
+                f"time shrinks by {2.0 ** (-1.0 / (self.exponent or 1.0)):.2f} each time, to {last} at {reached}"
+            )
+        if self.kind == "exponential":
+            return f"{self.variable} grows exponentially, doubling every {last}, to {reached}"
+        return f"{self.variable} grows without bound, to {reached}; it doubled in {last} last"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON."""
+        return {**vars(self), "doubling_times": list(self.doubling_times)}
+
+
+class DivergenceError(SimulationError):
+    """A simulation stopped because something in it grew without bound.
+
+    Attributes:
+        message: what grew and how, and what stopped the run; the time is appended.
+        time: session time at which it stopped [s].
+        divergence: how it grew.
+    """
+
+    divergence: Divergence
+
+    @classmethod
+    def of(cls, found: Divergence, cause: SimulationError) -> DivergenceError:
+        """Return the error for a run that `cause` ended.
+
+        Args:
+            found: how it grew.
+            cause: what the solver or the model said.
+        """
+        reason = str(cause).partition(" (at t = ")[0].partition(";")[0]  # advice on solvers does not help here
+        when = "" if cause.time is None else f" (at t = {cause.time:.9g} s)"
+        made = cls(f"{found.words}; the run stopped: {reason}{when}")
+        made.time, made.divergence = cause.time, found
+        return made
+
+
+def divergence(
+    time: Floats, values: Floats, *, variable: str = "x", unit: str | None = None, floor: float = 0.0
+) -> Divergence | None:
+    """Judge how a magnitude grows; None: it does not, or not for long enough to tell.
+
+    The running maximum of |x| is followed through its doublings from 16 times its early size on. In exponential
+    growth they take equal times; where x ~ (t* − t)^−p they shrink by 2^(−1/p) each, and t* is where their geometric
+    series ends (for dx/dt = x²: p = 1, every doubling takes half the time of the last). Doubling times that shrink
+    more slowly are told as growing only: no finite time can be concluded from them. The record must be dense enough
+    near its end; `workbench.simulate` makes such a record by itself when a run fails.
+
+    Source: H. K. Khalil, Nonlinear Systems, 3rd ed., section 3.1 (finite escape time).
+
+    Args:
+        time: shape (n,), rising [s].
+        values: shape (n,).
+        variable: its name, for the answer.
+        unit: of it.
+        floor: magnitudes below this say nothing.
+    """
+    passed = _doublings(np.asarray(time, dtype=np.float64), np.abs(np.asarray(values, dtype=np.float64)), floor)
+    if len(passed) < _LEAST + 1:
+        return None
+    gaps = np.diff(passed)
+    if time[-1] - passed[-1] > _STOPPED * gaps[-1]:
+        return None  # it grew once, but not up to the end
+    kind, ratio = _judged(gaps)
+    if kind is None or (kind != "finite escape" and len(passed) <= _LEAST_STEADY):
+        return None
+    size = float(np.max(np.abs(values[np.isfinite(values)])))
+    finite = kind == "finite escape"
+    return Divergence(
+        variable=variable,
+        unit=unit,
+        kind=kind,
+        time=float(time[-1]),
+        size=size,
+        doubling_times=tuple(gaps[-_LAST:].tolist()),
+        escape_time=float(passed[-1] + gaps[-1] * ratio / (1.0 - ratio)) if finite else None,
+        exponent=-math.log(2.0) / math.log(ratio) if finite else None,
+    )
+
+
+def _doublings(time: Floats, size: Floats, floor: float) -> Floats:
+    """Return the times at which the running maximum passes 2^k of its early size, rising steadily to the end."""
+    usable = np.isfinite(size)
+    time, size = time[usable], size[usable]
+    if len(size) < 2 or not np.any(size > floor):
+        return np.zeros(0)
+    early = float(np.max(size[: max(1, len(size) // 20)]))
+    top = np.maximum.accumulate(size)
+    begin = _BEGIN * max(early, floor, float(top[-1]) * 2.0**-900)
+    if not top[-1] > begin > 0.0:
+        return np.zeros(0)
+    levels = begin * 2.0 ** np.arange(math.floor(math.log2(float(top[-1]) / begin)) + 1)
+    after = np.searchsorted(top, levels, side="left")
+    after = np.clip(after, 1, len(top) - 1)
+    low, high = np.log2(np.maximum(top[after - 1], 1e-300)), np.log2(top[after])
+    part = np.where(high > low, (np.log2(levels) - low) / np.where(high > low, high - low, 1.0), 1.0)
+    passed = time[after - 1] + np.clip(part, 0.0, 1.0) * (time[after] - time[after - 1])
+    return np.asarray(passed, dtype=np.float64)
+
+
+def _judged(gaps: Floats) -> tuple[str | None, float]:
+    """Return the kind of growth (None: it slows down), and by which factor each doubling time differs from the last."""
+    last = gaps[-_LAST:]
+    if np.any(last <= 0.0):
+        return None, 1.0
+    ratio = float(np.exp(np.polynomial.polynomial.polyfit(np.arange(len(last)), np.log(last), 1)[1]))
+    half = len(last) // 2
+    if ratio < _SHRINKS and np.median(last[half:]) < np.median(last[:half]):
+        return "finite escape", ratio
+    quarter = max(1, len(gaps) // 4)
+    change = float(np.median(gaps[-quarter:]) / np.median(gaps[:quarter]))
+    if 1.0 / _STEADY < change < _STEADY:
+        return "exponential", 1.0
+    return ("growing" if change < 1.0 else None), ratio

@@ -1,0 +1,154 @@
+"""Balanced reduction of a linear system by its Hankel singular values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from workbench.analysis.describing.base import Floats
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.errors import InputError, SimulationError, suggest
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["METHODS", "BalancedReduction", "balanced_reduction"]
+
+METHODS = ("match-dc", "truncate")
+_KEPT = 1e-4  # Hankel singular values below this part of the largest are left out, unless told otherwise
+_NOISE = 1e-14  # below this part of the largest they are rounding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BalancedReduction:
+    """A reduced system, and what was left out.
+
+    Attributes:
+        part: the reduced system; its states have no meaning of their own.
+        method: "match-dc" or "truncate".
+        order: number of its states, the unstable ones included.
+        full_order: number of states before.
+        unstable: how many poles lie right of, or on, the imaginary axis; all of them are kept.
+        hankel: shape (full_order − unstable,), Hankel singular values of the stable part, falling, in units of
+            output over input.
+        bound: no gain of the difference exceeds this at any frequency: twice the sum of the values left out.
+        tolerance: the least relative value kept that gives this order, hankel[kept − 1]/hankel[0].
+    """
+
+    part: LinearPart
+    method: str
+    order: int
+    full_order: int
+    unstable: int
+    hankel: Floats
+    bound: float
+    tolerance: float
+
+    def to_ss(self) -> control.StateSpace:
+        """Return the reduced system for python-control."""
+        import control as ct  # noqa: PLC0415  slow to import
+
+        part = self.part
+        return ct.ss(part.A, part.B[:, None], part.C[None, :], [[part.D]])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON; the matrices are left out."""
+        return {k: v for k, v in vars(self).items() if k not in {"part", "hankel"}} | {"hankel": self.hankel.tolist()}
+
+
+def balanced_reduction(
+    part: LinearPart, *, order: int | None = None, tolerance: float | None = None, method: str = "match-dc"
+) -> BalancedReduction:
+    """Leave out the states of a balanced realisation that are hardest to reach and to see.
+
+    The stable part is brought into coordinates in which both Gramians are equal and diagonal; what remains of the
+    states with the smallest diagonal elements is nothing ("truncate") or their value at rest ("match-dc", singular
+    perturbation: the gain at frequency 0 stays exact, a zero there stays a zero; a feed-through appears). The unstable
+    part is split off before and put back untouched. Both reductions keep
+    max |G − Gr| over all frequencies below `bound`. It is an absolute error: where |G| is small, such as at a zero,
+    the relative one can be large, so compare both in the band that counts.
+
+    Not for systems with poles on the imaginary axis that shall be reduced, too: they count as unstable and stay.
+
+    Sources: K. Glover, All optimal Hankel-norm approximations of linear multivariable systems, Int. J. Control 39
+    (1984), the bound; Y. Liu and B. D. O. Anderson, Singular perturbation approximation of balanced systems, Int. J.
+    Control 50 (1989); SLICOT routines AB09MD and AB09ND, whose Gramians are square-root factors.
+
+    Args:
+        part: the system.
+        order: number of states wanted, the unstable ones included; instead of `tolerance`.
+        tolerance: keep Hankel singular values from this part of the largest on; None: 1e-4.
+        method: "match-dc" or "truncate".
+
+    Raises:
+        InputError: unknown method, order out of range, both order and tolerance given.
+        SimulationError: the decomposition failed: unstable and stable poles too near each other.
+    """
+    _check(part, order, tolerance, method)
+    scaled, factor = _scaled(part)
+    unstable = int(np.sum(part.poles.real >= 0.0))
+    n = len(part.A)
+    hankel = _run(scaled, n, "truncate")[1][: n - unstable] * factor
+    wanted = order if order is not None else unstable + _count(hankel, _KEPT if tolerance is None else tolerance)
+    reduced = scaled if wanted == n else _run(scaled, wanted, method)[0]
+    kept = len(reduced.A) - unstable
+    return BalancedReduction(
+        part=LinearPart(reduced.A, reduced.B, reduced.C * factor, reduced.D * factor) if wanted < n else part,
+        method=method,
+        order=len(reduced.A),
+        full_order=n,
+        unstable=unstable,
+        hankel=hankel,
+        bound=2.0 * float(np.sum(hankel[kept:])),
+        tolerance=float(hankel[kept - 1] / hankel[0]) if kept > 0 and hankel[0] > 0.0 else math.inf,
+    )
+
+
+def _check(part: LinearPart, order: int | None, tolerance: float | None, method: str) -> None:
+    n = len(part.A)
+    if method not in METHODS:
+        raise InputError(f"method: '{method}' is unknown; {suggest(method, METHODS)}")
+    if order is not None and tolerance is not None:
+        raise InputError("order and tolerance are both given; one of them says how much is kept")
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance must lie between 0 and 1, not at {tolerance:g}: a part of the largest value")
+    least = int(np.sum(part.poles.real >= 0.0))
+    if order is not None and not max(1, least) <= order <= n:
+        why = f" ({least} unstable poles stay)" if least else ""
+        raise InputError(f"order must lie between {max(1, least)}{why} and {n}, the order of the system, not {order}")
+
+
+def _count(hankel: Floats, tolerance: float) -> int:
+    return int(np.sum(hankel >= tolerance * hankel[0])) if len(hankel) else 0
+
+
+def _scaled(part: LinearPart) -> tuple[LinearPart, float]:
+    """Return the system in balanced state coordinates with B and C of size 1, and the factor left out."""
+    A, transform = matrix_balance(part.A, permute=False)
+    scale = np.diag(transform)
+    B, C = part.B / scale, part.C * scale
+    b, c = float(np.linalg.norm(B)) or 1.0, float(np.linalg.norm(C)) or 1.0
+    return LinearPart(np.ascontiguousarray(A), B / b, C / c, part.D / (b * c)), b * c
+
+
+def _run(part: LinearPart, order: int, method: str) -> tuple[LinearPart, Floats]:
+    """Return the reduced system and the Hankel singular values of the stable part, zeros behind them."""
+    import slycot  # noqa: PLC0415  slow to import
+
+    n = len(part.A)
+    A, B, C, D = part.A.copy(), part.B[:, None].copy(), part.C[None, :].copy(), np.array([[part.D]])
+    try:
+        if method == "truncate":
+            _, a, b, c, _, hankel = slycot.ab09md("C", "B", "N", n, 1, 1, A, B, C, alpha=0.0, nr=order)
+            d = D
+        else:
+            _, a, b, c, d, _, hankel = slycot.ab09nd("C", "B", "N", n, 1, 1, A, B, C, D, alpha=0.0, nr=order)
+    except slycot.exceptions.SlycotError as error:
+        raise SimulationError(f"balanced reduction failed: {error}") from None
+    size = len(a)
+    found = LinearPart(np.array(a), np.array(b)[:size, 0], np.array(c)[0, :size], float(d[0, 0]))
+    return found, np.asarray(hankel, dtype=np.float64)

@@ -1,0 +1,154 @@
+"""A transfer function by its zeros, poles and gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.errors import SimulationError
+
+__all__ = ["Factored", "factored"]
+
+_PLACES = 9  # where the gain is measured
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Factored:
+    """F(s) = gain · Π (s − zeros) / Π (s − poles).
+
+    Attributes:
+        zeros: shape (m,) [1/s], complex ones in conjugate pairs.
+        poles: shape (n,) [1/s], likewise.
+        gain: the factor, real.
+    """
+
+    zeros: Complex
+    poles: Complex
+    gain: float
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return len(self.poles)
+
+    @property
+    def unstable_poles(self) -> Complex:
+        """Poles right of the imaginary axis [1/s]."""
+        return self.poles[self.poles.real > 0.0]
+
+    def at(self, s: Complex) -> Complex:
+        """Return F(s), shape (k,); computed factor by factor, so that no power of s overflows.
+
+        Args:
+            s: shape (k,) [1/s].
+        """
+        value = np.full(len(s), self.gain, dtype=np.complex128)
+        with np.errstate(all="ignore"):
+            for k in range(max(len(self.zeros), len(self.poles))):
+                value *= s - self.zeros[k] if k < len(self.zeros) else 1.0
+                value /= s - self.poles[k] if k < len(self.poles) else 1.0
+        return value
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """Return F(j2πf), shape (k,).
+
+        Args:
+            frequency_hz: shape (k,) [Hz].
+        """
+        return self.at(2j * np.pi * np.asarray(frequency_hz, dtype=np.complex128))
+
+    def over(self, other: Factored) -> Factored:
+        """Return F / other; nothing is cancelled."""
+        return Factored(
+            zeros=by_size(np.concatenate([self.zeros, other.poles])),
+            poles=by_size(np.concatenate([self.poles, other.zeros])),
+            gain=self.gain / other.gain,
+        )
+
+    def times(self, other: Factored) -> Factored:
+        """Return F · other; nothing is cancelled."""
+        return Factored(
+            zeros=by_size(np.concatenate([self.zeros, other.zeros])),
+            poles=by_size(np.concatenate([self.poles, other.poles])),
+            gain=self.gain * other.gain,
+        )
+
+    def negated(self) -> Factored:
+        """Return −F."""
+        return Factored(zeros=self.zeros, poles=self.poles, gain=-self.gain)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON: zeros and poles as [real, imaginary]."""
+        return {
+            "gain": self.gain,
+            "zeros": [[z.real, z.imag] for z in self.zeros.tolist()],
+            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
+        }
+
+
+def factored(part: LinearPart) -> Factored:
+    """Return zeros, poles and gain of a state-space system.
+
+    The zeros are the invariant zeros; they come from the system matrix, not from polynomials, whose coefficients lose
+    all digits at orders such as these. The gain is the median over several frequencies.
+
+    Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems, Automatica 18
+    (1982); SLICOT routine AB08ND.
+
+    Args:
+        part: the system.
+
+    Raises:
+        SimulationError: the zeros could not be computed, or the system is zero.
+    """
+    zeros, poles = by_size(_zeros(part)), by_size(part.poles)
+    unit = Factored(zeros=zeros, poles=poles, gain=1.0)
+    f = _places(zeros, poles)
+    with np.errstate(all="ignore"):
+        ratio = part.response(f) / unit.response(f)
+    usable = ratio[np.isfinite(ratio)]
+    gain = float(np.median(usable.real)) if len(usable) else 0.0
+    if gain == 0.0:
+        raise SimulationError("the transfer function is zero: the output does not depend on the input")
+    return Factored(zeros=zeros, poles=poles, gain=gain)
+
+
+def by_size(roots: Complex) -> Complex:
+    """Return roots by magnitude, conjugates beside each other."""
+    order = np.lexsort((roots.imag, roots.real, np.round(np.abs(roots), 12)))
+    return np.asarray(roots[order], dtype=np.complex128)
+
+
+def _places(zeros: Complex, poles: Complex) -> Floats:
+    """Return frequencies between the smallest and the largest root [Hz]."""
+    sizes = np.abs(np.concatenate([zeros, poles])) / (2.0 * np.pi)
+    sizes = sizes[sizes > 1e-9]
+    low, high = (sizes.min(), sizes.max()) if len(sizes) else (0.1, 10.0)
+    return np.asarray(np.geomspace(max(low, 1e-6 * high), 2.0 * high, _PLACES), dtype=np.float64)
+
+
+def _zeros(part: LinearPart) -> Complex:
+    """Return the invariant zeros."""
+    n = len(part.A)
+    if n == 0:
+        return np.zeros(0, dtype=np.complex128)
+    import slycot  # noqa: PLC0415  slow to import
+    from scipy.linalg import eig  # noqa: PLC0415
+
+    A, transform = matrix_balance(part.A, permute=False)
+    scale = np.diag(transform)
+    B, C = part.B / scale, part.C * scale
+    b, c = float(np.linalg.norm(B)) or 1.0, float(np.linalg.norm(C)) or 1.0
+    try:
+        found = slycot.ab08nd(n, 1, 1, A, (B / b)[:, None], (C / c)[None, :], np.array([[part.D / (b * c)]]))
+    except slycot.exceptions.SlycotError as error:
+        raise SimulationError(f"zeros cannot be computed: {error}") from None
+    count, pencil, mass = found[0], found[8], found[9]
+    if count == 0:
+        return np.zeros(0, dtype=np.complex128)
+    return np.asarray(eig(pencil[:count, :count], mass[:count, :count], right=False), dtype=np.complex128)
