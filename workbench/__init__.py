@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.sweep import LinGrid, LinPoint, lin_along, lin_over
     from workbench.analysis.loop import LoopResult, Margins
     from workbench.analysis.loop.loop import loop
+    from workbench.analysis.modes.modes import modes
+    from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
@@ -91,6 +93,7 @@ __all__ = [
     "Connection",
     "Constant",
     "ContainerResult",
+    "Critical",
     "Crossing",
     "DelayReport",
     "DescribedModel",
@@ -121,7 +124,11 @@ __all__ = [
     "LoopResult",
     "Margins",
     "MasterModel",
+    "Mode",
+    "ModeSet",
     "Model",
+    "ModesMeeting",
+    "ModesResult",
     "MultisineDesign",
     "NfrPoint",
     "NfrResult",
@@ -176,6 +183,7 @@ __all__ = [
     "load",
     "loop",
     "make_experiment",
+    "modes",
     "nfr",
     "nyquist",
     "overlay",
@@ -228,6 +236,8 @@ _HOMES = {
     "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),
     "workbench.analysis.lin.step_check": ("StepCheck", "step_check"),
     "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint", "lin_along", "lin_over"),
+    "workbench.analysis.modes.modes": ("modes",),
+    "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),
     "workbench.analysis.nfr": ("NfrSweep", "nfr"),
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),

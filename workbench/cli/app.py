@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from workbench import __version__
-from workbench.cli import notes
+from workbench.cli import asked, notes
 from workbench.cli.build import build
 from workbench.cli.delays import delays
 from workbench.cli.excite import excite
@@ -19,6 +19,7 @@ from workbench.cli.info import info
 from workbench.cli.limit_cycle import limit_cycle
 from workbench.cli.lin import lin
 from workbench.cli.loop import loop
+from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
@@ -46,6 +47,7 @@ app.command("lin")(lin)
 app.command("loop")(loop)
 app.command("delays")(delays)
 app.command("limit-cycle")(limit_cycle)
+app.command("modes")(modes)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("build")(build)
@@ -91,6 +93,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         arguments: in place of the process's own.
     """
     notes.drop()
+    asked.keep(arguments)
     command = typer.main.get_command(app)
     try:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)

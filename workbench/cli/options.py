@@ -34,6 +34,7 @@ __all__ = [
     "numbers",
     "open_model",
     "pairs",
+    "start_value",
     "workers",
 ]
 
@@ -66,7 +67,8 @@ Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write th
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="PATH", help="Write the picture: .png, .svg or .pdf.")]
 
 Report = Annotated[
-    Path | None, typer.Option("--report", metavar="PATH", help="Write a page with pictures and verdicts: .html.")
+    Path | None,
+    typer.Option("--report", metavar="PATH", help="Write a page that stands alone: pictures, tables, data: .html."),
 ]
 
 Jobs = Annotated[
@@ -136,7 +138,7 @@ def open_model(
         solver,
         step=step,
         tolerance=tolerance,
-        start_values={n: _value(v) for n, v in pairs("--set", set_).items()},
+        start_values={n: start_value(v) for n, v in pairs("--set", set_).items()},
         bias={n: _number("--bias", n, v) for n, v in pairs("--bias", bias).items()},
     )
     for text in model.notes:
@@ -178,8 +180,12 @@ def _number(option: str, name: str | None, text: str) -> float:
         raise InputError(f"{where}: '{text.strip()}' is not a number") from None
 
 
-def _value(text: str) -> float | int | bool | str:
-    """Read a start value as what it looks like; the model converts it to the variable's type."""
+def start_value(text: str) -> float | int | bool | str:
+    """Read a start value as what it looks like; the model converts it to the variable's type.
+
+    Args:
+        text: as it was given.
+    """
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
     for kind in (int, float):

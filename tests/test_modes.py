@@ -1,0 +1,324 @@
+"""Modes over a parameter: closed forms of crossing, veering, coalescence and loss of stability."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from workbench.analysis.modes.critical import find_root, sign_of
+from workbench.analysis.modes.match import closeness
+from workbench.analysis.modes.modes import modes
+from workbench.analysis.modes.poles import Poles, poles_of
+from workbench.analysis.modes.track import Track, track
+from workbench.cli.app import run
+from workbench.errors import InputError
+from workbench.model.described import DescribedModel
+from workbench.session.base import Floats
+from workbench.system.connect import connect
+from workbench.system.load import load
+
+
+def second_order(k: object, c: object = 0.0, m: object = 1.0) -> Poles:
+    """M q'' + C q' + K q = 0; scalars are multiples of the unit matrix."""
+    stiffness = np.array(k, dtype=float)
+    one = np.eye(len(stiffness))
+    mass, damping = (x * one if np.ndim(x) == 0 else np.array(x) for x in (np.array(m), np.array(c)))
+    upper = np.hstack([np.zeros_like(one), one])
+    return poles_of(np.vstack([upper, np.linalg.solve(mass, np.hstack([-stiffness, -damping]))]))
+
+
+def frequencies(found: Track) -> Floats:
+    """Undamped frequencies [rad/s], shape (values, branches)."""
+    return np.asarray(np.abs(found.table()[0]), dtype=np.float64)
+
+
+# -- crossings and veering -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("values", [np.linspace(0.0, 1.0, 5), np.linspace(0.03, 1.0, 6), [0.0, 1.0]])
+def test_uncoupled_modes_cross(values: Floats) -> None:
+    """Two oscillators, one of them with stiffness 0.5 + p: each keeps its own closed form, also at p = 0.5 itself."""
+    found = track(lambda p: second_order([[1.0, 0.0], [0.0, 0.5 + p]], 0.02), list(values))
+    moving, still = frequencies(found).T
+    assert moving == pytest.approx(np.sqrt(0.5 + found.values), rel=1e-9)
+    assert still == pytest.approx(np.ones(len(found.values)), rel=1e-9)
+    assert not found.meetings
+
+
+@pytest.mark.parametrize("coupling", [0.1, 0.01, 3e-4])
+def test_coupled_modes_veer(coupling: float) -> None:
+    """ω² = (1.5 + p)/2 ± √((0.5 − p)²/4 + κ²), however narrow the gap: the lower one stays the lower one."""
+    found = track(
+        lambda p: second_order([[1.0, -coupling], [-coupling, 0.5 + p]], 0.02), np.linspace(0.0, 1.0, 6).tolist()
+    )
+    p = found.values
+    root = np.sqrt((0.5 - p) ** 2 / 4.0 + coupling**2)
+    lower, upper = frequencies(found).T
+    assert lower**2 == pytest.approx((1.5 + p) / 2.0 - root, rel=1e-8)
+    assert upper**2 == pytest.approx((1.5 + p) / 2.0 + root, rel=1e-8)
+    assert not found.meetings
+
+
+def test_a_gap_narrower_than_the_smallest_step_is_said() -> None:
+    """κ = 1e-6, the smallest step is 0.2/2¹⁴ = 1.2e-5: no step shows the veering itself."""
+    found = track(lambda p: second_order([[1.0, -1e-6], [-1e-6, 0.5 + p]], 0.02), np.linspace(0.0, 1.0, 6).tolist())
+    (meeting,) = found.meetings
+    assert meeting.kind == "unclear"
+    assert meeting.modes == (0, 1)
+    assert meeting.value == pytest.approx(0.5, abs=3e-5)
+
+
+def test_modes_that_cross_in_frequency_with_unlike_damping() -> None:
+    found = track(
+        lambda p: second_order(np.diag([1.0, 0.5 + p]), np.diag([0.02, 0.3])), np.linspace(0.0, 1.0, 7).tolist()
+    )
+    real = found.table()[0].real
+    assert real[:, 0] == pytest.approx(-0.15, rel=1e-9)
+    assert real[:, 1] == pytest.approx(-0.01, rel=1e-9)
+
+
+def test_twenty_modes_in_random_coordinates_keep_their_lines() -> None:
+    """Frequencies 1 + 0.3 k at p = 0 in one order and at p = 1 in another, uncoupled, seen through a random matrix."""
+    random = np.random.default_rng(3)
+    start, end = 1.0 + 0.3 * np.arange(20), 1.0 + 0.3 * random.permutation(20)
+    mixing = random.standard_normal((40, 40))
+    inverse = np.linalg.inv(mixing)
+
+    def family(p: float) -> Poles:
+        omega = start + p * (end - start)
+        a = np.zeros((40, 40))
+        a[:20, 20:], a[20:, :20], a[20:, 20:] = np.eye(20), -np.diag(omega**2), -0.02 * np.diag(omega)
+        return poles_of(mixing @ a @ inverse)
+
+    found = track(family, np.linspace(0.0, 1.0, 9).tolist())
+    assert frequencies(found)[-1] == pytest.approx(end, rel=1e-8)
+    assert not found.meetings
+
+
+def test_closeness_does_not_depend_on_the_units_of_the_states() -> None:
+    a, b = np.random.default_rng(5).standard_normal((2, 6, 6))
+    scale = np.diag(10.0 ** np.array([-6.0, -3.0, 0.0, 2.0, 5.0, 9.0]))
+    plain = closeness(poles_of(a), poles_of(a + 0.05 * b))
+    scaled = (scale @ x @ np.linalg.inv(scale) for x in (a, a + 0.05 * b))
+    assert closeness(*(poles_of(x) for x in scaled)) == pytest.approx(plain, rel=1e-6, abs=1e-9)
+
+
+# -- meetings --------------------------------------------------------------------------------
+
+
+def test_a_pair_becomes_two_real_poles_and_a_pair_again() -> None:
+    """x'' + c x' + x = 0 with c = 1 … 3 … 1: the pair keeps its number, the second real pole has one of its own."""
+    found = track(lambda p: second_order([[1.0]], 3.1 - abs(p)), np.linspace(-2.0, 2.0, 12).tolist())
+    poles, _ = found.table()
+    assert found.count == 2
+    assert [m.kind for m in found.meetings] == ["real axis", "real axis"]
+    assert all(abs(abs(m.value) - 1.1) < m.width for m in found.meetings)
+    over = 3.1 - np.abs(found.values) > 2.0
+    assert np.isnan(poles[~over, 1]).all()
+    assert np.real(poles[over, 0] * poles[over, 1]) == pytest.approx(1.0)
+
+
+def test_rigid_modes_stay_apart_from_the_elastic_ones() -> None:
+    """Two free masses on a spring: a double zero at all values, never unstable, and √(2 k)."""
+    found = track(lambda p: second_order([[p, -p], [-p, p]]), np.linspace(0.5, 3.0, 6).tolist())
+    poles, uncertain = found.table()
+    assert found.count == 3
+    assert not found.meetings
+    rigid, rigid_rate, elastic = np.abs(poles).T
+    assert max(rigid.max(), rigid_rate.max()) < 1e-6
+    assert elastic == pytest.approx(np.sqrt(2.0 * found.values))
+    assert all(sign_of(p, u) == 0 for p, u in zip(poles.ravel().tolist(), uncertain.ravel().tolist(), strict=True))
+
+
+def typical_section(q: float) -> Poles:
+    """Pines' section: inertia [[1, S], [S, I]], lift q θ at a distance e before the elastic axis, undamped."""
+    return second_order([[1.0, q], [0.0, 1.0 - 0.4 * q]], 0.0, [[1.0, 0.2], [0.2, 0.25]])
+
+
+def pines_flutter() -> float:
+    """The q at which ω² of the section becomes a double root, in closed form.
+
+    det(K − ω² M) = A ω⁴ − B(q) ω² + C(q), with B = b0 + b1 q, C = c0 + c1 q: B² = 4 A C [Pines 1958].
+    """
+    a = 0.25 - 0.04
+    b0, b1 = 1.25, -(0.4 + 0.2)
+    c0, c1 = 1.0, -0.4
+    return float(
+        min(r.real for r in np.roots([b1**2, 2.0 * b0 * b1 - 4.0 * a * c1, b0**2 - 4.0 * a * c0]) if r.real > 0.0)
+    )
+
+
+def test_flutter_of_an_undamped_section_by_coalescence() -> None:
+    exact = pines_flutter()
+    assert 0.3 < exact < 1.0
+    found = track(typical_section, np.linspace(0.0, 1.0, 8).tolist())
+    (meeting,) = found.meetings
+    assert meeting.kind == "unclear"
+    assert abs(meeting.value - exact) <= meeting.width
+    poles, uncertain = found.table()
+    before = found.values < exact
+    assert all(sign_of(p, u) == 0 for p, u in zip(poles[before].ravel(), uncertain[before].ravel(), strict=True))
+    assert (poles[~before].real.max(axis=1) > 0.0).all()
+
+    def worst(q: float) -> tuple[complex, float]:
+        p = typical_section(q)
+        k = int(np.argmax(p.value.real))
+        return complex(p.value[k]), float(p.uncertain[k])
+
+    assert find_root(worst, 0.0, 1.0, tolerance=1e-9).value == pytest.approx(exact, abs=1e-8)
+
+
+# -- public function -------------------------------------------------------------------------
+
+
+def lags() -> DescribedModel:
+    """Three lags of FMUs around a gain 16·D: poles −1 + ∛(16 D) e^{jπ(2k+1)/3}, unstable from D = 0.5 at √3 rad/s."""
+    return connect(
+        {"block": "fmu:Saturation", "a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag", "c": "fmu:FirstOrderLag@3"},
+        [("c.y", "block.u", {"gain": -16.0}), ("block.y", "a.u"), ("a.y", "b.u"), ("b.y", "c.u")],
+        outputs={"y": "c.y"},
+        start_values={"block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0},
+    )
+
+
+def test_a_mode_that_becomes_unstable_at_a_known_value() -> None:
+    with lags() as system:
+        result = modes(system, vary="block.D", band=(0.1, 1.0), points=4)
+    (only,) = result.sets
+    (critical,) = only.critical
+    assert critical.value == pytest.approx(0.5, abs=result.tolerance)
+    assert result.tolerance == pytest.approx(0.9e-6)
+    assert critical.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-5)
+    assert (critical.becomes, critical.kind) == ("unstable", "flutter")
+    assert only.first_unstable == critical
+    root = (16.0 * only.value) ** (1.0 / 3.0)
+    mode = only.mode(critical.mode)
+    assert mode.frequency_hz == pytest.approx(root * math.sin(math.pi / 3.0) / (2.0 * math.pi), rel=1e-7)
+    assert mode.pole.real == pytest.approx(root / 2.0 - 1.0, abs=1e-7)
+    assert mode.damping == pytest.approx(-mode.pole.real / np.abs(mode.pole))
+    assert {s.split(".")[0] for s in mode.states} == {"a", "b", "c"}
+
+
+def test_divergence_is_a_real_pole() -> None:
+    """With the sign turned the same loop has a real pole at −1 + ∛(16 D): divergence at D = 1/16."""
+    with connect(
+        {"block": "fmu:Saturation", "a": "fmu:FirstOrderLag"},
+        [("a.y", "block.u", {"gain": 16.0}), ("block.y", "a.u")],
+        start_values={"block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0},
+    ) as system:
+        result = modes(system, vary="block.D", values=[0.2, 0.05, 0.02][::-1])
+    (critical,) = result.sets[0].critical
+    assert critical.kind == "divergence"
+    assert critical.value == pytest.approx(1.0 / 16.0, abs=2e-7)
+
+
+def test_configurations_beside_each_other_and_parameters_of_all() -> None:
+    with lags() as system:
+        twice = {"a.tau": 2.0, "b.tau": 2.0, "c.tau": 2.0}
+        result = modes(system, vary="block.D", band=(0.1, 2.0), points=4, set=twice, against=[{"a.tau": 20.0}])
+    first, second = result.sets
+    assert first.label == "a.tau = 2"
+    assert second.label == "a.tau = 20"
+    # All three lags alike: the time scale changes, the critical gain does not.
+    assert first.critical[0].value == pytest.approx(0.5, abs=1e-6)
+    assert first.critical[0].frequency_hz == pytest.approx(math.sqrt(3.0) / (4.0 * math.pi), rel=1e-5)
+    # Routh: K = (τ1 + τ2 + τ3)(1/τ1 + 1/τ2 + 1/τ3) − 1.
+    assert 16.0 * second.critical[0].value == pytest.approx(24.0 * (1.0 / 20.0 + 1.0) - 1.0, rel=1e-5)
+
+
+def test_the_equilibrium_may_move_with_the_parameter() -> None:
+    """A lag that starts where its feedback is saturated: pole −1/τ there, −17/τ at the equilibrium."""
+    with connect(
+        {"block": "fmu:Saturation", "a": "fmu:FirstOrderLag"},
+        [("a.y", "block.u", {"gain": -16.0}), ("block.y", "a.u")],
+        start_values={"block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0, "a.x": 0.5},
+    ) as system:
+        still, moved = (modes(system, vary="a.tau", values=[1.0, 2.0], trimmed=t).sets[0] for t in (False, True))
+    assert still.mode(1).pole.real == pytest.approx([-1.0, -0.5])
+    assert moved.mode(1).pole.real == pytest.approx([-17.0, -8.5], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"vary": "block.E", "band": (0.0, 1.0)}, "did you mean block.D"),
+        ({"vary": "block.D", "band": (1.0, 0.0)}, "rising"),
+        ({"vary": "block.D"}, "either values or a band"),
+        ({"vary": "block.D", "band": (0.0, 1.0), "points": 1}, "at least 2 points"),
+        ({"vary": "block.D", "band": (0.0, 1.0), "tolerance": 0.0}, "tolerance"),
+        ({"vary": "block.D", "band": (0.0, 1.0), "against": [{"a.tua": 1.0}]}, "a.tau"),
+    ],
+)
+def test_mistakes_are_one_line(options: dict[str, Any], message: str) -> None:
+    with lags() as system, pytest.raises(InputError, match=message):
+        modes(system, **options)
+
+
+def test_models_of_different_order_cannot_be_followed() -> None:
+    def family(p: float) -> Poles:
+        return poles_of(-np.eye(2 if p < 0.5 else 3))
+
+    with pytest.raises(InputError, match="2 states at 0 and 3 at 1"):
+        track(family, [0.0, 1.0])
+
+
+def test_a_sampled_model_shows_its_poles_in_continuous_time() -> None:
+    a = control.c2d(control.ss(control.tf([4.0], [1.0, 0.4, 4.0])), 0.01).A
+    assert poles_of(a, dt=0.01).value == pytest.approx(np.array([-0.2 + 1j * math.sqrt(3.96)]), rel=1e-9)
+
+
+# -- the aircraft ----------------------------------------------------------------------------
+
+
+def test_the_critical_speeds_of_the_aircraft_do_not_depend_on_the_grid() -> None:
+    """Two grids, one so coarse that all matching is refinement; and the poles counted by themselves on both sides."""
+    with load("fmu:Aircraft") as aircraft:
+        coarse, fine = (
+            modes(aircraft, vary="airspeed", band=(240.0, 260.0), points=n, set={"outer_aileron_failed": True}).sets[0]
+            for n in (2, 6)
+        )
+    assert [c.value for c in coarse.critical] == pytest.approx([c.value for c in fine.critical], abs=1e-4)
+    assert [c.mode for c in coarse.critical] == [c.mode for c in fine.critical]
+    assert [m.frequency_hz[-1] for m in coarse.modes] == pytest.approx([m.frequency_hz[-1] for m in fine.modes])
+    for c in fine.critical:
+        assert abs(c.real) < 1e-5
+    balance = sum(1 if c.becomes == "unstable" else -1 for c in fine.critical)
+    assert fine.unstable_count[-1] == fine.unstable_count[0] + balance
+
+
+# -- command ---------------------------------------------------------------------------------
+
+
+def test_command_writes_table_json_csv_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {o: str(tmp_path / f"modes.{s}") for o, s in (("--json", "json"), ("--csv", "csv"), ("--plot", "png"))}
+    arguments = ["modes", "fmu:FirstOrderLag", "--vary", "tau=0.5:4", "--points", "3", "--against", "tau=1"]
+    assert run([*arguments, *(x for pair in files.items() for x in pair)]) == 0
+    data = json.loads((tmp_path / "modes.json").read_text(encoding="utf-8"))
+    assert data["parameter"] == "tau"
+    assert data["sets"][0]["real"][0] == pytest.approx([-2.0, -1.0 / 2.25, -0.25])
+    assert (tmp_path / "modes.csv").read_text(encoding="utf-8").count("\n") == 7
+    assert (tmp_path / "modes.png").stat().st_size > 1000
+    assert "no mode becomes unstable" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--vary", "tua=1:2"], "did you mean tau"),
+        (["--vary", "tau=2:1"], "LO < HI"),
+        (["--vary", "tau"], "NAME=VALUE"),
+        (["--vary", "tau=1:2", "--against", "tau"], "NAME=VALUE"),
+        (["--vary", "tau=1:2", "--plot", "x.gif"], "must end in"),
+    ],
+)
+def test_command_refuses_in_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["modes", "fmu:FirstOrderLag", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

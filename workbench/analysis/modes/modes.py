@@ -1,0 +1,258 @@
+"""The public function: modes over a parameter, and where they become unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.analysis.modes.critical import find_root, sign_of
+from workbench.analysis.modes.match import match
+from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
+from workbench.analysis.modes.source import Source, Where, check_parameter
+from workbench.analysis.modes.track import Frame, Track, track
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError
+from workbench.fmi.variable import Value
+from workbench.model.described import DescribedModel
+
+__all__ = ["modes"]
+
+_TOLERANCE = 1e-6  # of the range
+_NAMED = 3  # states
+
+Settings = Mapping[str, Value]
+
+
+def modes(
+    model: DescribedModel,
+    *,
+    vary: str,
+    values: Sequence[float] | None = None,
+    band: tuple[float, float] | None = None,
+    points: int = 41,
+    set: Settings | None = None,  # noqa: A002 - the word of the command line
+    against: Sequence[Settings] = (),
+    at: OperatingPoint | None = None,
+    x0: Mapping[str, float] | None = None,
+    u0: Mapping[str, float] | None = None,
+    time: float | None = None,
+    trimmed: bool = False,
+    method: str = "auto",
+    tolerance: float | None = None,
+    jobs: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> ModesResult:
+    """Follow frequency and damping of every mode over a parameter, and find where modes become unstable.
+
+    ```python
+    with wb.load("fmu:Aircraft") as aircraft:
+        diagram = wb.modes(
+            aircraft, vary="airspeed", band=(150, 350), set={"outer_aileron_failed": False},
+            against=[{"outer_aileron_failed": True}],
+        )
+    print(diagram.sets[0].first_unstable)
+    diagram.plot("flutter.png")
+    ```
+
+    The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left
+    and right eigenvectors, with models in between where that leaves a doubt, so that a mode keeps its number through
+    a crossing; where even the smallest step leaves one, a meeting says so. Critical values are refined by root finding
+    on the mode's real part.
+
+    The operating point stays where it is unless `trimmed`. Not for models whose linear model means nothing (a
+    quantiser, a block with jumps at the point); of a sampled model the poles are those its samples show.
+
+    Args:
+        model: FMU or system; it stays open.
+        vary: parameter, input or state; of a system "component.name".
+        values: rising; or
+        band: lowest and highest value, with
+        points: equidistant values between.
+        set: parameters of all configurations → value.
+        against: further configurations: parameters → value, each drawn into the same picture.
+        at: see `lin`.
+        x0: see `lin`.
+        u0: see `lin`.
+        time: see `lin`.
+        trimmed: find the equilibrium at each value, inputs held.
+        method: see `lin`.
+        tolerance: of critical values; None: 1e-6 of the range.
+        jobs: worker processes at a time for the first models.
+        progress: called with configuration, number done and number in all.
+
+    Raises:
+        InputError: unknown name, values that do not rise, no linear model at two of them.
+        FmuError, SimulationError: the model cannot be opened or evaluated.
+
+    Source: biorthogonal matching: Seyranian & Mailybaev, Multiparameter Stability Theory with Mechanical
+    Applications, chapter 2; flutter diagrams: Bisplinghoff, Ashley & Halfman, Aeroelasticity, chapter 9.
+    """
+    grid = _values(values, band, points)
+    check_parameter(model, vary)
+    where = Where(at=at, x0=dict(x0 or {}), u0=dict(u0 or {}), time=time, trimmed=trimmed, method=method)
+    width = _TOLERANCE * (grid[-1] - grid[0]) if tolerance is None else tolerance
+    if not (width > 0.0 and np.isfinite(width)):
+        raise InputError(f"modes: the tolerance must be positive and finite, not {width:g}")
+    found, common = [], dict(set or {})
+    with ExitStack() as stack:
+        configured = [_configured(model, {**common, **settings}, stack) for settings in ({}, *against)]
+        for settings, opened in zip(({}, *against), configured, strict=True):
+            label = _label(settings or _own(model, common, against))
+            source = Source(opened, vary, where)
+            source.prepare(grid, jobs=jobs, progress=None if progress is None else _told(progress, label))
+            found.append(_one_set(source, grid, label, dict(settings), width))
+    variable = next(v for v in model.description.variables if v.name == vary)
+    return ModesResult(
+        model=model.name,
+        interface=model.interface,
+        parameter=vary,
+        unit=variable.unit,
+        sets=tuple(found),
+        tolerance=width,
+        notes=_notes(found, vary),
+    )
+
+
+def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -> Settings:
+    """Return what the model has where further configurations have something else."""
+    starts = {v.name: v.start for v in model.description.variables}
+    known = {**starts, **model.recipe.start_values, **common}
+    found = {name: known.get(name) for settings in against for name in settings}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _label(settings: Settings) -> str:
+    return ", ".join(f"{n} = {_word(v)}" for n, v in settings.items())
+
+
+def _told(progress: Callable[[str, int, int], None], label: str) -> Callable[[int, int], None]:
+    return lambda done, total: progress(label, done, total)
+
+
+def _word(value: Value) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _values(values: Sequence[float] | None, band: tuple[float, float] | None, points: int) -> list[float]:
+    if (values is None) == (band is None):
+        raise InputError("modes: give either values or a band")
+    if band is not None:
+        if points < 2:
+            raise InputError(f"modes: at least 2 points are needed, not {points}")
+        values = np.linspace(band[0], band[1], points).tolist()
+    found = [float(v) for v in values or ()]
+    if len(found) < 2 or not np.isfinite(found).all() or np.any(np.diff(found) <= 0.0):
+        raise InputError("modes: two or more rising values are needed")
+    return found
+
+
+def _configured(model: DescribedModel, settings: Settings, stack: ExitStack) -> DescribedModel:
+    if not settings:
+        return model
+    starts = {**model.recipe.start_values, **settings}
+    return stack.enter_context(replace(model.recipe, start_values=starts).open())
+
+
+def _one_set(source: Source, grid: list[float], label: str, settings: Settings, tolerance: float) -> ModeSet:
+    found = track(source, grid)
+    poles, uncertain = found.table()
+    names = next(iter(source.results.values())).state_names
+    lines = [
+        Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(found, b, names))
+        for b in range(found.count)
+    ]
+    critical = [c for line in lines for c in _criticals(source, found, line, tolerance)]
+    meetings = [ModesMeeting(**{**vars(m), "modes": tuple(b + 1 for b in m.modes)}) for m in found.meetings]
+    return ModeSet(
+        label=label,
+        settings=settings,
+        value=found.values,
+        modes=tuple(lines),
+        critical=tuple(sorted(critical, key=lambda c: c.value)),
+        meetings=tuple(meetings),
+        failed=dict(source.failed),
+    )
+
+
+def _states(found: Track, branch: int, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the states that take most part in a mode where it first exists."""
+    for frame in found.frames:
+        place = frame.place(branch)
+        if place is not None:
+            share = frame.poles.participation()[:, place]
+            most = np.argsort(-share, kind="stable")[:_NAMED]
+            return tuple(names[i] for i in most.tolist() if share[i] > 0.05)
+    return ()
+
+
+def _criticals(source: Source, found: Track, line: Mode, tolerance: float) -> list[Critical]:
+    """Return where a mode's real part changes its sign, each refined between two frames."""
+    known = ~np.isnan(line.pole)
+    signs = [
+        sign_of(p, u) if exists else None
+        for p, u, exists in zip(line.pole.tolist(), line.uncertain.tolist(), known.tolist(), strict=True)
+    ]
+    criticals, last = list[Critical](), 0
+    for k in range(len(signs) - 1):
+        here, there = signs[k], signs[k + 1]
+        if here is None or there is None:
+            last = 0
+            continue
+        last = here or last
+        if here == there or not (here > 0 or there > 0):
+            continue
+        if here == 0 and there > 0 and last > 0:  # it only grazed zero
+            continue
+        frames = found.frames[k], found.frames[k + 1]
+        criticals.append(_refined(source, frames, line.number, tolerance, rising=there > here))
+    return criticals
+
+
+def _refined(source: Source, ends: tuple[Frame, Frame], number: int, tolerance: float, *, rising: bool) -> Critical:
+    known: dict[float, Frame] = {f.value: f for f in ends}
+
+    def pole(value: float) -> tuple[complex, float]:
+        frame = known.get(value) or _between(source, ends, value)
+        place = frame.place(number - 1)
+        if place is None:
+            return complex(np.nan), np.inf
+        return complex(frame.poles.value[place]), float(frame.poles.uncertain[place])
+
+    root = find_root(pole, ends[0].value, ends[1].value, tolerance=tolerance)
+    return Critical(
+        mode=number,
+        value=root.value,
+        frequency_hz=abs(root.pole.imag) / (2.0 * np.pi),
+        becomes="unstable" if rising else "stable",
+        real=root.pole.real,
+    )
+
+
+def _between(source: Source, ends: tuple[Frame, Frame], value: float) -> Frame:
+    """Return the modes at a value between two frames, numbered as those of the nearer one."""
+    near = min(ends, key=lambda f: abs(f.value - value))
+    poles = source(value)
+    if poles is None:
+        raise InputError(f"modes: there is no linear model at {value:g}, where a critical value was looked for")
+    branch = {j: near.branch[i] for i, j in match(near.poles, poles).pairs}
+    return Frame(value, poles, tuple(branch.get(j, -1) for j in range(len(poles))))
+
+
+def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:
+    notes = []
+    for s in sets:
+        who = f"{s.label}: " if s.label else ""
+        for m in s.meetings:
+            if m.kind == "unclear":
+                numbers = ", ".join(map(str, m.modes))
+                notes.append(
+                    f"{who}modes {numbers} meet at {parameter} = {m.value:.6g} (step {m.width:.2g}); which goes on as "
+                    "which is not certain from there on"
+                )
+        if s.failed:
+            first, why = next(iter(s.failed.items()))
+            notes.append(f"{who}no linear model at {len(s.failed)} values, first at {first:g}: {why}")
+    return tuple(notes)

@@ -1,0 +1,141 @@
+"""Poles of a linear model with what tracking needs: both eigenvectors and how certain each pole is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig, matrix_balance, schur
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from workbench.analysis.blas import one_thread
+from workbench.session.base import Floats
+
+__all__ = ["Complex", "Poles", "poles_of"]
+
+Complex = NDArray[np.complex128]
+
+_ROUNDING = 20.0
+_VANISHED = 1e-6  # discrete poles smaller than this are over within a sample
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """One pole of each conjugate pair, and the real ones; rising in frequency, then falling in real part.
+
+    The vectors are scaled so that leftᴴ right = I.
+
+    Attributes:
+        value: shape (m,), imaginary parts ≥ 0 [1/s].
+        right: right eigenvectors, shape (n, m).
+        left: left eigenvectors, shape (n, m).
+        uncertain: how far rounding may have moved each pole, shape (m,) [1/s].
+    """
+
+    value: Complex
+    right: Complex
+    left: Complex
+    uncertain: Floats
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    @property
+    def real(self) -> NDArray[np.bool_]:
+        """Which of them are real, shape (m,)."""
+        return np.asarray(self.value.imag == 0.0)
+
+    def participation(self) -> Floats:
+        """Return how much each state takes part in each mode, shape (n, m), columns with sum 1.
+
+        Source: Pérez-Arriaga, Verghese & Schweppe, IEEE Trans. Power Apparatus and Systems 101 (1982), 3117-3125.
+        """
+        size = np.abs(self.left * self.right)
+        total = size.sum(axis=0)
+        return np.asarray(size / np.where(total > 0.0, total, 1.0), dtype=np.float64)
+
+
+def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
+    """Return the poles of dx/dt = A x, or those that the samples of x(k+1) = A x(k) show.
+
+    Poles that coincide within rounding, such as the double zero of a rigid body, have no eigenvectors of their own:
+    they get a basis of their common invariant subspace, and a pair that close to the real axis counts as two real ones.
+
+    Args:
+        a: shape (n, n).
+        dt: 0 for a continuous model, else the period [s].
+        accuracy: relative accuracy of the entries; 0: rounding.
+
+    Source: uncertainty of an eigenvalue by its condition: Golub & Van Loan, Matrix Computations, 7.2.2; invariant
+    subspaces by ordered Schur forms, 7.6.2.
+    """
+    if not len(a):
+        none = np.zeros((0, 0), dtype=np.complex128)
+        return Poles(np.zeros(0, dtype=np.complex128), none, none, np.zeros(0))
+    with one_thread():
+        balanced, scale = _balanced(a)
+        value, left, right = (np.asarray(x, dtype=np.complex128) for x in eig(balanced, left=True, right=True))
+        uncertain = _uncertain(balanced, left, right, accuracy)
+        value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
+        left = left / np.einsum("ij,ij->j", left, right.conj())
+        for members in _clusters(value, uncertain):
+            right[:, members], left[:, members] = _bases(balanced, value, members)
+    shown, uncertain = _continuous(value, uncertain, dt)
+    keep = np.flatnonzero(value.imag >= 0.0)
+    order = keep[np.lexsort((-shown[keep].real, shown[keep].imag))]
+    right, left = right * scale[:, None], left / scale[:, None]
+    return Poles(shown[order], right[:, order], left[:, order], uncertain[order])
+
+
+def _uncertain(a: Floats, left: Complex, right: Complex, accuracy: float) -> Floats:
+    """Return how far each eigenvalue may be off: size of the error times condition, at most that of a double one."""
+    size = max(float(np.linalg.norm(a)), np.finfo(float).tiny)
+    relative = max(accuracy, _ROUNDING * np.finfo(float).eps)
+    along = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.sqrt(relative))
+    return np.asarray(relative * size / along, dtype=np.float64)
+
+
+def _clusters(value: Complex, uncertain: Floats) -> list[list[int]]:
+    """Return the sets of poles that coincide within rounding, conjugates apart."""
+    near = np.abs(value[:, None] - value) <= 2.0 * np.maximum(uncertain[:, None], uncertain)
+    count, label = connected_components(csr_matrix(near), directed=False)
+    sets = [np.flatnonzero(label == k).tolist() for k in range(count)]
+    return [s for s in sets if len(s) > 1]
+
+
+def _bases(a: Floats, value: Complex, members: list[int]) -> tuple[Complex, Complex]:
+    """Return bases of the right and left invariant subspace of a cluster, WᴴV = I, each of shape (n, members)."""
+    centre, reach = value[members].mean(), float(np.abs(value[members] - value[members].mean()).max())
+    others = np.delete(np.abs(value - centre), members)
+    border = 0.5 * (reach + float(others.min())) if len(others) else np.inf
+
+    def inside(pole: complex) -> bool:
+        return bool(abs(pole - centre) <= border)
+
+    def outside(pole: complex) -> bool:
+        return inside(pole.conjugate())
+
+    count = len(members)
+    right = schur(a.astype(np.complex128), output="complex", sort=inside)[1][:, :count]
+    left = schur(a.T.astype(np.complex128), output="complex", sort=outside)[1][:, :count]
+    across = left.conj().T @ right
+    return right, np.asarray(left @ np.linalg.inv(across).conj().T, dtype=np.complex128)
+
+
+def _balanced(a: Floats) -> tuple[Floats, Floats]:
+    """Return A with states of like size, and the scale of each state."""
+    found: tuple[Any, Any] = matrix_balance(a, permute=False, separate=True)
+    matrix, (scale, _) = found
+    return np.asarray(matrix, dtype=np.float64), np.asarray(scale, dtype=np.float64)
+
+
+def _continuous(value: Complex, uncertain: Floats, dt: float) -> tuple[Complex, Floats]:
+    """Return discrete poles as continuous ones; those that vanish within a sample have no end of damping."""
+    if dt == 0.0:
+        return value, uncertain
+    size = np.maximum(np.abs(value), _VANISHED)
+    turned = np.where(np.abs(value) > _VANISHED, value, _VANISHED + 0.0j)
+    return np.asarray(np.log(turned) / dt, dtype=np.complex128), np.asarray(uncertain / size / dt, dtype=np.float64)

@@ -1,0 +1,244 @@
+"""What the analysis of modes over a parameter found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+
+from workbench.analysis.modes.poles import Complex
+from workbench.csv_file import write_csv
+from workbench.fmi.variable import Value
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
+
+CRITERION = (
+    "critical: the real part of a mode's pole passes zero (or leaves it, for a mode that was neutral), by more than "
+    "rounding may have moved the pole"
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mode:
+    """One mode over the parameter.
+
+    Attributes:
+        number: from 1 on, by rising frequency at the first value; what appears later (two real poles of what was a
+            pair) comes after.
+        pole: of the pair that with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
+        uncertain: how far rounding may have moved it, shape (k,) [1/s].
+        states: those that take most part in it, at its first value.
+    """
+
+    number: int
+    pole: Complex
+    uncertain: Floats
+    states: tuple[str, ...]
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """Of the damped oscillation, |Im|/2π; 0 for a real pole; shape (k,) [Hz]."""
+        return np.asarray(np.abs(self.pole.imag) / (2.0 * np.pi), dtype=np.float64)
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratio −Re/|pole|, shape (k,); NaN for a pole at 0."""
+        size = np.abs(self.pole)
+        rest = size <= self.uncertain
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(rest, np.nan, -self.pole.real / size), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Critical:
+    """A value of the parameter at which a mode becomes unstable or stable.
+
+    Attributes:
+        mode: number.
+        value: of the parameter, to `ModesResult.tolerance`.
+        frequency_hz: of the mode there [Hz]; 0: it does not oscillate (divergence).
+        becomes: "unstable" or "stable", the parameter rising.
+        real: real part of the pole there [1/s]; what the tolerance leaves.
+    """
+
+    mode: int
+    value: float
+    frequency_hz: float
+    becomes: str
+    real: float
+
+    @property
+    def kind(self) -> str:
+        """Return "flutter" for an oscillation, "divergence" for a real pole."""
+        return "flutter" if self.frequency_hz > 0.0 else "divergence"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers, ready for JSON."""
+        return {**vars(self), "kind": self.kind}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModesMeeting:
+    """Modes that meet.
+
+    Attributes:
+        value: of the parameter, within `width`.
+        width: of the last step.
+        modes: numbers.
+        kind: "real axis" (a pair becomes two real poles, or the reverse) or "unclear" (they coalesce, or pass closer
+            than the last step resolves: which goes on as which is not certain).
+    """
+
+    value: float
+    width: float
+    modes: tuple[int, ...]
+    kind: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeSet:
+    """The modes of one configuration.
+
+    Attributes:
+        label: for pictures; "": the model as it is.
+        settings: parameters that differ from the model as it is.
+        value: of the parameter, with those put in between; rising, shape (k,).
+        modes: by number.
+        critical: rising in the value.
+        meetings: likewise.
+        failed: value → why there is no linear model.
+    """
+
+    label: str
+    settings: Mapping[str, Value]
+    value: Floats
+    modes: tuple[Mode, ...]
+    critical: tuple[Critical, ...]
+    meetings: tuple[ModesMeeting, ...] = ()
+    failed: Mapping[float, str]
+
+    @property
+    def first_unstable(self) -> Critical | None:
+        """Where the first mode becomes unstable, the parameter rising; None: nowhere in the range."""
+        return next((c for c in self.critical if c.becomes == "unstable"), None)
+
+    @property
+    def unstable_count(self) -> tuple[int, ...]:
+        """How many modes are unstable at each value, shape (k,)."""
+        table = np.array([m.pole.real > m.uncertain for m in self.modes])
+        return tuple(table.sum(axis=0).tolist()) if len(table) else (0,) * len(self.value)
+
+    @property
+    def unstable_throughout(self) -> tuple[int, ...]:
+        """Numbers of the modes that are unstable at every value at which they exist."""
+        return tuple(
+            m.number for m in self.modes if np.all(m.pole.real[~np.isnan(m.pole)] > m.uncertain[~np.isnan(m.pole)])
+        )
+
+    def relevant(self, most: int = 6) -> tuple[int, ...]:
+        """Return the numbers of the modes worth a look: unstable somewhere, and at least the two with least damping.
+
+        Args:
+            most: so many at most, those with the least damping.
+        """
+        least = {m.number: float(np.nanmin(m.damping)) for m in self.modes if not np.all(np.isnan(m.damping))}
+        ranked = sorted(least, key=lambda n: least[n])
+        unstable = [n for n in ranked if least[n] < 0.0 or any(c.mode == n for c in self.critical)]
+        return tuple(sorted(ranked[: min(max(len(unstable), 2), most)]))
+
+    def mode(self, number: int) -> Mode:
+        """Return a mode by its number.
+
+        Args:
+            number: from 1 on.
+        """
+        return self.modes[number - 1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON; arrays are [mode][value], null where it does not exist."""
+        return {
+            "label": self.label,
+            "settings": dict(self.settings),
+            "value": self.value.tolist(),
+            "number": [m.number for m in self.modes],
+            "states": [list(m.states) for m in self.modes],
+            "frequency_hz": [m.frequency_hz.tolist() for m in self.modes],
+            "damping": [m.damping.tolist() for m in self.modes],
+            "real": [m.pole.real.tolist() for m in self.modes],
+            "imag": [m.pole.imag.tolist() for m in self.modes],
+            "unstable_modes": list(self.unstable_count),
+            "critical": [c.to_dict() for c in self.critical],
+            "meetings": [{**vars(m), "modes": list(m.modes)} for m in self.meetings],
+            "failed": [{"value": v, "reason": why} for v, why in self.failed.items()],
+        }
+
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield label, value, mode, frequency, damping, real and imaginary part."""
+        for m in self.modes:
+            table = np.column_stack([self.value, m.frequency_hz, m.damping, m.pole.real, m.pole.imag])
+            for value, *rest in table[~np.isnan(m.pole)].tolist():
+                yield [self.label, value, m.number, *(None if math.isnan(x) else x for x in rest)]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModesResult:
+    """Frequency and damping of every mode over a parameter: a flutter diagram, where it is an airspeed.
+
+    Attributes:
+        model, interface: what was linearised.
+        parameter: what was varied.
+        unit: its unit, None where the model declares none.
+        sets: one for each configuration, the model as it is first.
+        tolerance: of the critical values, in the unit of the parameter.
+        criterion: what "critical" means.
+        notes: what should be known, one line each.
+    """
+
+    model: str
+    interface: str
+    parameter: str
+    unit: str | None
+    sets: tuple[ModeSet, ...]
+    tolerance: float
+    criterion: str = CRITERION
+    notes: tuple[str, ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: damping and frequency over the parameter, critical values marked.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.modes import plot_modes  # noqa: PLC0415  matplotlib is slow
+
+        return plot_modes(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "model": self.model,
+            "interface": self.interface,
+            "parameter": self.parameter,
+            "unit": self.unit,
+            "tolerance": self.tolerance,
+            "criterion": self.criterion,
+            "sets": [s.to_dict() for s in self.sets],
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each configuration, mode and value.
+
+        Args:
+            path: of the file, or an open one.
+        """
+        heading = ["configuration", self.parameter, "mode", "frequency_hz", "damping", "real", "imag"]
+        write_csv(path, [heading, *(row for s in self.sets for row in s.rows())])

@@ -1,0 +1,148 @@
+"""Poles of a model over one of its parameters, inputs or states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.sweep import LinPoint, lin_over, with_parameters
+from workbench.analysis.lin.task import make_task
+from workbench.analysis.modes.poles import Poles, poles_of
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.analysis.trim import trim
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.model import Model
+
+__all__ = ["Source", "Where", "check_parameter"]
+
+# How accurate the entries of A are, relative to its size, by method; those not named: rounding.
+_ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """The operating point of every model of a family.
+
+    Attributes:
+        at, x0, u0, time: see `lin`; with `trimmed` where the search begins.
+        trimmed: find the equilibrium at each value.
+        method: of the linearisation.
+    """
+
+    at: OperatingPoint | None = None
+    x0: dict[str, float] = field(default_factory=dict)
+    u0: dict[str, float] = field(default_factory=dict)
+    time: float | None = None
+    trimmed: bool = False
+    method: str = "auto"
+
+
+def check_parameter(model: Model, name: str) -> None:
+    """Refuse a name that cannot be varied.
+
+    Args:
+        model: whose it should be.
+        name: of a parameter, input or state.
+
+    Raises:
+        InputError: it is none of these.
+    """
+    known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number]
+    if name not in known:
+        raise InputError(f"modes: '{name}' is no parameter, input or state of {model.name}; {suggest(name, known)}")
+
+
+class Source:
+    """Linearises at each value that is asked for, once.
+
+    Args:
+        model: stays open.
+        vary: parameter, input or state.
+        where: the operating point.
+
+    Attributes:
+        results: value → linear model.
+        failed: value → reason.
+    """
+
+    def __init__(self, model: Model, vary: str, where: Where) -> None:
+        self._model, self._vary, self._where = model, vary, where
+        self._is_parameter = vary in {v.name for v in model.parameters}
+        self.results: dict[float, LinResult] = {}
+        self.failed: dict[float, str] = {}
+        self._poles: dict[float, Poles] = {}
+
+    def prepare(self, values: Sequence[float], *, jobs: int, progress: Callable[[int, int], None] | None) -> None:
+        """Linearise at many values, several at a time.
+
+        Args:
+            values: of the parameter.
+            jobs: worker processes.
+            progress: called with the number done and in all.
+        """
+        if self._where.trimmed:
+            for number, value in enumerate(values, 1):
+                self(value)
+                if progress is not None:
+                    progress(number, len(values))
+            return
+        shown = None if progress is None else lambda _p, done, total: progress(done, total)
+        for point in self._over(values, jobs, shown):
+            self._take(point)
+
+    def __call__(self, value: float) -> Poles | None:
+        """Return the poles at a value; None: there is no linear model.
+
+        Args:
+            value: of the parameter.
+        """
+        value = float(value)
+        if value in self.failed:
+            return None
+        if value not in self.results:
+            self._take(self._trimmed(value) if self._where.trimmed else self._over([value], 1, None)[0])
+            if value in self.failed:
+                return None
+        if value not in self._poles:
+            found = self.results[value]
+            self._poles[value] = poles_of(found.A, dt=found.dt, accuracy=_ACCURACY.get(found.method, 0.0))
+        return self._poles[value]
+
+    def _take(self, point: LinPoint) -> None:
+        value = point.values[self._vary]
+        if point.result is None:
+            self.failed[value] = point.reason or "no linear model"
+        else:
+            self.results[value] = point.result
+
+    def _over(
+        self, values: Sequence[float], jobs: int, progress: Callable[[LinPoint, int, int], None] | None
+    ) -> tuple[LinPoint, ...]:
+        w = self._where
+        return lin_over(
+            self._model, {self._vary: values}, at=w.at, x0=w.x0, u0=w.u0, time=w.time, method=w.method,
+            inputs=(), outputs=(), jobs=jobs, progress=progress,
+        ).points  # fmt: skip
+
+    def _trimmed(self, value: float) -> LinPoint:
+        varied = {self._vary: value}
+        try:
+            with with_parameters(self._model, varied if self._is_parameter else {}) as model:
+                point = self._point(model, value)
+                task = make_task(model, at=point, x0=None, u0=None, inputs=(), outputs=(), time=self._where.time)
+                return LinPoint(varied, run(task, self._where.method))
+        except SimulationError as error:
+            return LinPoint(varied, None, str(error))
+
+    def _point(self, model: Model, value: float) -> OperatingPoint:
+        w, start = self._where, self._where.at or OperatingPoint(x={}, u={})
+        states = {v.name for v in model.states}
+        held = {} if self._is_parameter else {self._vary: value}
+        fixed = {n: v for n, v in held.items() if n in states}
+        forced = {**start.u, **w.u0, **{n: v for n, v in held.items() if n not in states}}
+        found = trim(model, x0={**start.x, **w.x0}, u0=forced, fix=fixed, time=start.time if w.time is None else w.time)
+        if not found.converged:
+            raise SimulationError("no equilibrium was found there")
+        return found.point
