@@ -17,7 +17,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from workbench.analysis.advice import Advice, Finding, advise
+    from workbench.analysis.advice import Advice, Finding
+    from workbench.analysis.advice.advise import advise
     from workbench.analysis.certificate import Certificate
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
@@ -47,8 +48,10 @@ if TYPE_CHECKING:
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.simulate import SimulationResult, simulate
-    from workbench.analysis.spectra import Coherence, SpectralDensity, coherence, sdf
-    from workbench.analysis.subspace import SubspaceEstimate, estimate
+    from workbench.analysis.spectra import Coherence, SpectralDensity, sdf
+    from workbench.analysis.spectra.coherence import coherence
+    from workbench.analysis.subspace import SubspaceEstimate
+    from workbench.analysis.subspace.estimate import estimate
     from workbench.analysis.trim import trim
     from workbench.analysis.trim_result import TrimResult
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles

@@ -33,7 +33,7 @@ _TIME_NAMES = ("time", "t", "times", "zeit")
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Experiment:
     """Equidistant samples of inputs and outputs.
 

@@ -10,6 +10,7 @@ from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.nfr_result import NfrResult
 from workbench.analysis.nfr_sweep import NfrSweep
 from workbench.model import Model
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.workers import Workers
 
@@ -18,6 +19,7 @@ __all__ = ["NfrSweep", "nfr"]
 Progress = Callable[[NfrPoint, int, int], None]
 
 
+@with_origin()
 def nfr(
     model: Model,
     input: str,

@@ -17,6 +17,7 @@ from workbench.analysis.zero_input import ZeroInput
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.model import Model, Variable
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class FailedPoint:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NfrResult:
+class NfrResult(Reportable):
     """Nonlinear frequency response: gain, phase and offset over frequency and amplitude.
 
     Arrays have the shape (n_a, n_f), [amplitude][frequency], both rising; NaN where a point failed.

@@ -18,6 +18,7 @@ from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
 from workbench.analysis.zero_input import ZeroInput, doubt
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.workers import InProcess, Job, Lost, Reply, Runner, Workers, choose, perform
 
@@ -244,6 +245,7 @@ class NfrSweep:
 
     # -- the result ------------------------------------------------------------------------
 
+    @with_origin()
     def result(self) -> NfrResult:
         """Return what was measured so far."""
         points = list(self._points.values())

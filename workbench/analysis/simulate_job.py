@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from workbench.analysis.simulate import SimulationResult, simulate
 from workbench.errors import SimulationError
 from workbench.model import Model
+from workbench.origin import with_origin
 from workbench.signals import Signal
 from workbench.workers import Job, Reply, Workers, choose, perform
 
@@ -28,6 +29,7 @@ class SimulateJob(Job):
         yield simulate(model, stop=self.stop, inputs=self.inputs, outputs=self.outputs, interval=self.interval)
 
 
+@with_origin()
 def simulate_in_worker(model: Model, job: SimulateJob, *, workers: Workers) -> SimulationResult:
     """Simulate where a crash of the FMU ends in an error.
 

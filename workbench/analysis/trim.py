@@ -17,6 +17,7 @@ from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
+from workbench.origin import with_origin
 from workbench.session.point import Point
 
 __all__ = ["trim"]
@@ -31,6 +32,7 @@ FOREVER = 1e300  # [s]
 BTPTOL = 1e-6  # relative tolerance of the common multiple of sample periods
 
 
+@with_origin()
 def trim(
     model: Model,
     *,

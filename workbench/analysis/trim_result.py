@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.csv_file import write_csv
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +59,7 @@ class NullDirection:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrimResult:
+class TrimResult(Reportable):
     """An operating point, or where the search for one ended.
 
     Attributes:

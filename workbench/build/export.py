@@ -15,12 +15,13 @@ from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.errors import InputError
+from workbench.origin import Reportable, with_origin
 
 __all__ = ["ExportResult", "export", "generate_linear"]
 
 
 @dataclass(frozen=True, slots=True)
-class ExportResult:
+class ExportResult(Reportable):
     """What was exported.
 
     Attributes:
@@ -64,6 +65,7 @@ class ExportResult:
         }
 
 
+@with_origin()
 def export(
     model: object,
     out: str | Path,

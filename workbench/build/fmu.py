@@ -26,6 +26,7 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
 from workbench.errors import BuildError, suggest
+from workbench.origin import Reportable, with_origin
 from workbench.toolchain import PLATFORMS, Platform, compile_all
 
 TOOL = "FMI workbench"
@@ -34,7 +35,7 @@ FMI_VERSIONS = (2, 3)
 
 
 @dataclass(frozen=True, slots=True)
-class BuildResult:
+class BuildResult(Reportable):
     """What was built.
 
     Attributes:
@@ -76,6 +77,7 @@ class Sources:
     compiled: tuple[str, ...] = field(default=())
 
 
+@with_origin()
 def build_fmu(
     sources: Sequence[Path],
     *,

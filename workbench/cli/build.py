@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from workbench.cli.options import Json
+from workbench.cli.options import Json, Report
 from workbench.errors import BuildError, InputError
+
+if TYPE_CHECKING:
+    from workbench.build.fmu import BuildResult
+    from workbench.origin import Origin
+    from workbench.report import Page
 
 __all__ = ["build"]
 
@@ -30,6 +35,7 @@ def build(
         Literal["2", "3"] | None, typer.Option("--fmi", help="FMI version; 2 for one FMU, both for a folder.")
     ] = None,
     json_path: Json = None,
+    report: Report = None,
 ) -> None:
     """Turn a Modelica model into an FMU for five platforms (model exchange and co-simulation).
 
@@ -38,7 +44,7 @@ def build(
     """
     from workbench.cli.output import Output
 
-    report = Output("build", json_path=json_path)
+    output = Output("build", json_path=json_path, report=report)
     folder = out.suffix != ".fmu"
     if folder and model is not None:
         raise InputError(f"--model: {out} is a folder, for all models; name the FMU to write, e.g. {out / model}.fmu")
@@ -53,17 +59,34 @@ def build(
         results = [build_fmu(sources, model=model, out=out, fmi=int(fmi or 2))]
     files = [file for result in results for file in result.files]
     for file in files:
-        report.console.print(f"wrote {file} ({file.stat().st_size / 1024:.0f} KiB)", markup=False, soft_wrap=True)
-    report.console.print(f"platforms: {', '.join(results[0].platforms)}", markup=False, soft_wrap=True)
-    report.write(
+        output.console.print(f"wrote {file} ({file.stat().st_size / 1024:.0f} KiB)", markup=False, soft_wrap=True)
+    output.console.print(f"platforms: {', '.join(results[0].platforms)}", markup=False, soft_wrap=True)
+    output.write(
         {
             "model": ", ".join(result.model for result in results),
             "interface": None,
             "solver": None,
             "files": [str(f) for f in files],
             "platforms": list(results[0].platforms),
-        }
+        },
+        page=lambda: _page(results),
+        origin=_origin(sources),
     )
+
+
+def _page(results: list[BuildResult]) -> Page:
+    from workbench.report.build import built_page
+
+    return built_page(results)
+
+
+def _origin(sources: list[Path]) -> Origin:
+    """Return which files were read."""
+    from workbench.origin import Origin
+    from workbench.origin.call import files_of
+
+    found = [file for path in sources for file in (sorted(path.rglob("*.mo")) if path.is_dir() else [path])]
+    return Origin(files=files_of(found))
 
 
 def _require_tools() -> None:

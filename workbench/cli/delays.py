@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workbench.cli.options import Interface, Json, ModelName, Set, Solver, Tolerance, open_model, pairs
+from workbench.cli.options import Interface, Json, ModelName, Report, Set, Solver, Tolerance, open_model, pairs
 from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.cli.output import Output
+    from workbench.model.described import DescribedModel
 
 __all__ = ["delays"]
 
@@ -31,6 +35,7 @@ def delays(
     tolerance: Tolerance = None,
     set_: Set = None,
     json_path: Json = None,
+    report: Report = None,
 ) -> int:
     """Say which connections of a system carry a delay, what phase that costs, and how far the answer is off.
 
@@ -38,23 +43,38 @@ def delays(
 
     Example: `workbench delays drive.toml --stop 5 --input reference=1 --step 0.01`
     """
-    from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.signals import parse_signal
     from workbench.system.master.model import MasterModel
 
-    out = Output("delays", json_path=json_path)
+    out = Output("delays", json_path=json_path, report=report)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
     loaded = open_model(model, interface=interface, solver=solver, step=None, tolerance=tolerance, set_=set_, bias=None)
     with loaded:
         if not isinstance(loaded, MasterModel):
             if loaded.interface == "me":
-                note("all parts are of model exchange: one set of equations, no connection carries a delay")
-                out.write({"model": loaded.name, "interface": loaded.interface, "connections": [], "loops": []})
+                _none(loaded, out)
                 return 0
             raise InputError(f"{loaded.name}: one co-simulation FMU has no connections; connect it to a system first")
-        report = loaded.delays(stop=stop, inputs=inputs, step=step, frequency=frequency)
-        for line in report.lines():
+        result = loaded.delays(stop=stop, inputs=inputs, step=step, frequency=frequency)
+        for line in result.lines():
             out.console.print(line, markup=False, soft_wrap=True)
-        out.write({"model": loaded.name, "interface": loaded.interface, "solver": loaded.solver, **report.to_dict()})
+        envelope = {"model": loaded.name, "interface": loaded.interface, "solver": loaded.solver}
+        out.write({**envelope, **result.to_dict()}, report=result)
     return 0
+
+
+def _none(model: DescribedModel, out: Output) -> None:
+    """Say that a system has no master."""
+    from workbench.cli.notes import note
+    from workbench.origin import Origin
+    from workbench.origin.models import facts_of
+    from workbench.report.delays import no_delays_page
+
+    words = "all parts are of model exchange: one set of equations, no connection carries a delay"
+    note(words)
+    out.write(
+        {"model": model.name, "interface": model.interface, "connections": [], "loops": []},
+        page=lambda: no_delays_page(model.name, words),
+        origin=Origin(models=(facts_of(model),)),
+    )

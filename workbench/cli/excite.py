@@ -17,6 +17,7 @@ from workbench.cli.options import (
     MemoryLimit,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Timeout,
@@ -93,6 +94,7 @@ def excite(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
 
@@ -105,7 +107,7 @@ def excite(
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
 
-    out = Output("excite", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("excite", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     signal = _design(prbs, multisine)
     point = OperatingPoint.read(at) if at is not None else None
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
@@ -195,7 +197,12 @@ def _write(result: ExciteResult, out: Output) -> None:
     console = out.console
     console.print(_facts(result), markup=False, soft_wrap=True)
     console.print(_table(result))
-    out.write({**result.to_dict(), "files": files}, csv=lambda target: _to_csv(result, target), plot=result.plot)
+    out.write(
+        {**result.to_dict(), "files": files},
+        csv=lambda target: _to_csv(result, target),
+        plot=result.plot,
+        report=result,
+    )
     for path in files[1:]:
         console.print(f"wrote {path}", soft_wrap=True, markup=False)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from workbench.cli.options import Json
+from workbench.cli.options import Json, Report
 from workbench.errors import BuildError, InputError
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def export(
         float | None, typer.Option("--step", metavar="S", help="Systems: communication step between the parts [s].")
     ] = None,
     json_path: Json = None,
+    report: Report = None,
 ) -> None:
     """Turn a linear model into an FMU for five platforms, or a system of FMUs into one container FMU.
 
@@ -51,9 +52,9 @@ def export(
     from workbench.cli.output import Output
     from workbench.system.read import is_system_file
 
-    report = Output("export", json_path=json_path)
+    output = Output("export", json_path=json_path, report=report)
     if is_system_file(model):
-        _export_system(model, out, int(fmi), name, step, report)
+        _export_system(model, out, int(fmi), name, step, output)
         return
     if step is not None:
         raise InputError("--step is for systems; a linear model brings its own")
@@ -61,11 +62,11 @@ def export(
     from workbench.build.export import export as run
 
     result = run(model, out, fmi=int(fmi), name=name)
-    _tell(report, _lines(result))
-    report.write({"interface": None, "solver": None, **result.to_dict()})
+    _tell(output, _lines(result))
+    output.write({"interface": None, "solver": None, **result.to_dict()}, report=result)
 
 
-def _export_system(model: Path, out: Path, fmi: int, name: str | None, step: float | None, report: Output) -> None:
+def _export_system(model: Path, out: Path, fmi: int, name: str | None, step: float | None, output: Output) -> None:
     from workbench.system.container import export_container
     from workbench.system.read import read_system
 
@@ -73,13 +74,13 @@ def _export_system(model: Path, out: Path, fmi: int, name: str | None, step: flo
         raise InputError("--step is needed for a system: the communication step between its parts, in seconds")
     described = read_system(model)
     result = export_container(replace(described, name=name or described.name), out, step=step, fmi=fmi)
-    _tell(report, _container_lines(result))
-    report.write({"interface": "cs", "solver": None, **result.to_dict()})
+    _tell(output, _container_lines(result))
+    output.write({"interface": "cs", "solver": None, **result.to_dict()}, report=result)
 
 
-def _tell(report: Output, lines: list[str]) -> None:
+def _tell(output: Output, lines: list[str]) -> None:
     for line in lines:
-        report.console.print(line, markup=False, soft_wrap=True)
+        output.console.print(line, markup=False, soft_wrap=True)
 
 
 def _container_lines(result: ContainerResult) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.analysis.identify import IdentifyResult
     from workbench.analysis.validate import Overlay, Validation
     from workbench.cli.output import Output
+    from workbench.report import Page
 
 __all__ = ["identify"]
 
@@ -107,7 +107,8 @@ def identify(
         {"model": result.data.name, **result.to_dict(), **({"overlay": overlay.to_dict()} if overlay else {})},
         csv=result.to_csv,
         plot=result.plot,
-        report=lambda path, full: _report(result, overlay, path, full),
+        report=result,
+        page=lambda: _page(result, overlay),
     )
     return 0
 
@@ -229,9 +230,7 @@ def _verdicts(where: str, validation: Validation, console: Console) -> None:
 # -- files -------------------------------------------------------------------------------------
 
 
-def _report(result: IdentifyResult, overlay: Overlay | None, path: Path, full: Mapping[str, Any]) -> None:
+def _page(result: IdentifyResult, overlay: Overlay | None) -> Page:
     from workbench.report.identify import identify_page
-    from workbench.report.page import write_page
 
-    command = shlex.join(["workbench", *sys.argv[1:]])
-    write_page(identify_page(result, overlay=overlay, command=command, data=full), path)
+    return identify_page(result, overlay=overlay)

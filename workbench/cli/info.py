@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.options import Json, ModelName
+from workbench.cli.options import Json, ModelName, Report
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from workbench.fmi.archive import Unpacked
     from workbench.fmi.description import Description
     from workbench.fmi.variable import Variable
+    from workbench.origin import Origin
+    from workbench.report import Page
 
 __all__ = ["info", "variable_dict", "variable_table"]
 
@@ -26,6 +29,7 @@ def info(
         bool, typer.Option("--probe/--no-probe", help="Try in a worker process whether the FMU's saved state works.")
     ] = True,
     json_path: Json = None,
+    report: Report = None,
 ) -> None:
     """Show what an FMU is and can do: interfaces, platforms, variables; of a system: components and connections.
 
@@ -38,12 +42,12 @@ def info(
     if is_system_file(model):
         from workbench.cli.info_system import info_system
 
-        info_system(model, Output("info", json_path=json_path))
+        info_system(model, Output("info", json_path=json_path, report=report))
         return
     from workbench.fmi.archive import locate, unpack
     from workbench.fmi.description import read_description
 
-    out = Output("info", json_path=json_path)
+    out = Output("info", json_path=json_path, report=report)
     path = locate(model)
     with unpack(path) as unpacked:
         description = read_description(unpacked.folder, source=str(path))
@@ -55,7 +59,22 @@ def info(
     for title, variables in _groups(description).items():
         if variables:
             out.console.print(variable_table(title, variables))
-    out.write(_to_dict(description, runnable, snapshots))
+    told = _to_dict(description, runnable, snapshots)
+    out.write(told, page=lambda: _page(told), origin=_origin(path, description))
+
+
+def _page(told: dict[str, Any]) -> Page:
+    from workbench.report.info import info_page
+
+    return info_page(told)
+
+
+def _origin(path: Path, description: Description) -> Origin:
+    """Return which FMU it is; none of its interfaces was chosen."""
+    from workbench.origin import ModelFacts, Origin
+    from workbench.origin.models import fmu_facts
+
+    return Origin(models=(ModelFacts(name=description.model_name, fmus=(fmu_facts(path, description, ""),)),))
 
 
 def _runs(folder: Any, identifier: str) -> bool:  # noqa: ANN401 - a path; typed where it is used

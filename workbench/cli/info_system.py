@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.model.described import DescribedModel
+    from workbench.report import Page
     from workbench.system.description import Component, Connection, SystemDescription
 
 __all__ = ["info_system"]
@@ -29,6 +30,8 @@ def info_system(path: str, out: Output) -> None:
         FmuError: a component cannot be loaded.
     """
     from workbench.cli.notes import note
+    from workbench.origin import Origin
+    from workbench.origin.models import facts_of
     from workbench.system.load import load
     from workbench.system.read import read_system
 
@@ -43,7 +46,14 @@ def info_system(path: str, out: Output) -> None:
         for title, variables in groups.items():
             if variables:
                 out.console.print(variable_table(title, tuple(variables)))
-        out.write(_to_dict(system, model))
+        told = _to_dict(system, model)
+        out.write(told, page=lambda: _page(told), origin=Origin(models=(facts_of(model),)))
+
+
+def _page(told: dict[str, object]) -> Page:
+    from workbench.report.info import system_page
+
+    return system_page(told)
 
 
 def _what(component: Component) -> str:

@@ -16,6 +16,7 @@ from workbench.cli.options import (
     MemoryLimit,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -80,6 +81,7 @@ def limit_cycle(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Predict limit cycles from the crossings of L(jω) with −1/N(A), refine them, and confirm them by simulation.
 
@@ -94,7 +96,7 @@ def limit_cycle(
     from workbench.cli.notes import note
     from workbench.cli.output import Output
 
-    out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     limits = _range("--band", band)
     sizes = _range("--amplitude", amplitude) if amplitude is not None else None
     ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
@@ -119,7 +121,7 @@ def limit_cycle(
     _show(result, out.console)
     for text in result.notes:
         note(text)
-    out.write(result.to_dict(), csv=lambda target: _write_csv(result, target), plot=result.plot)
+    out.write(result.to_dict(), csv=lambda target: _write_csv(result, target), plot=result.plot, report=result)
     return 0
 
 

@@ -15,6 +15,7 @@ from workbench.cli.options import (
     Json,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -105,6 +106,7 @@ def lin(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Linearise at an operating point: A, B, C, D with names, what is doubtful, and why rows and columns are zero.
 
@@ -115,7 +117,7 @@ def lin(
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
 
-    out = Output("lin", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("lin", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     if sum([bool(over), snapshot is not None, compare]) > 1:
         raise InputError("--over, --snapshot and --compare: only one of them at a time")
     where: dict[str, Any] = {
@@ -186,7 +188,7 @@ def _one(model: DescribedModel, options: Mapping[str, Any], out: Output) -> int:
 
     result = run(model, **options).result
     _show(result, out)
-    out.write(result.to_dict(), csv=_to_csv([({}, result)]), plot=result.plot)
+    out.write(result.to_dict(), csv=_to_csv([({}, result)]), plot=result.plot, report=result)
     return 0
 
 
@@ -244,6 +246,7 @@ def _write_grid(model: DescribedModel, grid: LinGrid, out: Output) -> int:
         {"model": model.name, "interface": model.interface, "solver": model.solver, **grid.to_dict()},
         csv=_to_csv(members),
         plot=grid.plot,
+        report=grid,
     )
     return _POINTS_FAILED if grid.failed else 0
 
@@ -257,6 +260,7 @@ def _compare(model: DescribedModel, pair: tuple[str, str], options: Mapping[str,
         {"model": model.name, "interface": model.interface, "solver": model.solver, **result.to_dict()},
         csv=_verdicts_csv(result),
         plot=result.plot,
+        report=result,
     )
     return 0
 

@@ -18,6 +18,7 @@ from workbench.cli.options import (
     MemoryLimit,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Timeout,
@@ -89,6 +90,7 @@ def loop(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
@@ -103,7 +105,7 @@ def loop(
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
 
-    out = Output("loop", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("loop", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     amplitudes = numbers("--amplitude", amplitude) if amplitude is not None else None
     frequencies = numbers("--freq", freq) if freq is not None else None
     limits = _band(band) if band is not None else None
@@ -144,7 +146,7 @@ def loop(
         note(text)
     flush()
     _show(result, out)
-    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot)
+    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     if stops:
         return _INTERRUPTED
     return _POINTS_FAILED if any(c.failed for c in result.curves) else 0

@@ -17,6 +17,7 @@ from workbench.cli.options import (
     MemoryLimit,
     ModelName,
     Plot,
+    Report,
     Scheduler,
     Set,
     Solver,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from workbench.analysis.nfr import NfrSweep
     from workbench.analysis.nfr_result import NfrResult
     from workbench.cli.output import Output
+    from workbench.report import Page
 
 __all__ = ["nfr"]
 
@@ -89,6 +91,7 @@ def nfr(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Measure gain, phase and offset over frequency and amplitude (nonlinear frequency response).
 
@@ -97,7 +100,7 @@ def nfr(
     from workbench.analysis.nfr import NfrSweep
     from workbench.cli.output import Output
 
-    out = Output("nfr", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("nfr", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     frequencies = numbers("--freq", freq) if freq is not None else None
     amplitudes = numbers("--amplitude", amplitude)
     limits = _band(band) if band is not None else None
@@ -152,13 +155,25 @@ def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
             note(text)
         flush()
         _show(result, out)
-        out.write(result.to_dict(), csv=result.to_csv, plot=lambda path: result.plot(path, offset=offset))
+        out.write(
+            result.to_dict(),
+            csv=result.to_csv,
+            plot=lambda path: result.plot(path, offset=offset),
+            report=result,
+            page=lambda: _page(result, offset=offset),
+        )
         if stopped is None:
             return _POINTS_FAILED if result.failed else 0
     if isinstance(stopped, KeyboardInterrupt):
         note(f"interrupted after {sweep.done} of {sweep.total} points")
         return _INTERRUPTED
     raise stopped
+
+
+def _page(result: NfrResult, *, offset: bool) -> Page:
+    from workbench.report.nfr import nfr_page
+
+    return nfr_page(result, offset=offset)
 
 
 def _band(text: str) -> tuple[float, float]:

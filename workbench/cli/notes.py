@@ -7,15 +7,22 @@ from __future__ import annotations
 
 import sys
 
-__all__ = ["drop", "flush", "note"]
+__all__ = ["drop", "flush", "note", "said"]
 
 _waiting: list[str] = []  # of the one command that a process runs
+_said: list[str] = []  # all of them, also those that are written already
 
 
 def note(text: str) -> None:
     """Keep a remark until `flush`."""
     if text not in _waiting:
         _waiting.append(text)
+        _said.append(text)
+
+
+def said() -> tuple[str, ...]:
+    """Return every remark of the command so far, for its report."""
+    return tuple(dict.fromkeys(_said))
 
 
 def flush() -> None:
@@ -28,3 +35,4 @@ def flush() -> None:
 def drop() -> None:
     """Forget what was kept."""
     _waiting.clear()
+    _said.clear()

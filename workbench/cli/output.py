@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench import __version__
+from workbench.cli.asked import command_line
+from workbench.cli.notes import said
 from workbench.errors import InputError
+from workbench.json_values import finite
+from workbench.origin import Origin, origin_of
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from workbench.report import Page
 
 __all__ = ["Output"]
 
@@ -75,7 +81,9 @@ class Output:
         *,
         csv: Callable[[str | TextIO], None] | None = None,
         plot: Callable[[Path], object] | None = None,
-        report: Callable[[Path, Mapping[str, Any]], None] | None = None,
+        report: object = None,
+        page: Callable[[], Page] | None = None,
+        origin: Origin | None = None,
     ) -> None:
         """Write what was asked for.
 
@@ -83,7 +91,9 @@ class Output:
             result: for JSON; command, version and seconds are added.
             csv: writes the CSV to a path or stream.
             plot: writes the picture.
-            report: writes the page, with what goes to JSON embedded.
+            report: the result itself, whose class has a page in `workbench.report.results.PAGES`.
+            page: makes the page in place of that one, where the command knows more than the result.
+            origin: on what the result was made; None: what the result remembers.
 
         Raises:
             InputError: a file cannot be written.
@@ -96,8 +106,8 @@ class Output:
             csv(sys.stdout if self.csv_path == "-" else self.csv_path)
         if self.plot is not None and plot is not None:
             plot(self.plot)
-        if self.report is not None and report is not None:
-            report(self.report, full)
+        if self.report is not None:
+            self._write_report(page() if page is not None else report, origin or origin_of(report), full)
         for path in (self.json_path, self.csv_path, self.plot, self.report):
             if path is not None and path != "-":
                 self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
@@ -105,7 +115,20 @@ class Output:
     def _full(self, result: Mapping[str, Any]) -> dict[str, Any]:
         seconds = round(time.monotonic() - self._begin, 3)
         full = {"command": self.command, "version": __version__, "seconds": seconds, **result}
-        return {key: _finite(value) for key, value in full.items()}
+        return {key: finite(value) for key, value in full.items()}
+
+    def _write_report(self, result: object, origin: Origin | None, full: Mapping[str, Any]) -> None:
+        from workbench.report.results import write_report
+
+        known = replace(
+            origin or Origin(),
+            command=self.command,
+            call=command_line(),
+            seconds=full["seconds"],
+            notes=said(),
+            data=full,
+        )
+        write_report(result, str(self.report), known)
 
     def _write_json(self, full: Mapping[str, Any]) -> None:
         text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -123,14 +146,3 @@ def _check_writable(option: str, path: Path) -> None:
         raise InputError(f"{option}: '{path}' is a folder; name a file in it")
     if not path.parent.is_dir():
         raise InputError(f"{option}: the folder '{path.parent}' does not exist")
-
-
-def _finite(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Replace what JSON has no number for by None."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    return value

@@ -17,6 +17,7 @@ from workbench.cli.options import (
     MemoryLimit,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -66,6 +67,7 @@ def simulate(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Simulate under given inputs and record a time history.
 
@@ -75,7 +77,7 @@ def simulate(
     from workbench.cli.output import Output
     from workbench.signals import parse_signal
 
-    out = Output("simulate", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("simulate", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
@@ -105,6 +107,7 @@ def _write(result: SimulationResult, out: Output) -> None:
         {**envelope, **result.to_dict()},
         csv=result.to_csv,
         plot=lambda path: _save(result, path),
+        report=result,
     )
 
 

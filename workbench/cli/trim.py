@@ -14,6 +14,7 @@ from workbench.cli.options import (
     Json,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -75,6 +76,7 @@ def trim(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Find an operating point: states, inputs and outputs at which nothing moves.
 
@@ -86,7 +88,7 @@ def trim(
     from workbench.analysis.trim import trim as run
     from workbench.cli.output import Output
 
-    out = Output("trim", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("trim", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     fixed, begin_x, begin_u = (
         {n: _value(option, n, v) for n, v in pairs(option, texts).items()}
         for option, texts in (("--fix", fix), ("--x0", x0), ("--u0", u0))
@@ -109,7 +111,7 @@ def trim(
             longest=longest,
         )
     _show(result, out)
-    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot)
+    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     return 0 if result.converged else _NOT_CONVERGED
 
 

@@ -1,81 +1,66 @@
-"""The report of an identification."""
+"""The pages of an identification and of its parts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
-
-from workbench import __version__
 from workbench.analysis.identify import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
-from workbench.analysis.validate import Overlay, Validation
+from workbench.analysis.subspace import SubspaceEstimate
+from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
+from workbench.report.data import advice_table, data_facts
 from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted, matrices, number, pole_table
+from workbench.report.tones import Verdict
 
-__all__ = ["identify_page"]
-
-_MOST_ENTRIES = 8  # matrices with more rows or columns go to the embedded data only
+__all__ = ["bootstrap_page", "estimate_page", "identify_page", "overlay_page", "validation_page"]
 
 
-def identify_page(
-    result: IdentifyResult, *, overlay: Overlay | None = None, command: str = "", data: Mapping[str, Any] | None = None
-) -> Page:
+def identify_page(result: IdentifyResult, *, overlay: Overlay | None = None) -> Page:
     """Return the page of an identification: data, advice, order, model, validation, comparison.
 
     Args:
         result: what to report.
         overlay: its frequency response beside others.
-        command: that made it, to run it again.
-        data: what is embedded; None: the result.
     """
     sections = [_of_data(result), _of_order(result), _of_model(result), _of_validation("Data of the fit", result.own)]
     if result.other is not None:
-        sections.append(_of_validation("Validation on other data", result.other))
+        sections.append(_of_validation(f"Validation on {result.other.data.name}", result.other))
     if overlay is not None:
-        words = "Frequency responses as sines would show them."
-        sections.append(Section("Frequency response", items=overlay.words, figures=[(overlay.plot(), words)]))
+        sections.append(_of_overlay(overlay))
+    cut = f", {result.settle:g} s cut off" if result.settle else ""
     return Page(
         title=f"Linear model of {result.data.name}",
         lead=_lead(result),
-        facts={**_facts(result), **({"command": command} if command else {})},
+        facts={**data_facts(result.data), "taken off before": f"{result.detrend}{cut}", **_estimated(result.estimate)},
         sections=sections,
-        data=result.to_dict() if data is None else data,
+        summary=[Verdict(f.verdict, f"data, {f.topic}: {f.evidence}") for f in result.advice.concerns],
+        notes=result.notes,
+        kind="identify",
     )
 
 
 def _lead(result: IdentifyResult) -> str:
     where = "other data" if result.other is not None else "the data of the fit"
-    n = result.order
     return (
-        f"A model of order {n} follows {where} with a fit of {result.fit_percent:.2f} % "
+        f"A model of order {result.order} follows {where} with a fit of {result.fit_percent:.2f} % "
         f"(error {result.error_percent:.2f} %). The data are judged: {result.advice.worst}."
     )
 
 
-def _facts(result: IdentifyResult) -> dict[str, str]:
-    data, found = result.data, result.estimate
-    cut = f", {result.settle:g} s cut off" if result.settle else ""
+def _estimated(found: SubspaceEstimate) -> dict[str, str]:
     return {
-        "data": f"{data.name}: {data.n_samples} samples every {data.dt:g} s",
-        "inputs → outputs": f"{', '.join(data.input_names)} → {', '.join(data.output_names)}",
-        "taken off before": f"{result.detrend}{cut}",
         "method": f"{found.method}, basis {found.basis}, horizon {found.horizon}{', biased' if found.biased else ''}",
         "order": f"{found.order} ({found.order_reason})",
-        "FMI workbench": __version__,
     }
 
 
 def _of_data(result: IdentifyResult) -> Section:
-    rows = [(f.topic, f.verdict, f.evidence, f.advice) for f in result.advice.findings]
     linear = coherence(result.data, segments=20)
     figures = [
         (result.advice.plot(), "The data and what was found in them."),
         (sdf(result.data).plot(), "Spectral density of inputs and outputs."),
         (linear.plot(), "Coherence: 1 where the output follows the input linearly; 20 segments."),
     ]
-    table = Table(("question", "verdict", "evidence", "advice"), rows, verdict=1)
-    return Section("Are the data good enough?", tables=[table], figures=figures)
+    return Section("Are the data good enough?", tables=[advice_table(result.advice)], figures=figures)
 
 
 def _of_order(result: IdentifyResult) -> Section:
@@ -87,13 +72,19 @@ def _of_order(result: IdentifyResult) -> Section:
 
 
 def _of_model(result: IdentifyResult) -> Section:
-    model = result.model
-    poles = [(_complex(z), *_as_continuous(z, model.dt)) for z in sorted(model.poles.tolist(), key=abs)]
-    tables = [Table(("pole", "frequency [Hz]", "damping ratio"), poles)]
-    if model.order <= _MOST_ENTRIES:
-        tables += [_matrix(name, getattr(model, name)) for name in "ABCD"]
-    poles_and_zeros = (result.validation.plot_poles(), "Poles (crosses) and zeros (circles).")
-    return Section("Model", items=result.notes, tables=tables, figures=[poles_and_zeros])
+    poles = (result.validation.plot_poles(), "Poles (crosses) and zeros (circles).")
+    return Section("Model", tables=_poles(result.estimate), figures=[poles], parts=[_matrices(result.estimate)])
+
+
+def _poles(estimate: SubspaceEstimate) -> list[Table]:
+    model = estimate.model
+    return [pole_table(model.poles.tolist(), model.dt)] if model.order else []
+
+
+def _matrices(estimate: SubspaceEstimate) -> Section:
+    model = estimate.model
+    states = [f"x{k + 1}" for k in range(model.order)]
+    return matrices((model.A, model.B, model.C, model.D), states, model.input_names, model.output_names)
 
 
 def _of_validation(title: str, validation: Validation) -> Section:
@@ -105,17 +96,77 @@ def _of_validation(title: str, validation: Validation) -> Section:
     return Section(title, items=validation.words, figures=figures)
 
 
-def _matrix(name: str, values: np.ndarray) -> Table:
-    return Table((name, *[""] * (values.shape[1] - 1)), [[f"{x:.6g}" for x in row] for row in values.tolist()])
+def _of_overlay(overlay: Overlay) -> Section:
+    words = "Frequency responses as sines would show them."
+    return Section("Frequency response", items=overlay.words, figures=[(overlay.plot(), words)])
 
 
-def _complex(z: complex) -> str:
-    return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g} {'+' if z.imag > 0.0 else '−'} {abs(z.imag):.6g}j"
+# -- parts of an identification, each as a page of its own ------------------------------------------
 
 
-def _as_continuous(z: complex, dt: float) -> tuple[str, str]:
-    if abs(z) < 1e-12:
-        return "delay", "–"
-    s = complex(np.log(z)) / dt
-    size = abs(s)
-    return f"{size / (2.0 * np.pi):.5g}", f"{-s.real / size:.4g}" if size > 0.0 else "–"
+def estimate_page(result: SubspaceEstimate) -> Page:
+    """Return the page of a subspace estimate: order, poles, matrices."""
+    pairs = zip(result.singular_values.tolist(), result.principal_angles_deg.tolist(), strict=False)
+    rows = [(str(k), f"{value:.5g}", f"{angle:.2f}") for k, (value, angle) in enumerate(pairs, start=1)]
+    table = Table(("state", "singular value", "principal angle [deg]"), rows)
+    model = result.model
+    return Page(
+        title=f"Linear model from {', '.join(model.input_names)} to {', '.join(model.output_names)}",
+        lead=f"Order {result.order}: {result.order_reason}.",
+        facts={**_estimated(result), "sampling interval": f"{model.dt:g} s"},
+        sections=[
+            Section("Poles", tables=_poles(result)),
+            _matrices(result),
+            Section("Order", tables=[table], folded=True),
+        ],
+        notes=(*model.notes, *result.notes),
+        kind="estimate",
+    )
+
+
+def validation_page(result: Validation) -> Page:
+    """Return the page of a model held against data."""
+    fits = ", ".join(f"{name}: fit {fit:.2f} %" for name, fit in result.fit_percent.items())
+    poles = (result.plot_poles(), "Poles (crosses) and zeros (circles).")
+    return Page(
+        title=f"Model held against {result.data.name}",
+        lead=f"{fits}.",
+        facts=data_facts(result.data),
+        sections=[_of_validation("Outputs and residuals", result), Section("Poles and zeros", figures=[poles])],
+        notes=result.notes,
+        kind="validate",
+    )
+
+
+def bootstrap_page(result: PoleBootstrap) -> Page:
+    """Return the page of the poles' confidence regions."""
+    of = "all regions together" if result.joint else "each region for itself"
+    return Page(
+        title="Confidence of identified poles",
+        lead=f"The data determine {result.determined} of {counted(len(result.regions), 'pole')}.",
+        facts={
+            "replicates": f"{len(result.replicates)}, {result.failed} more gave no model",
+            "confidence": f"{100.0 * result.confidence:g} %, {of}",
+            "blocks": f"{result.block} samples, seed {result.seed}",
+        },
+        sections=[
+            Section(
+                "Regions", items=result.words, figures=[(result.plot(), "Poles of all replicates, and the regions.")]
+            )
+        ],
+        kind="bootstrap",
+    )
+
+
+def overlay_page(result: Overlay) -> Page:
+    """Return the page of frequency responses laid over each other."""
+    rows = [(d.curve, *(number(x, ".3g") for x in d.worst())) for d in result.differences]
+    table = Table(("curve", "largest difference of gain [dB]", "of phase [deg]"), rows)
+    return Page(
+        title=f"Frequency responses of {result.name}: {result.input} → {result.output}",
+        lead=f"Held against {result.reference}.",
+        facts={"half the sampling rate": f"{result.nyquist_hz:g} Hz"},
+        sections=[_of_overlay(result), Section("Differences", tables=[table])],
+        notes=result.notes,
+        kind="overlay",
+    )

@@ -19,6 +19,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.load import check_number
+from workbench.origin import Reportable, with_origin
 from workbench.system.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.system.container_variables import Shown, shown_units, shown_variables
 from workbench.system.description import Resolved, SystemDescription, Wire
@@ -34,7 +35,7 @@ _FILE_MODE = 0o100644 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class ContainerResult:
+class ContainerResult(Reportable):
     """What was exported.
 
     Attributes:
@@ -72,6 +73,7 @@ class ContainerResult:
         }
 
 
+@with_origin()
 def export_container(
     system: DescribedModel | SystemDescription | str | Path, path: str | Path, *, step: float, fmi: int = 2
 ) -> ContainerResult:

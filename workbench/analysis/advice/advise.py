@@ -22,6 +22,7 @@ from workbench.analysis.advice.trend import judge_trend
 from workbench.analysis.blas import one_thread
 from workbench.analysis.experiment import Experiment
 from workbench.errors import InputError, suggest
+from workbench.origin import with_origin
 
 __all__ = ["TOPICS", "advise"]
 
@@ -42,6 +43,7 @@ TOPICS: Mapping[str, Callable[[Study], Finding]] = {
 }
 
 
+@with_origin()
 def advise(
     experiment: Experiment,
     *,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from workbench.analysis.experiment import Experiment
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,7 +51,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Advice:
+class Advice(Reportable):
     """Findings about one experiment, one for each topic.
 
     Attributes:

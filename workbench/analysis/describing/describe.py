@@ -20,6 +20,7 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
 from workbench.errors import InputError, suggest
 from workbench.model import Model
+from workbench.origin import Reportable, with_origin
 from workbench.workers import Workers
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ STANDARD: Mapping[str, Callable[..., Block]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class DescribingFunction:
+class DescribingFunction(Reportable):
     """N(A, f) of one block.
 
     Attributes:
@@ -132,6 +133,7 @@ def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> 
         raise InputError(f"block {kind}: {error}") from None
 
 
+@with_origin()
 def describing_function(
     block: Block | Callable[[Floats], Floats] | Model,
     amplitudes: Sequence[float] | Floats,

@@ -14,11 +14,13 @@ from workbench.analysis.excite.run import Begin, ExciteTask, Rows
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model
+from workbench.origin import with_origin
 from workbench.workers import Reply, Workers, choose, perform
 
 __all__ = ["Excitation", "excite"]
 
 
+@with_origin("identification", "validation")
 def excite(
     model: Model,
     inputs: str | Sequence[str],
@@ -160,6 +162,7 @@ class Excitation:
         skip = 0 if self._begin is None else self._begin.sequences.identification.skip
         return sum(len(piece.u) for piece in self._pieces) >= skip + 2
 
+    @with_origin("identification", "validation")
     def result(self) -> ExciteResult:
         """Return what was recorded so far.
 

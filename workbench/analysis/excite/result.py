@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.experiment import Experiment
 from workbench.errors import InputError
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +49,7 @@ class SignalFacts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExciteResult:
+class ExciteResult(Reportable):
     """Recorded experiments.
 
     Attributes:

@@ -14,10 +14,12 @@ from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.subspace import SubspaceEstimate, estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
 from workbench.errors import InputError
+from workbench.origin import with_origin
 
 __all__ = ["identify"]
 
 
+@with_origin()
 def identify(
     data: Experiment | str | Path,
     *,

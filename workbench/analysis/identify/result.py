@@ -12,6 +12,7 @@ from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Validation
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     import control
@@ -21,7 +22,7 @@ __all__ = ["IdentifyResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdentifyResult:
+class IdentifyResult(Reportable):
     """An identified model, how it came about and what it is worth.
 
     Attributes:

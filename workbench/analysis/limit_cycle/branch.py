@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.origin import Reportable
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -35,7 +37,7 @@ class BranchPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Branch:
+class Branch(Reportable):
     """Limit cycles followed over a parameter, around folds.
 
     Attributes:

@@ -26,6 +26,7 @@ from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
+from workbench.origin import with_origin
 from workbench.workers import Workers
 
 __all__ = ["METHODS", "limit_cycle"]
@@ -36,6 +37,7 @@ _SAME = 1e-4  # relative difference of two cycles that are one
 _PHASES = 400  # at which the predicted states are looked at
 
 
+@with_origin()
 def limit_cycle(
     system: DescribedModel,
     *,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,7 +92,7 @@ class SimulatedCycle:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitCycleResult:
+class LimitCycleResult(Reportable):
     """Crossings, limit cycles by several methods side by side, and a simulation that confirms them.
 
     Attributes:

@@ -21,6 +21,7 @@ from workbench.analysis.nfr_result import NfrResult
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class LinComparison:
+class LinComparison(Reportable):
     """All methods on one model at one point, from one input to one output.
 
     Attributes:
@@ -102,6 +103,7 @@ class LinComparison:
         }
 
 
+@with_origin()
 def compare(
     model: Model,
     input: str,

@@ -13,10 +13,12 @@ from workbench.analysis.lin.task import LinTask, Width, make_task
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model
+from workbench.origin import with_origin
 
 __all__ = ["lin", "run"]
 
 
+@with_origin("result")
 def lin(
     model: Model,
     *,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ class Intersample:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinResult:
+class LinResult(Reportable):
     """A linear model and how it was made.
 
     Continuous (dt = 0): dx/dt = A x + B u, y = C x + D u. Discrete (dt > 0): x(k+1) = A x(k) + B u(k),
@@ -320,7 +321,7 @@ def _undotted(names: tuple[str, ...]) -> list[str]:
     return plain if len(set(plain)) == len(plain) else [n.replace(".", "__") for n in names]
 
 
-class LinearModel(control.StateSpace):  # type: ignore[misc]  # python-control has no types
+class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # python-control has no types
     """A `control.StateSpace` with names that knows how it was made.
 
     Whatever python-control does with a StateSpace it does with this one; what comes out of such an

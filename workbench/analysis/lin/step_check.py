@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from workbench.analysis.lin.result import LinResult
 from workbench.errors import InputError, suggest
 from workbench.model import Model
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal
 
@@ -24,7 +25,7 @@ POINTS = 400
 
 
 @dataclass(frozen=True, eq=False)
-class StepCheck:
+class StepCheck(Reportable):
     """Responses to one step from the point of a linear model.
 
     Attributes:
@@ -62,6 +63,7 @@ class StepCheck:
         return {k: v.tolist() if k in arrays else v for k, v in vars(self).items()}
 
 
+@with_origin()
 def step_check(model: Model, linear: LinResult, *, input: str, output: str, height: float, stop: float) -> StepCheck:
     """Compare a linear model with the model it came from after a step of one input.
 

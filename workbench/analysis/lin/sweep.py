@@ -17,6 +17,7 @@ from workbench.analysis.lin.task import Width, make_task
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model
+from workbench.origin import Reportable, with_origin
 from workbench.signals import Signal
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -46,7 +47,7 @@ class LinPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class LinGrid:
+class LinGrid(Reportable):
     """An array of linear models.
 
     Attributes:
@@ -96,6 +97,7 @@ class _Job:
     options: dict[str, Any]
 
 
+@with_origin()
 def lin_over(
     model: Model,
     over: Mapping[str, Sequence[float]],
@@ -243,6 +245,7 @@ def _open_store(
     return Store(store, subject=subject, effort={})
 
 
+@with_origin()
 def lin_along(
     model: Model,
     times: Sequence[float],

@@ -16,6 +16,7 @@ from workbench.analysis.loop.result import LoopResult
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.workers import Workers
 
@@ -26,6 +27,7 @@ _SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do 
 _MOST_ROUNDS = 10
 
 
+@with_origin()
 def loop(
     system: Model,
     at: At,

@@ -16,6 +16,7 @@ from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
 from workbench.analysis.loop.transfer import Transfer
 from workbench.errors import InputError
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ _MANY = 200
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoopResult:
+class LoopResult(Reportable):
     """A loop opened at one place: loop transfer L, sensitivities, margins.
 
     Convention: negative feedback. Where the signal passed on at the place is z and y comes back, L = -Y/Z, so that the

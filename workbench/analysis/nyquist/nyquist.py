@@ -18,6 +18,7 @@ from workbench.analysis.nyquist.intersections import intersections
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.errors import InputError
+from workbench.origin import with_origin
 
 __all__ = ["AMPLITUDES", "BAND", "nyquist"]
 
@@ -27,6 +28,7 @@ _PER_DECADE = 20
 _ASIDE = 1e-2  # relative change of a gain at which the poles are counted, less where another crossing is near
 
 
+@with_origin()
 def nyquist(
     loop: LinearPart | LinearModel | control.StateSpace,
     block: Block | None = None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,7 +56,7 @@ class Crossing:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NyquistResult:
+class NyquistResult(Reportable):
     """L(jω) of a loop 1 + N·L = 0, and all its crossings in a band.
 
     Attributes:

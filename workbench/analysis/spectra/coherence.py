@@ -14,6 +14,7 @@ from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.density import write_rows
 from workbench.analysis.spectra.window import WindowSettings, choose_window
 from workbench.errors import InputError
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ _DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Coherence:
+class Coherence(Reportable):
     """Squared coherence, 0 … 1, from 0 to the Nyquist frequency; NaN where no input has power.
 
     Noise, nonlinear distortion, further inputs and a memory longer than a segment all make it smaller.
@@ -114,6 +115,7 @@ class Coherence:
         return plot_coherence(self, path)
 
 
+@with_origin()
 def coherence(
     experiment: Experiment,
     *,

@@ -14,6 +14,7 @@ from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.window import WindowSettings, choose_window
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ __all__ = ["SpectralDensity", "sdf", "write_rows"]
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralDensity:
+class SpectralDensity(Reportable):
     """One-sided spectral densities, from 0 to the Nyquist frequency.
 
     Attributes:
@@ -100,6 +101,7 @@ class SpectralDensity:
         return plot_density(self, path)
 
 
+@with_origin()
 def sdf(
     experiment: Experiment,
     *,

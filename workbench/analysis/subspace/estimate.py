@@ -24,6 +24,7 @@ from workbench.analysis.subspace.stability import stabilise
 from workbench.analysis.subspace.states import Noise, fit_states, noise_of
 from workbench.analysis.subspace.trial import Trial, best_trial, first_trial
 from workbench.analysis.subspace.weightings import principal_angles
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
 __all__ = ["estimate"]
@@ -42,6 +43,7 @@ class _Found:
     moved: int
 
 
+@with_origin()
 def estimate(
     u: ArrayLike,
     y: ArrayLike,

@@ -19,6 +19,7 @@ from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _AT_ONCE = 4_000_000  # numbers of simulated outputs and states held at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoleBootstrap:
+class PoleBootstrap(Reportable):
     """Poles of many models identified from records like the one measured.
 
     Attributes:
@@ -132,6 +133,7 @@ class PoleBootstrap:
         write_csv(path, [head, *table.tolist()])
 
 
+@with_origin()
 def bootstrap_poles(
     model: IdentifiedModel,
     data: Experiment,

@@ -15,6 +15,7 @@ from workbench.analysis.lin.result import LinearModel, LinResult
 from workbench.analysis.nfr_result import NfrResult
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
+from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Overlay:
+class Overlay(Reportable):
     """Frequency responses from one input to one output, as sines would show them.
 
     Attributes:
@@ -165,6 +166,7 @@ class Overlay:
         write_csv(path, [("curve", "frequency_hz", "difference_db", "difference_deg"), *rows])
 
 
+@with_origin()
 def overlay(
     model: IdentifiedModel,
     *,

@@ -15,6 +15,7 @@ from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ __all__ = ["Validation"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Validation:
+class Validation(Reportable):
     """An identified model held against data.
 
     Attributes:

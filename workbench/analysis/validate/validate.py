@@ -14,6 +14,7 @@ from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.analysis.validate.residuals import residuals_of
 from workbench.analysis.validate.result import Validation
 from workbench.errors import InputError, suggest
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
 __all__ = ["STARTS", "suited", "validate"]
@@ -23,6 +24,7 @@ PER_LAG = 4  # samples there must be for each lag
 GROWTH = 1e12  # a free motion that grows more than this over the record is no output
 
 
+@with_origin()
 def validate(
     model: IdentifiedModel,
     data: Experiment,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.errors import InputError, WorkbenchError
+from workbench.origin import Reportable
 from workbench.signals import Signal
 from workbench.system.master.crossover import crossover
 from workbench.system.master.instance import MasterInstance
@@ -67,7 +68,7 @@ class LoopDelay:
 
 
 @dataclass(frozen=True)
-class DelayReport:
+class DelayReport(Reportable):
     """What the master costs at this communication step.
 
     Attributes:

@@ -11,6 +11,7 @@ from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
 from workbench.model.load import check_biases, check_starts, choose_driver
 from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.origin import with_origin
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.solvers import choose_solver
 from workbench.signals import Signal
@@ -122,6 +123,7 @@ class MasterModel(DescribedModel):
         finally:
             self._probing = before
 
+    @with_origin()
     def delays(
         self,
         *,

@@ -1,0 +1,10 @@
+"""Where a result came from, and the page that every result can write of itself.
+
+It stands beside `workbench.errors`: whatever makes results uses it, and it imports nothing of them. What it needs of
+models and of reports is imported when it is used, in the way of `.plot()`.
+"""
+
+from workbench.origin.facts import FmuFacts, ModelFacts, Origin
+from workbench.origin.kept import Reportable, origin_of, remember, with_origin
+
+__all__ = ["FmuFacts", "ModelFacts", "Origin", "Reportable", "origin_of", "remember", "with_origin"]

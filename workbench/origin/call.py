@@ -1,0 +1,157 @@
+"""A call in Python as it could be written again, and what it was given."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.model.base import Model
+from workbench.model.recipe import LoadRecipe
+from workbench.origin.facts import ModelFacts, Origin
+from workbench.origin.kept import origin_of
+from workbench.origin.models import facts_of, hash_of
+
+__all__ = ["files_of", "origin_of_call"]
+
+_SIGNALS = ("workbench.signals", "workbench.analysis.excite.prbs", "workbench.analysis.excite.multisine")
+_LONGEST = 120  # an argument whose text is longer is called by its name
+_WRITTEN = ("out", "path", "store")  # arguments that name what is written, not what is read
+
+
+def origin_of_call(
+    function: Callable[..., object], args: Iterable[Any], kwargs: Mapping[str, Any], *, seconds: float
+) -> Origin:
+    """Return the origin of what `function` returned.
+
+    Args:
+        function: that was called.
+        args: its arguments.
+        kwargs: those by name.
+        seconds: that it took.
+    """
+    given = inspect.signature(function).bind(*args, **kwargs).arguments
+    values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
+    models = [v for v in values if isinstance(v, Model)]
+    earlier = [found for v in values if (found := _earlier(v)) is not None]
+    facts = [*(facts_of(m) for m in models), *(m for o in earlier for m in o.models)]
+    files = {k: v for o in earlier for k, v in o.files.items()}
+    return Origin(
+        command=function.__name__,
+        call=_call(function, given, models),
+        models=tuple(_different(facts)),
+        files={**files, **_files(given)},
+        seconds=round(seconds, 3),
+        notes=tuple(dict.fromkeys(note for m in models for note in m.notes)),
+    )
+
+
+def _different(facts: Iterable[ModelFacts]) -> list[ModelFacts]:
+    found: list[ModelFacts] = []
+    for one in facts:
+        if one not in found:
+            found.append(one)
+    return found
+
+
+def _earlier(value: object) -> Origin | None:
+    """Return the origin of an argument that is a result itself."""
+    return origin_of(value) if is_dataclass(value) or hasattr(value, "report") else None
+
+
+def _files(given: Mapping[str, Any]) -> dict[str, str]:
+    """Return name → hash of the files that were read."""
+    found = {}
+    for name, value in given.items():
+        several = value if isinstance(value, list | tuple) else [value]
+        for path in several if name not in _WRITTEN else ():
+            if isinstance(path, str | Path) and _is_file(path):
+                found.update(files_of([path]))
+    return found
+
+
+def files_of(paths: Iterable[str | Path]) -> dict[str, str]:
+    """Return name → SHA-256 of files; those that are gone are left out."""
+    found = {}
+    for path in paths:
+        try:
+            found[Path(path).name] = hash_of(Path(path))
+        except WorkbenchError:
+            continue
+    return found
+
+
+def _is_file(value: str | Path) -> bool:
+    try:
+        return Path(value).is_file()
+    except (OSError, ValueError):  # text that can be no path
+        return False
+
+
+# -- the call as text --------------------------------------------------------------------------
+
+
+def _call(function: Callable[..., object], given: Mapping[str, Any], models: list[Model]) -> str:
+    names = {id(m): "model" if len(models) == 1 else f"model_{i}" for i, m in enumerate(models, start=1)}
+    owner = "wb" if "self" not in given else names.get(id(given["self"]), type(given["self"]).__name__.lower())
+    kinds = {name: p.kind for name, p in inspect.signature(function).parameters.items()}
+    texts = [
+        f"{name}=" * (kinds[name] is inspect.Parameter.KEYWORD_ONLY) + _text(value, name, names)
+        for name, value in given.items()
+        if name != "self" and value is not None and not callable(value)
+    ]
+    lines = [f"{names[id(m)]} = {load}" for m in models if (load := _load(m))]
+    return "\n".join([*lines, f"result = {owner}.{function.__name__}({', '.join(texts)})"])
+
+
+def _text(value: Any, name: str, names: Mapping[int, str]) -> str:  # noqa: ANN401 - any argument
+    """Return a value as code, or the parameter's name where it would be long or cannot be written."""
+    if id(value) in names:
+        return names[id(value)]
+    text = _code(value)
+    return text if text and len(text) <= _LONGEST else name
+
+
+def _code(value: Any) -> str:  # noqa: ANN401, PLR0911 - any argument, one way for each kind
+    """Return a value as code; empty where it cannot be written so."""
+    if isinstance(value, np.generic | np.ndarray):
+        return repr(value.tolist()) if value.size < _LONGEST else ""
+    if isinstance(value, Mapping | tuple | list | set | frozenset) and len(value) > _LONGEST:
+        return ""
+    if value is None or isinstance(value, str | bool | int | float | complex):
+        return repr(value)
+    if isinstance(value, Path):
+        return repr(str(value))
+    if isinstance(value, Mapping):
+        return _joined("{", ((f"{_code(k)}: ", v) for k, v in value.items()), "}")
+    if isinstance(value, tuple):
+        return _joined("(", (("", v) for v in value), ",)" if len(value) == 1 else ")")
+    if isinstance(value, list | set | frozenset):
+        return _joined("[", (("", v) for v in value), "]")
+    if is_dataclass(value) and type(value).__module__ in _SIGNALS:
+        return f"wb.{value!r}"
+    return ""
+
+
+def _joined(begin: str, items: Iterable[tuple[str, Any]], end: str) -> str:
+    texts = [(before, _code(value)) for before, value in items]
+    return "" if not all(text for _, text in texts) else begin + ", ".join(a + b for a, b in texts) + end
+
+
+def _load(model: Model) -> str:
+    """Return the line that loads a model again; empty for one that is no file."""
+    recipe = model.recipe
+    facts = facts_of(model)
+    if not isinstance(recipe, LoadRecipe) or not facts.source:
+        return ""
+    defaults: dict[str, Any] = {"step": None, "tolerance": None, "start_values": {}, "bias": {}, "hold_inputs": False}
+    settings = recipe.settings()
+    chosen = [repr(facts.source)]
+    chosen += [f"{k}={settings[k]!r}" for k in ("interface", "solver", "driver") if settings[k] != "auto"]
+    chosen += [f"{k}={_code(settings[k])}" for k, usual in defaults.items() if settings[k] != usual]
+    return f"wb.load({', '.join(chosen)})"

@@ -1,0 +1,88 @@
+"""The pages of what was built or exported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workbench.build.export import ExportResult
+from workbench.build.fmu import BuildResult
+from workbench.errors import WorkbenchError
+from workbench.model.recipe import content_hash
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted
+from workbench.system.container import ContainerResult
+
+__all__ = ["build_page", "built_page", "container_page", "export_page"]
+
+
+def build_page(result: BuildResult) -> Page:
+    """Return the page of a model that was built."""
+    return built_page([result])
+
+
+def built_page(results: list[BuildResult]) -> Page:
+    """Return the page of models that were built in one call."""
+    files = [file for result in results for file in result.files]
+    rows = [
+        (r.model, str(r.n_states), "implicit" if r.stiff else "explicit", ", ".join(f.name for f in r.files))
+        for r in results
+    ]
+    headings = ("model", "states", "co-simulation integrates", "files")
+    return Page(
+        title=f"FMUs of {', '.join(r.model for r in results)}",
+        lead=f"{counted(len(files), 'FMU')} for {', '.join(results[0].platforms)}.",
+        facts={},
+        sections=[Section("Models", tables=[Table(headings, rows)]), _files(files)],
+        kind="build",
+    )
+
+
+def export_page(result: ExportResult) -> Page:
+    """Return the page of a linear model that became an FMU."""
+    kind = f"discrete, sampled at {result.dt:.9g} s" if result.dt > 0.0 else "continuous"
+    sizes = (counted(result.n_states, "state"), counted(result.n_inputs, "input"), counted(result.n_outputs, "output"))
+    renamed = [f"{old} is {new} in the FMU" for old, new in result.renamed.items()]
+    return Page(
+        title=f"Linear model {result.model} as an FMU",
+        lead=f"FMI {result.fmi}, {kind}: {', '.join(sizes)}.",
+        facts={
+            "platforms": ", ".join(result.platforms),
+            "co-simulation integrates": "with the implicit method" if result.stiff else "with the explicit method",
+        },
+        sections=[_files([result.file]), *([Section("Renamed", items=renamed)] if renamed else [])],
+        notes=result.notes,
+        kind="export",
+    )
+
+
+def container_page(result: ContainerResult) -> Page:
+    """Return the page of a system that became one FMU."""
+    return Page(
+        title=f"System {result.model} as a container FMU",
+        lead=f"FMI {result.fmi}, stepped by {result.step:g} s: every connection carries a delay of one step.",
+        facts={
+            "parts": ", ".join(result.components),
+            "inputs": ", ".join(result.inputs) or "none",
+            "outputs": ", ".join(result.outputs) or "none",
+            "parameters": str(len(result.parameters)),
+        },
+        sections=[_files([result.file])],
+        notes=result.notes,
+        kind="export",
+    )
+
+
+def _files(files: list[Path]) -> Section:
+    rows = [(file.name, _size(file), _hash(file)) for file in files]
+    return Section("Files", tables=[Table(("file", "size [KiB]", "SHA-256"), rows, right=(1,))])
+
+
+def _size(file: Path) -> str:
+    return f"{file.stat().st_size / 1024:.0f}" if file.exists() else "gone"
+
+
+def _hash(file: Path) -> str:
+    try:
+        return content_hash(file)
+    except WorkbenchError:  # moved since it was written
+        return "gone"

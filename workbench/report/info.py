@@ -1,0 +1,123 @@
+"""The pages of what an FMU or a system is and can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted
+from workbench.report.tones import Verdict
+
+__all__ = ["info_page", "system_page"]
+
+_GROUPS = ("inputs", "outputs", "states", "parameters")
+_MANY = 30
+_ABILITIES = {
+    "state": "saves and restores its state",
+    "directional_derivatives": "directional derivatives",
+    "variable_step": "variable communication step",
+    "needs_tool": "needs its authoring tool",
+    "once_per_process": "one instance per process",
+}
+
+
+def info_page(data: Mapping[str, Any]) -> Page:
+    """Return the page of an FMU.
+
+    Args:
+        data: what `workbench info` writes to JSON.
+    """
+    interfaces = data["interfaces"]
+    runs = "It runs here." if data["runnable"] else "It does not run here."
+    word = "good" if data["runnable"] else "poor"
+    return Page(
+        title=str(data["model"]),
+        lead=" ".join(
+            filter(None, [_sentence(data["description"]), f"{counted(len(interfaces), 'interface')}.", runs])
+        ),
+        facts={
+            "interfaces": ", ".join(interfaces) or "none",
+            "platforms": ", ".join(data["platforms"]) or "none",
+            "experiment": _experiment(data["experiment"]),
+        },
+        sections=[*_variables(data), _capabilities(data["capabilities"])],
+        summary=[Verdict(word, runs[:-1].lower()), *_snapshots(data["capabilities"])],
+        notes=data["notes"],
+        kind="info",
+    )
+
+
+def _sentence(text: str | None) -> str:
+    return "" if not text else text if text.endswith(".") else f"{text}."
+
+
+def _experiment(experiment: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in experiment.items() if value is not None) or "not told"
+
+
+def _snapshots(capabilities: Mapping[str, Any]) -> list[Verdict]:
+    found = []
+    for interface, abilities in capabilities.items():
+        probed = abilities.get("snapshots")
+        if probed is not None:
+            why = f": {probed['why']}" if probed["why"] else ""
+            word = "good" if probed["method"] == "state" else "watch"
+            found.append(Verdict(word, f"{interface}: snapshots by {probed['method']}{why}"))
+    return found
+
+
+def _capabilities(capabilities: Mapping[str, Any]) -> Section:
+    names = [key for key in _ABILITIES if any(key in c for c in capabilities.values())]
+    rows = [(_ABILITIES[key], *("yes" if c.get(key) else "–" for c in capabilities.values())) for key in names]
+    return Section("What the FMU says it can", tables=[Table(("", *capabilities), rows)])
+
+
+def _variables(data: Mapping[str, Any]) -> list[Section]:
+    found = []
+    for group in _GROUPS:
+        if data[group]:
+            rows = [_variable(v) for v in data[group]]
+            table = Table(("name", "type", "unit", "start", "description"), rows, right=(3,))
+            found.append(Section(f"{group.capitalize()} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
+    return found
+
+
+def _variable(v: Mapping[str, Any]) -> tuple[str, ...]:
+    start = v["start"]
+    shown = "" if start is None else f"{start:g}" if isinstance(start, float) else str(start)
+    return (v["name"], v["type"], v["unit"] or "", shown, v["description"] or "")
+
+
+def system_page(data: Mapping[str, Any]) -> Page:
+    """Return the page of a system.
+
+    Args:
+        data: what `workbench info` writes to JSON.
+    """
+    parts, wires = data["components"], data["connections"]
+    return Page(
+        title=f"System {data['model']}",
+        lead=f"{counted(len(parts), 'component')}, {counted(len(wires), 'connection')}.",
+        facts={},
+        sections=[
+            Section("What it consists of", tables=[Table(("name", "what"), [(c["name"], c["what"]) for c in parts])]),
+            Section("Connections", tables=[_connections(wires)], folded=len(wires) > _MANY),
+            *_variables(data),
+        ],
+        notes=data["notes"],
+        kind="info",
+    )
+
+
+def _connections(wires: Sequence[Mapping[str, Any]]) -> Table:
+    rows = [(w["source"], w["destination"], _how(w)) for w in wires]
+    return Table(("from", "to", "by"), rows)
+
+
+def _how(wire: Mapping[str, Any]) -> str:
+    words = [f"gain {wire['gain']:g}"] if wire["gain"] != 1.0 else []
+    words += [f"offset {wire['offset']:g}"] if wire["offset"] else []
+    words += [f"in {wire['unit']}"] if wire["unit"] else []
+    words += [f"closes at {wire['closes_at']:g} s"] if wire["closes_at"] is not None else []
+    return ", ".join(words)

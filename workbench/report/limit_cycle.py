@@ -1,0 +1,209 @@
+"""The pages of limit cycles, and of what they come from: describing functions, crossings, branches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.analysis.describing.describe import DescribingFunction
+from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
+from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, counted, number, sampled_rows
+from workbench.report.tones import Verdict
+
+__all__ = ["branch_page", "describing_page", "limit_cycle_page", "nyquist_page"]
+
+_STABLE = {True: "stable", False: "unstable", None: "not known"}
+_MOST_ROWS = 60  # of a curve; the others are in the data of the page
+
+
+def limit_cycle_page(result: LimitCycleResult) -> Page:
+    """Return the page of an analysis of limit cycles: crossings, cycles by each method, simulation, branches."""
+    return Page(
+        title=f"Limit cycles of {result.model}",
+        lead=_lead(result),
+        facts={
+            "nonlinear block": f"{result.block}: {bracketed(result.input, result.input_unit)} → {result.output}",
+            "open loop": f"{counted(result.nyquist.unstable_open, 'pole')} of the linear part in the right half-plane",
+        },
+        sections=[
+            Section(
+                "Crossings and motion", figures=[(result.plot(), "L(jω) with −1/N(A), the crossings, and the motion.")]
+            ),
+            _crossings(result.nyquist),
+            _cycles(result),
+            *([] if result.simulated is None else [_simulated(result.simulated)]),
+            *(_branch(b) for b in result.branches),
+        ],
+        summary=_verdicts(result),
+        notes=result.notes,
+        kind="limit-cycle",
+    )
+
+
+def _lead(result: LimitCycleResult) -> str:
+    if not result.limit_cycles:
+        return "No limit cycle: −1/N(A) is met nowhere in the band."
+    stable = [c for c in result.limit_cycles if c.stable]
+    if not stable:
+        return f"{counted(len(result.crossings), 'crossing')}, and no stable limit cycle among them."
+    best = stable[-1]
+    size = f"{best.amplitude:.4g} {result.input_unit or ''}".strip()
+    where = f"{best.frequency_hz:.5g} Hz with amplitude {size} of {result.input}"
+    return f"A stable limit cycle at {where} (by {best.method})."
+
+
+def _verdicts(result: LimitCycleResult) -> list[Verdict]:
+    """Return one line for each cycle; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
+    found = [Verdict(_STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in result.limit_cycles]
+    if result.simulated is not None and not result.simulated.steady:
+        found.append(Verdict("watch", "the simulation was not steady at its end"))
+    return found
+
+
+def _cycle_words(c: LimitCycle, unit: str | None) -> str:
+    size = f"{c.amplitude:.4g} {unit or ''}".strip()
+    return f"crossing {c.crossing + 1}, {c.method}: {c.frequency_hz:.5g} Hz, amplitude {size}"
+
+
+def _crossings(result: NyquistResult) -> Section:
+    headings = (
+        "", "frequency [Hz]", "L there", "gain −1/L", "amplitude", "unstable poles below", "above", "distortion [%]",
+        "cycle",
+    )  # fmt: skip
+    rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
+    table = Table(headings, rows, right=range(8))
+    return Section("Crossings", paragraphs=[f"{result.criterion[:1].upper()}{result.criterion[1:]}."], tables=[table])
+
+
+def _crossing(i: int, c: Crossing) -> tuple[str, ...]:
+    place = f"{c.real:.5g}" if not c.imag else f"{c.real:.4g} {c.imag:+.4g}j"
+    distortion = None if c.distortion is None else 100.0 * c.distortion
+    return (
+        str(i), f"{c.frequency_hz:.6g}", place, f"{c.gain:.5g}", number(c.amplitude), str(c.unstable_below),
+        str(c.unstable_above), number(distortion, ".3g"), "" if c.stable is None else _STABLE[c.stable],
+    )  # fmt: skip
+
+
+def _cycles(result: LimitCycleResult) -> Section:
+    headings = (
+        "crossing", "method", "frequency [Hz]", bracketed("amplitude", result.input_unit), "fundamental", "mean",
+        "multiplier", "residual", "cycle",
+    )  # fmt: skip
+    rows = [
+        (
+            str(c.crossing + 1), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            f"{c.mean:.3g}", number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
+        )
+        for c in result.limit_cycles
+    ]  # fmt: skip
+    words = f"Amplitude: half the peak-to-peak value of {result.input}."
+    return Section(
+        "Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=(0, *range(2, 8)))]
+    )
+
+
+def _simulated(cycle: SimulatedCycle) -> Section:
+    rows = [
+        (
+            name,
+            cycle.units.get(name) or "",
+            f"{cycle.amplitude[name]:.5g}",
+            f"{cycle.fundamental[name]:.5g}",
+            f"{cycle.mean[name]:.3g}",
+        )
+        for name in cycle.amplitude
+    ]
+    began = f"{cycle.predicted_frequency_hz:.5g} Hz, amplitude {cycle.predicted_amplitude:.4g}"
+    words = (
+        f"From the predicted state ({began}) over {counted(cycle.periods, 'period')}: it ends at "
+        f"{cycle.frequency_hz:.6g} Hz{'' if cycle.steady else ', not steady yet'}."
+    )
+    table = Table(("variable", "unit", "amplitude", "fundamental", "mean"), rows, right=(2, 3, 4))
+    return Section("Simulation", paragraphs=[words], tables=[table], folded=len(rows) > _MOST_ROWS)
+
+
+# -- branches ----------------------------------------------------------------------------------
+
+
+def branch_page(branch: Branch) -> Page:
+    """Return the page of limit cycles followed over a parameter."""
+    return Page(
+        title=f"Limit cycles over {branch.parameter}",
+        lead=f"{counted(len(branch.points), 'point')} along the branch, {counted(len(branch.folds), 'fold')}.",
+        facts={"begins": branch.ends[0], "ends": branch.ends[1]},
+        sections=[_branch(branch)],
+        kind="limit-cycle",
+    )
+
+
+def _branch(branch: Branch) -> Section:
+    rows = sampled_rows([_branch_point(p) for p in branch.points], _MOST_ROWS)
+    headings = (branch.parameter, "frequency [Hz]", "amplitude", "fundamental", "mean", "cycle")
+    folds = [_branch_point(p) for p in branch.folds]
+    shown = f"{len(rows)} of {len(branch.points)} points; the data of this page hold all."
+    return Section(
+        f"Over {branch.parameter}",
+        figures=[(branch.plot(), "Amplitude and frequency; unstable parts dashed, folds marked.")],
+        items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
+        tables=[Table(headings, folds, title="Folds", right=range(5))] if folds else [],
+        parts=[Section("Points", paragraphs=[shown], tables=[Table(headings, rows, right=range(5))], folded=True)],
+    )
+
+
+def _branch_point(p: BranchPoint) -> tuple[str, ...]:
+    numbers = (p.value, p.frequency_hz, p.amplitude, p.fundamental, p.mean)
+    return (*(f"{x:.5g}" for x in numbers), _STABLE[p.stable])
+
+
+# -- crossings and describing functions --------------------------------------------------------
+
+
+def nyquist_page(result: NyquistResult) -> Page:
+    """Return the page of a Nyquist curve and its crossings."""
+    block = f" with {result.block}" if result.block else ""
+    low, high = result.frequency_hz[0], result.frequency_hz[-1]
+    return Page(
+        title=f"Nyquist curve of {result.name}{block}",
+        lead=f"{counted(len(result.crossings), 'crossing')} from {low:g} to {high:g} Hz.",
+        facts={"open loop": f"{counted(result.unstable_open, 'pole')} in the right half-plane"},
+        sections=[
+            Section("Curve", figures=[(result.plot(), "L(jω), −1/N(A), and the crossings numbered.")]),
+            _crossings(result),
+        ],
+        kind="nyquist",
+    )
+
+
+def describing_page(result: DescribingFunction) -> Page:
+    """Return the page of a describing function: picture and values."""
+    sizes = f"{counted(len(result.amplitude), 'amplitude')} from {result.amplitude[0]:g} to {result.amplitude[-1]:g}"
+    return Page(
+        title=f"Describing function of {result.block}",
+        lead=f"By {result.method}, at {sizes}{_frequencies(result)}.",
+        facts={"depends on frequency": "yes" if result.frequency_dependent else "no"},
+        sections=[
+            Section("N(A)", figures=[(result.plot(), "Gain and phase over the amplitude, −1/N in the plane.")]),
+            _describing_values(result),
+        ],
+        kind="describing function",
+    )
+
+
+def _frequencies(result: DescribingFunction) -> str:
+    return f" and {counted(len(result.frequency_hz), 'frequency', 'frequencies')}" if result.frequency_dependent else ""
+
+
+def _describing_values(result: DescribingFunction) -> Section:
+    rows = [
+        (f"{a:.5g}", f"{f:.5g}", f"{abs(n):.6g}", f"{np.degrees(np.angle(n)):.2f}", number(float(h), ".3g"))
+        for a, row, harmonics in zip(result.amplitude, result.gain, result.harmonics, strict=True)
+        for f, n, h in zip(result.frequency_hz, row, 100.0 * np.max(harmonics[:, 2:], axis=-1), strict=True)
+    ]
+    headings = ("amplitude", "frequency [Hz]", "gain", "phase [deg]", "largest harmonic [%]")
+    wanted = [i for i in range(len(headings)) if i != 1 or result.frequency_dependent]
+    shown = [[row[i] for i in wanted] for row in sampled_rows(rows, _MOST_ROWS)]
+    return Section(
+        "Values", tables=[Table([headings[i] for i in wanted], shown, right=range(len(wanted)))], folded=True
+    )

@@ -1,0 +1,189 @@
+"""The pages of linear models."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from workbench.analysis.lin.compare import LinComparison
+from workbench.analysis.lin.compare import Verdict as Agreement
+from workbench.analysis.lin.result import LinearModel, LinResult
+from workbench.analysis.lin.step_check import StepCheck
+from workbench.analysis.lin.sweep import LinGrid, LinPoint
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, counted, matrices, number, pole_table
+from workbench.report.tones import Verdict
+
+__all__ = ["comparison_page", "grid_page", "lin_page", "linear_model_page", "step_check_page"]
+
+_AGREES = {True: "agrees", False: "differs", None: "not measured"}
+
+
+def lin_page(result: LinResult) -> Page:
+    """Return the page of a linear model: response, poles, matrices, point, what is doubtful and why rows are zero."""
+    return Page(
+        title=f"Linear model of {result.model}",
+        lead=f"{_kind(result)} By {result.method}: {result.why}.",
+        facts=_facts(result),
+        sections=[
+            Section(
+                "Response", figures=[(result.plot(), "Bode picture and step response, one column for each input.")]
+            ),
+            *_parts(result),
+        ],
+        summary=_doubts(result),
+        notes=result.notes,
+        kind="lin",
+    )
+
+
+def linear_model_page(model: LinearModel) -> Page:
+    """Return the page of the linearisation behind a python-control model."""
+    return lin_page(model.result)
+
+
+def _kind(result: LinResult) -> str:
+    kind = f"Discrete, period {result.dt:.9g} s" if result.dt > 0.0 else "Continuous"
+    sizes = (counted(len(result.state_names), "state"), counted(len(result.input_names), "input"))
+    return f"{kind}: {', '.join(sizes)}, {counted(len(result.output_names), 'output')}."
+
+
+def _facts(result: LinResult) -> dict[str, str]:
+    calls = ", ".join(f"{n} {kind}" for kind, n in result.calls.items())
+    return {
+        "inputs → outputs": f"{', '.join(result.input_names)} → {', '.join(result.output_names)}",
+        "method": result.method,
+        **({"model calls": calls} if calls else {}),
+    }
+
+
+def _doubts(result: LinResult) -> list[Verdict]:
+    return [Verdict("doubtful", f"{d.row} by {d.column} = {d.value:.6g}: {d.reason}") for d in result.doubts]
+
+
+def _parts(result: LinResult) -> list[Section]:
+    values = (result.A, result.B, result.C, result.D)
+    sections = [
+        Section("Poles", tables=[pole_table(result.poles.tolist(), result.dt)]) if len(result.A) else None,
+        matrices(values, result.state_names, result.input_names, result.output_names),
+        Section("Rows and columns that are zero", items=[f"{z.kind} {z.name}: {z.reason}" for z in result.zeros])
+        if result.zeros
+        else None,
+        _point(result),
+    ]
+    return [s for s in sections if s is not None]
+
+
+def _point(result: LinResult) -> Section:
+    point = result.point
+    groups = (("state", point.x), ("discrete state", point.discrete), ("input", point.u), ("output", point.y))
+    rows = [
+        (name, kind, f"{value:.8g}", point.units.get(name) or result.units.get(name) or "")
+        for kind, values in groups
+        for name, value in values.items()
+    ]
+    table = Table(("variable", "kind", "value", "unit"), rows, right=(2,))
+    return Section("Operating point", paragraphs=[f"At {point.time:g} s."], tables=[table], folded=True)
+
+
+# -- grids -------------------------------------------------------------------------------------
+
+
+def grid_page(grid: LinGrid) -> Page:
+    """Return the page of an array of linear models: one Bode picture, poles of each member."""
+    good = [(p, p.result) for p in grid.points if p.result is not None]
+    over = ", ".join(grid.over)
+    return Page(
+        title=f"Linear models{f' of {good[0][1].model}' if good else ''} over {over}",
+        lead=f"{counted(len(grid.points), 'point')}, {len(grid.failed)} of them without a model.",
+        facts={name: ", ".join(f"{v:g}" for v in values) for name, values in grid.over.items()},
+        sections=[
+            *(
+                [Section("Response", figures=[(grid.plot(), "First input to first output, one curve for each point.")])]
+                if good
+                else []
+            ),
+            Section("Poles", parts=[_member(p, r) for p, r in good], folded=len(good) > 1),
+        ],
+        summary=[Verdict("failed", f"{_label(p.values)}: {p.reason}") for p in grid.failed]
+        + [v for p, r in good for v in _at(p, _doubts(r))],
+        kind="lin",
+    )
+
+
+def _at(point: LinPoint, verdicts: list[Verdict]) -> list[Verdict]:
+    return [Verdict(v.word, f"{_label(point.values)}: {v.text}") for v in verdicts]
+
+
+def _member(point: LinPoint, result: LinResult) -> Section:
+    poles = [pole_table(result.poles.tolist(), result.dt)] if len(result.A) else []
+    return Section(_label(point.values), tables=poles)
+
+
+def _label(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+
+
+# -- comparisons -------------------------------------------------------------------------------
+
+
+def comparison_page(result: LinComparison) -> Page:
+    """Return the page of all methods beside a measurement: words, picture, verdict at each frequency."""
+    counts = Counter((v.method, v.agrees) for v in result.verdicts)
+    methods = dict.fromkeys(v.method for v in result.verdicts)
+    return Page(
+        title=f"Linear models against measurement: {result.input} → {result.output}",
+        lead=" ".join(_sentence(text) for text in result.words),
+        facts={"agreement": "within 0.5 dB and 5° of the measured response"},
+        sections=[
+            Section(
+                "Frequency responses", figures=[(result.plot(), "Curves: linear models; circles: measured with sines.")]
+            ),
+            _verdict_table(result),
+            *_inapplicable(result),
+        ],
+        summary=[_agreement(m, counts) for m in methods],
+        kind="lin",
+    )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+
+
+def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int]) -> Verdict:
+    yes, no = counts.get((method, True), 0), counts.get((method, False), 0)
+    if not yes + no:
+        return Verdict("unknown", f"{method}: nothing was measured to hold it against")
+    word = "agrees" if not no else "differs"
+    return Verdict(
+        word, f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
+    )
+
+
+def _verdict_table(result: LinComparison) -> Section:
+    headings = ("method", "frequency [Hz]", "gain less measured [dB]", "phase less measured [deg]", "verdict")
+    table = Table(headings, [_row(v) for v in result.verdicts], verdict=4, right=(1, 2, 3))
+    return Section("At each frequency", tables=[table], folded=len(result.verdicts) > 30)
+
+
+def _row(v: Agreement) -> tuple[str, ...]:
+    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), _AGREES[v.agrees])
+
+
+def _inapplicable(result: LinComparison) -> list[Section]:
+    if not result.failed:
+        return []
+    return [Section("Methods that do not apply", items=[f"{name}: {why}" for name, why in result.failed.items()])]
+
+
+def step_check_page(result: StepCheck) -> Page:
+    """Return the page of one step on the model and on its linear model."""
+    height, error = f"{result.height:g}", f"{100.0 * result.error:.3g} %"
+    return Page(
+        title=f"Step of {result.input}: linear model against the model",
+        lead=f"After a step of {height} the linear {result.output} is off by {error} of its motion (rms).",
+        facts={"input": result.input, "output": bracketed(result.output, result.unit), "height": height},
+        sections=[Section("Step response", figures=[(result.plot(), "Both responses to the same step.")])],
+        kind="step check",
+    )

@@ -1,0 +1,123 @@
+"""The page of a nonlinear frequency response."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from workbench.analysis.nfr_result import MISSING, NfrResult
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, counted, number
+from workbench.report.tones import Verdict
+
+__all__ = ["nfr_page"]
+
+_DROP_DB = 3.0
+_MEANING = {
+    "settled": "the response no longer changed from period to period",
+    "averaged": "never settled; the value is the mean of the last periods and deserves a look",
+    "failed": "no value",
+}
+
+
+def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
+    """Return the page of a frequency response: verdicts, pictures, values at each amplitude.
+
+    Args:
+        result: what to report.
+        offset: whether the output's mean is drawn too.
+    """
+    words = "Circles: settled; triangles: averaged; crosses on the lower edge: failed."
+    return Page(
+        title=f"Frequency response of {result.model}: {result.input} → {result.output}",
+        lead=_lead(result),
+        facts={
+            "input": bracketed(result.input, result.input_unit),
+            "output": bracketed(result.output, result.output_unit),
+            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + f" {result.input_unit or ''}",
+            "frequencies": _range(result),
+        },
+        sections=[
+            Section("Gain and phase", figures=[(result.plot(offset=offset), words)]),
+            Section("Values", parts=[_values(result, i) for i in range(result.amplitude.size)], folded=True),
+        ],
+        summary=_verdicts(result),
+        notes=result.warnings,
+        kind="nfr",
+    )
+
+
+def _range(result: NfrResult) -> str:
+    f = result.frequency_hz
+    return f"{len(f)}, from {f[0]:g} to {f[-1]:g} Hz" if len(f) > 1 else f"{f[0]:g} Hz"
+
+
+def _lead(result: NfrResult) -> str:
+    parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
+    falls = [f"{f:.4g} Hz at {a:g} {result.input_unit or ''}".strip() for a, f in _bandwidths(result)]
+    parts += [f"The gain is 3 dB below that of the lowest frequency at {', '.join(falls)}."] if falls else []
+    spread = _spread(result)
+    parts += [f"Between the amplitudes it differs by {spread:.3g} dB at most."] if np.isfinite(spread) else []
+    return " ".join(parts)
+
+
+def _bandwidths(result: NfrResult) -> list[tuple[float, float]]:
+    """Return (amplitude, frequency at which the gain has fallen by 3 dB), straight between the points."""
+    found = []
+    for i, amplitude in enumerate(result.amplitude.tolist()):
+        good = np.isfinite(result.gain_db[i])
+        drop = result.gain_db[i][good] - result.gain_db[i][good][:1] + _DROP_DB
+        f = np.log(result.frequency_hz[good])
+        below = np.flatnonzero(drop < 0.0)
+        if below.size and below[0] > 0:
+            k = int(below[0])
+            found.append((amplitude, float(np.exp(np.interp(0.0, -drop[k - 1 : k + 1], f[k - 1 : k + 1])))))
+    return found
+
+
+def _spread(result: NfrResult) -> float:
+    """Return the largest difference of the gain between amplitudes [dB]; NaN where there is one amplitude only."""
+    both = result.gain_db[:, np.all(np.isfinite(result.gain_db), axis=0)]
+    return float(np.max(np.ptp(both, axis=0))) if len(both) > 1 and both.size else float("nan")
+
+
+def _verdicts(result: NfrResult) -> list[Verdict]:
+    counts = Counter(word for row in result.status for word in row)
+    found = [
+        Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}")
+        for word in ("averaged", "settled")
+        if counts[word]
+    ]
+    reasons = Counter(f.reason for f in result.failed)
+    first = {f.reason: f for f in reversed(result.failed)}
+    found += [
+        Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
+        for why, n in reasons.items()
+    ]
+    return found
+
+
+def _values(result: NfrResult, i: int) -> Section:
+    unit = result.input_unit
+    ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
+    headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", bracketed("offset", result.output_unit), "THD [%]")
+    columns = (result.gain, result.gain_db, result.phase_deg, result.offset, 100.0 * result.thd)
+    forms = (".5g", ".3f", ".2f", ".4g", ".3g")
+    rows = [
+        (
+            f"{f:.5g}",
+            *(number(float(c[i, j]), form) for c, form in zip(columns, forms, strict=True)),
+            str(result.periods[i, j]),
+            result.status[i][j],
+        )
+        for j, f in enumerate(result.frequency_hz.tolist())
+        if not _is_missing(result, i, j)
+    ]
+    table = Table((*headings, "periods", "status"), rows, verdict=7, right=range(7))
+    return Section(f"Amplitude {result.amplitude[i]:g} {unit or ''}".strip(), tables=[table])
+
+
+def _is_missing(result: NfrResult, i: int, j: int) -> bool:
+    where = (result.amplitude[i], result.frequency_hz[j])
+    return any(f.reason == MISSING and (f.amplitude, f.frequency_hz) == where for f in result.failed)

@@ -1,0 +1,102 @@
+"""Which page belongs to which result, and how a result becomes a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from workbench import __version__
+from workbench.errors import InputError
+from workbench.json_values import finite
+from workbench.origin import Origin, origin_of
+from workbench.report.facts import finished
+from workbench.report.page import SUFFIXES, Page, write_page
+
+__all__ = ["PAGES", "page_of", "write_report"]
+
+# Class of the result → function that makes its page. Both by name, so that a page loads what it shows and no more.
+PAGES: dict[str, str] = {
+    "workbench.analysis.advice.result.Advice": "workbench.report.data:advice_page",
+    "workbench.analysis.describing.describe.DescribingFunction": "workbench.report.limit_cycle:describing_page",
+    "workbench.analysis.excite.result.ExciteResult": "workbench.report.excite:excite_page",
+    "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
+    "workbench.analysis.limit_cycle.branch.Branch": "workbench.report.limit_cycle:branch_page",
+    "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",
+    "workbench.analysis.lin.compare.LinComparison": "workbench.report.lin:comparison_page",
+    "workbench.analysis.lin.result.LinResult": "workbench.report.lin:lin_page",
+    "workbench.analysis.lin.result.LinearModel": "workbench.report.lin:linear_model_page",
+    "workbench.analysis.lin.step_check.StepCheck": "workbench.report.lin:step_check_page",
+    "workbench.analysis.lin.sweep.LinGrid": "workbench.report.lin:grid_page",
+    "workbench.analysis.loop.result.LoopResult": "workbench.report.loop:loop_page",
+    "workbench.analysis.nfr_result.NfrResult": "workbench.report.nfr:nfr_page",
+    "workbench.analysis.nyquist.result.NyquistResult": "workbench.report.limit_cycle:nyquist_page",
+    "workbench.analysis.simulate.SimulationResult": "workbench.report.simulate:simulate_page",
+    "workbench.analysis.spectra.coherence.Coherence": "workbench.report.data:coherence_page",
+    "workbench.analysis.spectra.density.SpectralDensity": "workbench.report.data:density_page",
+    "workbench.analysis.subspace.result.SubspaceEstimate": "workbench.report.identify:estimate_page",
+    "workbench.analysis.trim_result.TrimResult": "workbench.report.trim:trim_page",
+    "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.report.identify:bootstrap_page",
+    "workbench.analysis.validate.overlay.Overlay": "workbench.report.identify:overlay_page",
+    "workbench.analysis.validate.result.Validation": "workbench.report.identify:validation_page",
+    "workbench.build.export.ExportResult": "workbench.report.build:export_page",
+    "workbench.build.fmu.BuildResult": "workbench.report.build:build_page",
+    "workbench.system.container.ContainerResult": "workbench.report.build:container_page",
+    "workbench.system.master.delays.DelayReport": "workbench.report.delays:delays_page",
+}
+
+
+def page_of(result: object) -> Page:
+    """Return what a result says of itself, without how it was made.
+
+    Args:
+        result: of a class in `PAGES`.
+
+    Raises:
+        InputError: it has no page.
+    """
+    kind = type(result)
+    name = PAGES.get(f"{kind.__module__}.{kind.__qualname__}")
+    if name is None:
+        raise InputError(f"{kind.__name__} has no page; results that have one: {', '.join(_names())}")
+    module, _, function = name.partition(":")
+    make: Callable[[object], Page] = getattr(import_module(module), function)
+    return make(result)
+
+
+def _names() -> list[str]:
+    return sorted(name.rpartition(".")[2] for name in PAGES)
+
+
+def write_report(result: object, path: str | Path, origin: Origin | None = None) -> None:
+    """Write the page of a result.
+
+    Args:
+        result: of a class in `PAGES`, or a page that was made already.
+        path: of the page, .html.
+        origin: how the result was made; None: what it remembers.
+
+    Raises:
+        InputError: it has no page, another suffix, or the file cannot be written.
+    """
+    if Path(path).suffix.lower() not in SUFFIXES:  # said before the pictures are drawn
+        raise InputError(f"{path}: a report is a page; name it {SUFFIXES[0]}")
+    known = origin or origin_of(result) or Origin()
+    page = result if isinstance(result, Page) else page_of(result)
+    page = finished(page, known)
+    write_page(replace(page, data=_data(result, page, known)), path)
+
+
+def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:
+    """Return what is embedded: what the command line writes to JSON, or the same made of the result itself."""
+    if origin.data is not None:
+        return origin.data
+    own = page.data or getattr(result, "to_dict", dict)()
+    model = origin.models[0] if origin.models else None
+    who = {} if model is None else {"model": model.name, "interface": model.interface, "solver": model.solver}
+    full: Mapping[str, Any] = finite(
+        {"command": origin.command, "version": __version__, "seconds": origin.seconds, **who, **own}
+    )
+    return full

@@ -1,0 +1,33 @@
+"""The page of a time history."""
+
+from __future__ import annotations
+
+from workbench.analysis.simulate import SimulationResult
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted
+
+__all__ = ["simulate_page"]
+
+
+def simulate_page(result: SimulationResult) -> Page:
+    """Return the page of a time history: pictures, and where each signal begins, ends and reaches."""
+    begin, end = result.time[0], result.time[-1]
+    return Page(
+        title=f"Time history of {result.model}",
+        lead=f"{counted(len(result.signals), 'signal')} from {begin:g} to {end:g} s, {len(result.time)} instants.",
+        facts={},
+        sections=[
+            Section("Time history", figures=[(result.plot(), f"Signals of {result.model} over time.")]),
+            Section("Values", tables=[_values(result)]),
+        ],
+        notes=result.notes,
+        kind="simulate",
+    )
+
+
+def _values(result: SimulationResult) -> Table:
+    rows = []
+    for name, values in result.signals.items():
+        figures = (values[0], values[-1], values.min(), values.max())
+        rows.append((name, result.units[name] or "", *(f"{x:.6g}" for x in figures)))
+    return Table(("variable", "unit", "first", "last", "smallest", "largest"), rows, right=(2, 3, 4, 5))

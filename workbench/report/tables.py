@@ -1,0 +1,87 @@
+"""Tables that several pages have, and numbers as text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.report.page import Section, Table
+
+__all__ = ["MOST_ENTRIES", "bracketed", "counted", "matrices", "matrix", "number", "pole_table", "sampled_rows"]
+
+MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
+_MOST_POLES = 100
+_AT_REST = 1e-6  # [rad/s]: what rounding makes of an integrator
+
+
+def number(value: float | None, form: str = ".5g") -> str:
+    """Return a number as text; a dash where there is none."""
+    return "–" if value is None or math.isnan(value) else format(value, form)
+
+
+def bracketed(name: str, unit: str | None) -> str:
+    """Return "name [unit]", or the name alone where there is no unit."""
+    return f"{name} [{unit}]" if unit and unit != "1" else name
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return "1 point", "2 points"."""
+    return f"{count} {one if count == 1 else several or one + 's'}"
+
+
+def matrix(title: str, values: NDArray[np.float64], rows: Sequence[str], columns: Sequence[str]) -> Table:
+    """Return a matrix with names at its rows and columns."""
+    texts = [[name, *(f"{x:.6g}" for x in row)] for name, row in zip(rows, values.tolist(), strict=True)]
+    return Table(("", *columns), texts, title=title, right=range(1, len(columns) + 1))
+
+
+def matrices(
+    values: Sequence[NDArray[np.float64]], states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> Section:
+    """Return A, B, C, D of a linear model; large ones are in the data of the page only."""
+    A, B, C, D = values
+    largest = max(len(states), len(inputs), len(outputs))
+    if largest > MOST_ENTRIES:
+        words = f"{len(states)} states, {len(inputs)} inputs, {len(outputs)} outputs: the data of this page hold them."
+        return Section("Matrices", paragraphs=[words])
+    shown = (("A", A, states, states), ("B", B, states, inputs), ("C", C, outputs, states), ("D", D, outputs, inputs))
+    return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
+
+
+def pole_table(poles: Iterable[complex], dt: float) -> Table:
+    """Return poles with frequency and damping, slowest first.
+
+    Args:
+        poles: of A.
+        dt: its period [s]; 0: continuous.
+    """
+    every = sorted(poles, key=abs)
+    rows = [(_complex(p), *_motion(p, dt)) for p in every[:_MOST_POLES]]
+    rest = f" (the first {_MOST_POLES} of {len(every)})" if len(every) > _MOST_POLES else ""
+    unit = "" if dt > 0.0 else " [1/s]"
+    return Table((f"pole{unit}", "frequency [Hz]", "damping ratio"), rows, title=f"Poles{rest}", right=(0, 1, 2))
+
+
+def _complex(z: complex) -> str:
+    return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g} {'+' if z.imag > 0.0 else '−'} {abs(z.imag):.6g}j"
+
+
+def _motion(z: complex, dt: float) -> tuple[str, str]:
+    if dt > 0.0 and abs(z) < 1e-12:
+        return "delay", "–"
+    s = complex(np.log(z)) / dt if dt > 0.0 else z
+    size = abs(s)
+    if size < _AT_REST:
+        return "0", "–"
+    return f"{size / (2.0 * math.pi):.5g}", f"{-s.real / size:.4g}"
+
+
+def sampled_rows(rows: Sequence[Sequence[str]], most: int) -> Sequence[Sequence[str]]:
+    """Return at most so many rows, evenly spread, the first and the last among them."""
+    if len(rows) <= most:
+        return rows
+    at = np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))
+    return [rows[i] for i in at.tolist()]
