@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -98,7 +98,7 @@ def _output_row(result: LinResult) -> Floats:
 
 @cache
 def _front() -> Floats:
-    """Return C and D of the dynamics in front of the blocks, through the part of the saturation that changes nothing."""
+    """Return C and D of the dynamics in front of the blocks, through the linear part of a saturation."""
     return _output_row(linearised(examples()["2-1b"]))
 
 
@@ -196,7 +196,7 @@ def _unit_step(result: LinResult, time: Floats) -> Floats:
     return np.asarray(control.forced_response(system, time, np.ones_like(time)).outputs, dtype=np.float64)
 
 
-def _bode(example: Example, result: LinResult) -> Picture:
+def _bode(result: LinResult) -> Picture:
     def draw() -> Figure:
         exact = linearised(examples()["2-1b"])
         figure = plot_curves([("narrow widths: exact", exact), ("example 2-1", result)])
@@ -208,14 +208,14 @@ def _bode(example: Example, result: LinResult) -> Picture:
 
 
 def _of_saturation(example: Example, result: LinResult) -> list[Picture]:
-    return [_secants((1, 2), (-2.0, 4.0), example, result), _bode(example, result)]
+    return [_secants((1, 2), (-2.0, 4.0), example, result), _bode(result)]
 
 
 def _of_expression(example: Example, result: LinResult) -> list[Picture]:
     return [_steps(4, example, result), _secants((5,), (-0.5, 3.0), example, result)]
 
 
-_PICTURES = {
+_PICTURES: Mapping[str, Callable[[Example, LinResult], list[Picture]]] = {
     "2-1": _of_saturation,
     "2-2": _of_expression,
     "2-2b": lambda example, result: [_steps(6, example, result)],

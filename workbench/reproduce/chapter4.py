@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from workbench.analysis.simulate import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 from workbench.plotting.time_history import time_history
-from workbench.reproduce.drawings import titled
+from workbench.reproduce.drawings import plain_decades, titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.published_rule import largest_jump, published_response
 from workbench.signals import Sine
@@ -92,13 +94,19 @@ def _draw_rule(frequency: Floats, truth: Complex, found: dict[float, Complex], o
     gain.plot(frequency, _db(truth), color="#222222", linewidth=1.8, label="theory")
     phase.plot(frequency, np.degrees(np.angle(truth)), color="#222222", linewidth=1.8)
     for number, (name, h) in enumerate(curves.items()):
-        style = {"color": COLOURS[number], "marker": "osD^"[number], "markersize": 3.5, "linewidth": 0.9}
+        style: dict[str, Any] = {
+            "color": COLOURS[number],
+            "marker": "osD^"[number],
+            "markersize": 3.5,
+            "linewidth": 0.9,
+        }
         gain.plot(frequency, _db(h), label=name, **style)
         phase.plot(frequency, np.degrees(np.angle(h)), **style)
         error.plot(frequency, np.degrees(np.angle(h / truth)), **style)
-    gain.set(ylabel="gain [dB]", xscale="log")
+    gain.set_ylabel("gain [dB]")
     phase.set_ylabel("phase [deg]")
     error.set(ylabel="error of the phase [deg]", xlabel="frequency [Hz]")
+    plain_decades(error)
     gain.legend(**{**LEGEND, "loc": "lower left"})
     return figure
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 
-__all__ = ["draw_secants", "draw_steps", "titled"]
+__all__ = ["draw_secants", "draw_steps", "plain_decades", "titled"]
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +28,19 @@ def titled(figure: Figure, title: str) -> Figure:
     if figure.get_suptitle():
         figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
     else:
+        figure.axes[0].set_title("")
         figure.axes[0].set_title(title, loc="left", fontweight="bold", fontsize=11.0)
     return figure
+
+
+def plain_decades(ax: Axes) -> None:
+    """Make the horizontal axis logarithmic, its labels plain numbers.
+
+    Args:
+        ax: the axes.
+    """
+    ax.set_xscale("log")
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def draw_secants(

@@ -1,0 +1,187 @@
+"""The rudder linearised, identified and measured: chapter 7 of the source report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from workbench.analysis.excite import ExciteResult
+from workbench.analysis.identify import IdentifyResult, identify
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.step_check import StepCheck, step_check
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.trim import trim
+from workbench.analysis.trim_result import TrimResult
+from workbench.analysis.validate import Overlay, overlay
+from workbench.reproduce.drawings import draw_steps, titled
+from workbench.reproduce.identification import SEEDS, rudder
+from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.system.load import load
+from workbench.workers import Workers
+
+__all__ = ["EXPERIMENTS"]
+
+HERE = Workers(in_process=True)
+INPUT, OUTPUT = "delC", "del"
+HEIGHT = 2.0  # of everything in this chapter [deg]
+FLOATING = ["p1", "p2"]
+WIDTHS = [3e7, 3e7, 1e-4, 0.01, 0.01, 0.01, 0.01, 0.01]  # total, of the states
+WIDTH = 1.0  # of the command [deg]
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The rudder at its operating point.
+
+    Attributes:
+        rest: of the trim.
+        published: linear model with the published widths.
+        default: with our own.
+        nearby: at rest without command, where identification and measurement take place.
+        steps: from 2 to 4 degrees, with the published widths and with ours.
+        measured: response to sines about rest.
+    """
+
+    rest: TrimResult
+    published: LinResult
+    default: LinResult
+    nearby: LinResult
+    steps: tuple[StepCheck, StepCheck]
+    measured: NfrResult
+
+
+def _linear(frequency: NDArray[np.float64]) -> _Linear:
+    with load("fmu:Rudder", "me", tolerance=1e-8) as model:
+        rest = trim(model, fix={INPUT: HEIGHT}, floating=FLOATING)
+        published = lin(model, at=rest.point, inputs=[INPUT], outputs=[OUTPUT], dx=WIDTHS, du=WIDTH).result
+        default = lin(model, at=rest.point, inputs=[INPUT], outputs=[OUTPUT]).result
+        nearby = lin(model, inputs=[INPUT], outputs=[OUTPUT]).result
+        steps = tuple(
+            step_check(model, m, input=INPUT, output=OUTPUT, height=HEIGHT, stop=1.0) for m in (published, default)
+        )
+        measured = nfr(model, INPUT, OUTPUT, frequency, HEIGHT, workers=HERE)
+    return _Linear(rest, published, default, nearby, (steps[0], steps[1]), measured)
+
+
+def _worst(model: LinResult, measured: NfrResult) -> tuple[float, float]:
+    """Return the largest differences in gain [dB] and phase [deg] between a linear model and what was measured."""
+    quotient = model.response(measured.frequency_hz)[:, 0, 0] / measured.response[0]
+    gain, phase = 20.0 * np.log10(np.abs(quotient)), np.degrees(np.angle(quotient))
+    return float(np.max(np.abs(gain))), float(np.max(np.abs(phase)))
+
+
+def _linearised() -> Measurement:
+    done = _linear(np.array([0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0]))
+    (gain, phase), (default_gain, default_phase) = (_worst(m, done.measured) for m in (done.published, done.default))
+    return Measurement(
+        {
+            "rudder-trim-open": float(len(done.rest.null_directions)),
+            "rudder-trim-deflection": done.rest.point.y[OUTPUT] / HEIGHT,
+            "rudder-lin-gain": gain,
+            "rudder-lin-phase": phase,
+            "rudder-default-gain": default_gain,
+            "rudder-default-phase": default_phase,
+            "rudder-step": done.steps[0].error,
+        },
+        {"rudder-trim-open": done.rest.message, "rudder-step": f"with default widths {done.steps[1].error:.3g}"},
+        [Picture((40,), "Step from 2 to 4 degrees, linear models at 2 degrees.", lambda: _draw_step(done))],
+    )
+
+
+def _draw_step(done: _Linear) -> Figure:
+    published, default = done.steps
+    curves = [
+        ("rudder", published.nonlinear),
+        ("linear, published widths", published.linear),
+        ("linear, default widths", default.linear),
+    ]
+    title = "Figure 40: step from 2 to 4 deg, rudder and linear models"
+    return draw_steps(published.time, curves, title=title, ylabel=f"{OUTPUT} [deg]")
+
+
+def _identified() -> Measurement:
+    done = _linear(np.geomspace(0.5, 45.0, 25))
+    data = [rudder(seed) for seed in SEEDS]
+    found = [identify(d.identification, order=6, validation=d.validation) for d in data]
+    laid = [overlay(f.model, lin=done.nearby, nfr=done.measured) for f in found]
+    near, far = ([o.difference().worst(limit) for o in laid] for limit in (30.0, 45.0))
+    return Measurement(
+        {
+            "rudder-fit": [f.fit_percent for f in found],
+            "rudder-identified-gain-30": [w[0] for w in near],
+            "rudder-identified-phase-30": [w[1] for w in near],
+            "rudder-identified-gain-45": [w[0] for w in far],
+            "rudder-identified-phase-45": [w[1] for w in far],
+        },
+        pictures=_pictures(done, data[0], found[0], laid[0]),
+    )
+
+
+def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
+    def steps() -> Figure:
+        published, default = done.steps
+        curves = [
+            ("rudder", default.nonlinear),
+            ("lin", default.linear),
+            ("identified", done.rest.point.y[OUTPUT] + _step_of(found, default.time, data)),
+        ]
+        title = "Figure 43: step from 2 to 4 deg, rudder, linearised and identified"
+        return draw_steps(default.time, curves, title=title, ylabel=f"{OUTPUT} [deg]")
+
+    return [
+        Picture(
+            (41,), "Validation on other data.", lambda: titled(found.plot(), "Figure 41: rudder, validation output")
+        ),
+        Picture(
+            (42,),
+            "Linearised, identified and measured response, amplitude 2 degrees.",
+            lambda: titled(laid.plot(), "Figure 42: rudder, Bode plots of the three methods"),
+        ),
+        Picture((43,), "Steps of 2 degrees by the three methods, from 2 degrees.", steps),
+    ]
+
+
+def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResult) -> NDArray[np.float64]:
+    """Return the identified model's response to the step at given times, held between its samples."""
+    dt = data.identification.dt
+    count = int(np.ceil(time[-1] / dt)) + 1
+    model = found.model
+    state, values = np.zeros(model.order), []
+    for _ in range(count):
+        values.append(float((model.C @ state + HEIGHT * model.D[:, 0])[0]))
+        state = model.A @ state + HEIGHT * model.B[:, 0]
+    return np.array(values)[np.minimum((time / dt + 1e-9).astype(int), count - 1)]
+
+
+EXPERIMENTS = (
+    Experiment(
+        "rudder linearised",
+        (
+            "rudder-trim-open",
+            "rudder-trim-deflection",
+            "rudder-lin-gain",
+            "rudder-lin-phase",
+            "rudder-default-gain",
+            "rudder-default-phase",
+            "rudder-step",
+        ),
+        _linearised,
+    ),
+    Experiment(
+        "rudder identified",
+        (
+            "rudder-fit",
+            "rudder-identified-gain-30",
+            "rudder-identified-phase-30",
+            "rudder-identified-gain-45",
+            "rudder-identified-phase-45",
+        ),
+        _identified,
+        3.0,
+    ),
+)
