@@ -73,7 +73,7 @@ def limited(limit: float | None, rate_limit: float | None) -> Actuator | None:
         raise InputError(f"rate limit: {rate_limit:g} is more than {_FASTEST:g} times the limit {scale:g} in a second")
     parts: dict[str, Value] = {"upper": 1.0, "lower": -1.0, "rateLimit": rate, "timeConstant": _QUICK}
     component = FmuComponent(name="feedback_actuator", file=_LIMITER, set=parts)
-    return Actuator(component, "command", "deflection", limit, rate_limit, scale)
+    return Actuator(component, "command", "deflection", limit, rate_limit, float(scale))
 
 
 def wrapped(name: str) -> Actuator:

@@ -13,8 +13,8 @@ from workbench.analysis.describing.base import Block
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import Place
 from workbench.analysis.feedback.standing import Standing, linear
-from workbench.analysis.lin.result import LinResult
 from workbench.analysis.limit_cycle.cut import Cut, Ports, cut, find_ports
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
@@ -81,7 +81,7 @@ class CyclesLeft:
 
 @dataclass(frozen=True, eq=False)
 class TwoPorts:
-    """The system without block and feedback: inputs are the block's output and the target, outputs its input and source.
+    """The system without block and feedback: from the block's output and the target to the block's input and source.
 
     Attributes:
         lin: with these two inputs and outputs.

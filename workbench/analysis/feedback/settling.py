@@ -329,16 +329,14 @@ def _watched(
 def _points(begin: float, until: float, period: float, *, first: bool) -> Floats:
     step = period / PER_CYCLE
     count = max(1, round((until - begin) / step))
-    coarse = begin + (until - begin) * np.arange(1, count + 1) / count
+    coarse = np.append(begin + (until - begin) * np.arange(1, count) / count, until)
     if not first:
         return coarse
     fine = begin + step / _FINE * np.arange(1, min(PER_CYCLE, count) * _FINE)
     return np.unique(np.concatenate([fine[fine < coarse[min(PER_CYCLE, count) - 1]], coarse]))
 
 
-def _effort(
-    time: Floats, handed: Floats, actuator: Actuator | None
-) -> tuple[float, float | None, float | None, float]:
+def _effort(time: Floats, handed: Floats, actuator: Actuator | None) -> tuple[float, float | None, float | None, float]:
     """Return peak deflection, seconds at the limit of deflection and of rate, and peak rate."""
     steps = np.diff(time)
     rate = np.abs(np.diff(handed)) / steps
@@ -368,15 +366,16 @@ def _settled(time: Floats, size: Floats, threshold: float) -> float | None:
 
 
 def _optimum(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
-    found = [(r.gain, t) for r in runs if (t := r.settled[threshold]) is not None]
+    times = [(r.gain, r.settled[threshold]) for r in runs]
+    found = [(gain, seconds) for gain, seconds in times if seconds is not None]
     missing = len(runs) - len(found)
-    fastest = min(found, key=lambda p: p[1]) if found else (None, None)
+    fastest: tuple[float | None, float | None] = min(found, key=lambda p: p[1]) if found else (None, None)
     if len(found) < order + 1:
         return Optimum(
             threshold=threshold, gain=None, seconds=None, at_end=False, fastest_gain=fastest[0],
             fastest_seconds=fastest[1], unsettled=missing,
         )  # fmt: skip
-    g, t = (np.array(x) for x in zip(*found, strict=True))
+    g, t = np.array(found).T
     fit = Polynomial.fit(g, t, order)
     inner = [float(r.real) for r in fit.deriv().roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
     best = min([float(g[0]), float(g[-1]), *inner], key=lambda x: float(fit(x)))

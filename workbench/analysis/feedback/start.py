@@ -32,6 +32,7 @@ class Start:
         opens: session time at which each run is opened [s].
         closes: session time at which the feedback closes [s].
         values: states and inputs at `opens`, by the model's names.
+        first: states and inputs at the very beginning.
         signals: that force the model.
         frequency: of the motion at the end [Hz].
         magnitude: mean of |variable| over the last cycle before the feedback closes.
@@ -43,6 +44,7 @@ class Start:
     opens: float
     closes: float
     values: Mapping[str, float]
+    first: Mapping[str, float]
     signals: Mapping[str, Signal]
     frequency: float
     magnitude: float
@@ -52,9 +54,7 @@ class Start:
     motion: Floats
 
 
-def from_cycle(  # noqa: PLR0917 - what a simulation needs
-    place: Place, where: Standing, two: TwoPorts, watch: str, *, time: float, tolerance: float
-) -> Start:
+def from_cycle(place: Place, where: Standing, two: TwoPorts, watch: str, *, time: float, tolerance: float) -> Start:
     """Return the largest stable limit cycle of the system without feedback, by harmonic balance and then simulated.
 
     Args:
@@ -83,7 +83,9 @@ def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
     name = place.model.name
     block = two.block
     if block is None:
-        raise InputError(f"{name}: the block has a memory, so that no cycle is predicted; excite one (pulse, start_after)")
+        raise InputError(
+            f"{name}: the block has a memory, so that no cycle is predicted; excite one (pulse, start_after)"
+        )
     found = [c for c in two.loop_cycles() if c.stable and c.amplitude is not None]
     if not found:
         raise InputError(
@@ -93,7 +95,9 @@ def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
     first = max(found, key=lambda c: c.amplitude or 0.0)
     cycle = balance(two.part(0.0), block, frequency=first.frequency_hz, amplitude=first.amplitude or 0.0)
     if cycle is None:
-        raise InputError(f"{name}: harmonic balance finds no cycle near {first.frequency_hz:.4g} Hz; excite one (pulse)")
+        raise InputError(
+            f"{name}: harmonic balance finds no cycle near {first.frequency_hz:.4g} Hz; excite one (pulse)"
+        )
     x = states_of(two.part(0.0), cycle, np.zeros(1))[0]
     known = {v.name for v in place.model.states}
     rest = two.lin.point.x
@@ -101,7 +105,7 @@ def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
     return {n: v for n, v in named.items() if n in known}, cycle.frequency
 
 
-def from_signals(  # noqa: PLR0917 - what a simulation needs
+def from_signals(
     place: Place,
     where: Standing,
     watch: str,
@@ -150,7 +154,7 @@ def _simulated(
     model = place.model
     interval = (closes - begin) / 20_000 if guess is None else 1.0 / (guess * PER_CYCLE)
     count = max(1, round((closes - begin) / interval))
-    points = begin + (closes - begin) * np.arange(1, count + 1) / count
+    points = np.append(begin + (closes - begin) * np.arange(1, count) / count, closes)
     with model.open_at(time=begin, values=values, tolerance=tolerance) as session:
         centre = _centre(where, watch, session.values([watch])[watch], values)
         record = session.advance(closes, signals=signals, record=[watch], points=points)
@@ -163,11 +167,14 @@ def _simulated(
     last = time >= closes - _SHOWN / frequency
     magnitude = float(mean_magnitude(time[last], motion[last] - centre, 1.0 / frequency)[-1])
     if not magnitude > _NOTHING * (1.0 + abs(centre)):
-        raise InputError(f"{model.name}: {watch} is at rest when the feedback closes at {closes:g} s; excite it (pulse)")
+        raise InputError(
+            f"{model.name}: {watch} is at rest when the feedback closes at {closes:g} s; excite it (pulse)"
+        )
     return Start(
         opens=begin if where.hidden else closes,
         closes=closes,
         values=dict(values) if where.hidden else end,
+        first=dict(values),
         signals=dict(signals),
         frequency=frequency,
         magnitude=magnitude,

@@ -1,0 +1,35 @@
+"""G(jω) over frequencies dense enough for a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.analysis.feedback.plant import Complex, Plant
+from workbench.analysis.nyquist.grid import adaptive_grid
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.session.base import Floats
+
+__all__ = ["curve"]
+
+_POINTS = 2000
+
+
+def curve(plant: Plant, frequencies: Sequence[float]) -> tuple[Floats, Complex]:
+    """Return frequencies [Hz] and G there; a gap where G is infinite.
+
+    Args:
+        plant: G.
+        frequencies: that must lie inside [Hz].
+    """
+    sizes = np.abs(plant.transfer.rates) / (2.0 * np.pi)
+    every = np.array([f for f in (*sizes.tolist(), *frequencies) if 0.0 < f < np.inf])
+    every = every[every > 1e-9 * every.max(initial=0.0)]
+    if not len(every):
+        every = np.array([1.0])
+    if plant.dt > 0.0:
+        f = np.linspace(0.0, plant.transfer.highest_hz, _POINTS + 1)[1:]
+        return f, plant.transfer.response(f)
+    band = (float(every.min()) * 0.1, float(every.max()) * 10.0)
+    return adaptive_grid(LinearPart(plant.A, plant.B, plant.C, plant.D), band)

@@ -1,0 +1,362 @@
+"""The public function: a scalar output feedback on a system, over its gain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.blas import one_thread
+from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
+from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
+from workbench.analysis.feedback.curve import curve
+from workbench.analysis.feedback.fixed import fixed_modes
+from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
+from workbench.analysis.feedback.locus import fastest, locus, shown_gains
+from workbench.analysis.feedback.place import Place, find_place
+from workbench.analysis.feedback.plant import Plant
+from workbench.analysis.feedback.result import FeedbackResult
+from workbench.analysis.feedback.run import FeedbackRun, feedback_run
+from workbench.analysis.feedback.settling import THRESHOLDS, Settings, SettlingStudy, settling_study
+from workbench.analysis.feedback.standing import Standing, linear, standing
+from workbench.analysis.feedback.start import Start, from_cycle, from_signals
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError, WorkbenchError
+from workbench.model.described import DescribedModel
+from workbench.signals import Signal
+
+__all__ = ["feedback"]
+
+_INSIDE = 0.03  # of a stable interval, left out at its ends in a study
+_REACH = 10.0  # times the finite end, where a stable interval has one only
+
+Range = tuple[float, float]
+ALL: Range = (-math.inf, math.inf)
+
+
+def feedback(
+    system: DescribedModel,
+    *,
+    source: str,
+    target: str,
+    gains: Range = ALL,
+    block: str | None = None,
+    at: OperatingPoint | None = None,
+    time: float = 0.0,
+    method: str = "auto",
+    settle: bool = False,
+    settle_gains: Range | None = None,
+    count: int = 15,
+    threshold: float = 0.01,
+    thresholds: Sequence[float] = THRESHOLDS,
+    order: int = 4,
+    longest: float | None = None,
+    signals: Mapping[str, Signal] | None = None,
+    start_after: float | None = None,
+    watch: str | None = None,
+    limit: float | None = None,
+    rate_limit: float | None = None,
+    actuator: str | None = None,
+    gain: float | None = None,
+    stop: float | None = None,
+    outputs: Sequence[str] = (),
+    band: Range = BAND,
+    amplitudes: Range = AMPLITUDES,
+    progress: Callable[[int, int], None] | None = None,
+) -> FeedbackResult:
+    """Investigate u = g·y from an output of a system to one of its inputs, over the gain g.
+
+    The system is linearised at rest between the target and the source; a nonlinear block counts with its slope there.
+    All gains at which a pole reaches the border of stability are found exactly (`workbench.analysis.feedback.gains`),
+    and the poles are counted between them. Then, if asked for or if there is a nonlinear block:
+
+    - limit cycles left: for gains in the stable intervals, the crossings of the linear part that the block sees (the
+      feedback closed) with −1/N(A), and whether small and large motions grow;
+    - settling: the feedback closes on a limit cycle of the nonlinear system, once for each of several gains; the time
+      until the mean magnitude over a cycle stays below a part of what it was, a polynomial through these times, its
+      minimum, and how that moves with the threshold;
+    - one simulation in which the feedback closes (`gain`).
+
+    What acts on the target already stays; the feedback is added to it, as g times the deviation of the source from
+    rest. Of a sampled or co-simulated system the feedback is taken as sampled with the period of its linear model.
+    Stable gains speak about small motions: where the block weakens or strengthens the loop, look at the cycles left.
+
+    Args:
+        system: a system, or one FMU; it stays open.
+        source: output that is fed back: "component.variable", an output of the system, of one FMU its plain name.
+        target: input that it acts on, likewise.
+        gains: lowest and highest gain looked at.
+        block: component taken as the nonlinear block; None: the only static one there is.
+        at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
+        time: session time of the analysis [s]; connections that close later are open.
+        method: of `workbench.lin`.
+        settle: measure settling times.
+        settle_gains: lowest and highest gain of that; None: the stable interval nearest to 0, less 3 % at its ends.
+        count: number of gains of the study.
+        threshold: part of the magnitude before closing, below which the motion has settled.
+        thresholds: others, to see how the optimum moves.
+        order: of the polynomial.
+        longest: after which a run is given up [s]; None: 250 cycles.
+        signals: input → signal that excites the motion from rest, such as a short pulse; None: the motion is the
+            limit cycle that harmonic balance predicts.
+        start_after: how long the signals act before the feedback closes [s].
+        watch: variable whose magnitude counts; None: the block's input, else the source.
+        limit: of what is handed to the target, either way [unit of the target]; puts a limited actuator there.
+        rate_limit: of that [unit of the target / s].
+        actuator: an FMU with one input and one output in place of the limited actuator.
+        gain: simulate one gain and keep the time histories.
+        stop: session time at which that simulation ends [s]; None: 160 cycles after closing.
+        outputs: further variables that it records.
+        band: frequencies at which limit cycles are looked for [Hz].
+        amplitudes: at the block's input, at which they are looked for.
+        progress: told (done, total) after each gain of the study.
+
+    Raises:
+        InputError: unknown names, an input as source, no stable gain to settle with, nothing that oscillates.
+        FmuError, SimulationError: a part cannot be opened, evaluated or simulated.
+
+    Source: the source report, chapters 8.4 and 8.5; Slotine & Li, Applied Nonlinear Control, chapter 5.
+    """
+    settings = Settings(threshold=threshold, thresholds=tuple(thresholds), order=order, longest=longest)
+    _check(gains, count, signals, start_after, gain)
+    with one_thread(), ExitStack() as keep:
+        place = find_place(system, source, target)
+        watched = place.outer(place.inner(watch)) if watch is not None else None
+        where = standing(place, at=at, time=time)
+        between = _actuator(actuator, limit, rate_limit)
+        found = linear(place, where, time=time, actuator=between, method=method)
+        work = _Work(place, where, between, time, settings, gains, count, method, keep)
+        result = work.linear_result(found)
+        two = work.two_ports(block)
+        result = work.with_cycles(result, two, band, amplitudes)
+        if settle or gain is not None:
+            first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
+            chosen = work.study_gains(result, settle_gains) if settle else ()
+            start = work.start(two, first, signals or {}, start_after)
+            result = work.with_study(result, start, chosen, first, progress)
+            result = work.with_run(result, start, gain, watch=first, stop=stop, outputs=outputs)
+    return result
+
+
+def _check(
+    gains: Range, count: int, signals: Mapping[str, Signal] | None, start_after: float | None, gain: float | None
+) -> None:
+    if not gains[0] < gains[1]:
+        raise InputError(f"gains: {gains[0]:g} … {gains[1]:g} must rise")
+    if count < 1:
+        raise InputError(f"count: it must be 1 or more, not {count}")
+    if (signals is None) != (start_after is None):
+        raise InputError("a signal that excites the motion (pulse) and start_after go together; give both or none")
+    if start_after is not None and not start_after > 0.0:
+        raise InputError(f"start_after: it must be positive, not {start_after:g} s")
+    if gain is not None and not math.isfinite(gain):
+        raise InputError(f"gain: it must be a finite number, not {gain}")
+
+
+def _actuator(name: str | None, limit: float | None, rate_limit: float | None) -> Actuator | None:
+    if name is None:
+        return limited(limit, rate_limit)
+    if limit is not None or rate_limit is not None:
+        raise InputError("actuator: it has its own limits; leave limit and rate_limit out")
+    return wrapped(name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """One analysis under way."""
+
+    place: Place
+    where: Standing
+    actuator: Actuator | None
+    time: float
+    settings: Settings
+    limits: Range
+    count: int
+    method: str
+    keep: ExitStack
+
+    def linear_result(self, found: LinResult) -> FeedbackResult:
+        plant = Plant.of(found)
+        every = crossings(plant)
+        parts = intervals(plant, [c.gain for c in every])
+        middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
+        ends = [2.0 * c.gain for c in every] or [1.0, -1.0]
+        stable = stable_gains(parts, self.limits)
+        low, high = shown_gains(stable, every, self.limits)
+        frequency, response = curve(plant, [c.frequency_hz for c in every])
+        model = self.place.model
+        return FeedbackResult(
+            model=model.name,
+            interface=model.interface,
+            solver=model.solver,
+            source=self.place.shown[0],
+            target=self.place.shown[1],
+            source_unit=self.place.source_unit,
+            target_unit=self.place.target_unit,
+            gains=self.limits,
+            plant=plant,
+            lin_method=found.method,
+            stable_gains=stable,
+            crossings=every,
+            unstable_open=plant.count(0.0)[0],
+            fixed=fixed_modes(plant, [*middles, *ends]),
+            fastest=tuple(fastest(plant, *_finite(pair)) for pair in stable),
+            locus=locus(plant, low, high, also=[c.gain for c in every]),
+            frequency_hz=frequency,
+            response=response,
+            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator)])),
+        )
+
+    def two_ports(self, block: str | None) -> TwoPorts | None:
+        name, _ = (block, "") if block is not None else find_block(self.place.model)
+        if name is None:
+            return None
+        try:
+            two = cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep)
+        except WorkbenchError:
+            if block is not None:
+                raise
+            return None
+        return two
+
+    def with_cycles(
+        self, result: FeedbackResult, two: TwoPorts | None, band: Range, amplitudes: Range
+    ) -> FeedbackResult:
+        if two is None:
+            why = find_block(self.place.model)[1]
+            return _noted(result, why)
+        name = two.loop.ports.component
+        result = _changed(result, block=name)
+        if two.block is None:
+            return _noted(result, f"{name} has a memory of its own: the cycles left are not predicted")
+        gains = [g for pair in result.stable_gains for g in _spread(_finite(pair), self.count)]
+        cycles = tuple(two.left(g, band=band, amplitudes=amplitudes) for g in gains)
+        return _changed(result, cycles=cycles)
+
+    def study_gains(self, result: FeedbackResult, wanted: Range | None) -> tuple[float, ...]:
+        if wanted is not None:
+            if not (wanted[0] < wanted[1] and all(map(math.isfinite, wanted))):
+                raise InputError(f"settle_gains: {wanted[0]:g} … {wanted[1]:g} must rise and be finite")
+            return tuple(np.linspace(*wanted, self.count).tolist())
+        if not result.stable_gains:
+            raise InputError(f"{result.model}: {result.words}; there is nothing to settle with")
+        nearest = min(result.stable_gains, key=lambda p: 0.0 if p[0] <= 0.0 <= p[1] else min(abs(p[0]), abs(p[1])))
+        return _spread(_finite(nearest), self.count)
+
+    def start(
+        self, two: TwoPorts | None, watch: str, signals: Mapping[str, Signal], start_after: float | None
+    ) -> Start:
+        tolerance = self.settings.tolerance
+        if start_after is not None:
+            return from_signals(
+                self.place, self.where, watch, signals=signals, time=self.time, start_after=start_after,
+                tolerance=tolerance,
+            )  # fmt: skip
+        if two is None:
+            raise InputError(
+                f"{self.place.model.name}: no nonlinear block is known, so that no limit cycle is predicted; name it "
+                "(block), or excite a motion (pulse, start_after)"
+            )
+        return from_cycle(self.place, self.where, two, watch, time=self.time, tolerance=tolerance)
+
+    def with_study(
+        self,
+        result: FeedbackResult,
+        start: Start,
+        gains: Sequence[float],
+        watch: str,
+        progress: Callable[[int, int], None] | None,
+    ) -> FeedbackResult:
+        if not gains:
+            return result
+        study = settling_study(
+            self.place, start, gains, watch=watch, y0=self.where.y0, actuator=self.actuator, settings=self.settings,
+            progress=progress,
+        )  # fmt: skip
+        result = _changed(result, settling=study)
+        for note in _study_notes(study):
+            result = _noted(result, note)
+        return result
+
+    def with_run(
+        self,
+        result: FeedbackResult,
+        start: Start,
+        gain: float | None,
+        *,
+        watch: str,
+        stop: float | None,
+        outputs: Sequence[str],
+    ) -> FeedbackResult:
+        if gain is None:
+            return result
+        run: FeedbackRun = feedback_run(
+            self.place, start, gain, begin=self.time, watch=watch, y0=self.where.y0, actuator=self.actuator,
+            outputs=outputs, stop=stop,
+        )  # fmt: skip
+        return _changed(result, run=run)
+
+
+def _changed(result: FeedbackResult, **fields: object) -> FeedbackResult:
+    return FeedbackResult(**{**vars(result), **fields})
+
+
+def _noted(result: FeedbackResult, note: str) -> FeedbackResult:
+    return _changed(result, notes=tuple(dict.fromkeys([*result.notes, note]))) if note else result
+
+
+def _finite(pair: Range) -> Range:
+    """Return an interval with finite ends: an open side reaches ten times as far as the other end."""
+    low, high = pair
+    if math.isinf(low) and math.isinf(high):
+        return -1.0, 1.0
+    if math.isinf(low):
+        return high - _REACH * (abs(high) or 1.0), high
+    if math.isinf(high):
+        return low, low + _REACH * (abs(low) or 1.0)
+    return low, high
+
+
+def _spread(pair: Range, count: int) -> tuple[float, ...]:
+    """Return gains spread evenly over an interval, without its ends."""
+    margin = _INSIDE * (pair[1] - pair[0])
+    if count == 1:
+        return (0.5 * (pair[0] + pair[1]),)
+    return tuple(np.linspace(pair[0] + margin, pair[1] - margin, count).tolist())
+
+
+def _notes(plant: Plant, found: LinResult, actuator: Actuator | None) -> list[str]:
+    notes = [*found.notes, *(f"doubtful: {d.row} by {d.column}: {d.reason}" for d in found.doubts)]
+    if plant.dt > 0.0:
+        notes.append(
+            f"the linear model is sampled: the gains are those of a feedback that acts every {plant.dt:.6g} s and holds"
+        )
+    if actuator is not None:
+        notes.append("the stable gains are those with the actuator in the loop, linear within its limits")
+    if not np.any(plant.B) or not np.any(plant.C):
+        notes.append("the target does not act on the source at this point (G is constant)")
+    return notes
+
+
+def _study_notes(study: SettlingStudy) -> list[str]:
+    best, notes = study.best, []
+    if best.at_end and best.gain is not None:
+        notes.append(
+            f"settling to {100.0 * best.threshold:g} %: the polynomial falls to the end of the gains measured, and the "
+            f"optimum is that end, {best.gain:.4g}"
+        )
+    if best.unsettled:
+        notes.append(f"{best.unsettled} of {len(study.runs)} gains did not settle to {100.0 * best.threshold:g} %")
+    hit = [r.gain for r in study.runs if r.deflection_limited]
+    if hit:
+        notes.append(f"the deflection came to its limit with gains {', '.join(f'{g:.4g}' for g in hit)}")
+    slow = [r for r in study.runs if r.rate_limited]
+    if slow:
+        longest = max(r.rate_limited or 0.0 for r in slow)
+        notes.append(f"the rate came to its limit with {len(slow)} gains, for at most {longest:.3g} s")
+    return notes

@@ -1,0 +1,269 @@
+"""Pictures of a feedback over its gain: poles, growth, and the overview."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from workbench.plotting.feedback_nyquist import draw_curve
+from workbench.plotting.feedback_settling import draw_settling
+from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.panels import ABOVE, LEGEND, panels
+
+if TYPE_CHECKING:
+    from workbench.analysis.feedback.result import FeedbackResult
+
+__all__ = ["draw_growth", "draw_locus", "gain_label", "plot_feedback", "plot_root_locus"]
+
+_STABLE = "#009E73"
+_COLOURMAP = "viridis"
+_DAMPINGS = (0.01, 0.02, 0.05, 0.1, 0.2)
+_ROWS = 12
+
+
+def plot_feedback(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+    """Draw the root locus, the growth of the slowest pole, the Nyquist curve, and settling times or the crossings.
+
+    Args:
+        result: of the analysis.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    title = f"{result.model}: feedback of {result.source} to {result.target}"
+    figure, ((poles, growth), (plane, last)) = panels(2, 2, title=title, width=11.0, height=3.5)
+    draw_locus(poles, result, near=True)
+    draw_growth(growth, result)
+    draw_curve(plane, result, band=None, marks="shown")
+    if result.settling is not None:
+        draw_settling(last, result.settling)
+    else:
+        _table(last, result)
+    figure.supxlabel(result.words, x=0.01, ha="left", fontsize=8.5)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def plot_root_locus(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+    """Draw the poles over the gain, all of them and those around the border of stability.
+
+    Args:
+        result: of the analysis.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    title = f"{result.model}: poles with feedback of {result.source} to {result.target}"
+    figure, ((whole, near),) = panels(1, 2, title=title, width=11.0, height=5.0)
+    draw_locus(whole, result, near=False)
+    draw_locus(near, result, near=True)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+# -- poles -------------------------------------------------------------------------------------
+
+
+def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
+    """Draw each pole's way over the gain in the s-plane, upper half.
+
+    Args:
+        ax: where.
+        result: of the analysis.
+        near: around the crossings of the border only.
+    """
+    locus = result.locus
+    left, right, top = _view(result, near=near)
+    _damping_lines(ax, left, top)
+    ax.axvspan(0.0, right, color="#f4e3d7", alpha=0.6, zorder=0, linewidth=0.0)
+    ax.axvline(0.0, color="#444444", linewidth=0.9, zorder=2)
+    limits = Normalize(float(locus.gains[0]), float(locus.gains[-1]))
+    for column in locus.poles.T:
+        x, y = column.real, np.abs(column.imag) / (2.0 * np.pi)
+        if np.all((x < left) | (x > right) | (y > top)):
+            continue
+        points = np.column_stack([x, y]).reshape(-1, 1, 2)
+        # Where a pole leaves or enters the real axis its mirror image takes over.
+        pieces = np.concatenate([points[:-1], points[1:]], axis=1)
+        lines = LineCollection(list(pieces), cmap=_COLOURMAP, norm=limits, linewidths=1.9, zorder=3)
+        lines.set_array(0.5 * (locus.gains[:-1] + locus.gains[1:]))
+        ax.add_collection(lines)
+    _ends(ax, result, top)
+    ax.set_xlim(left, right)
+    ax.set_ylim(-0.01 * top, top)
+    ax.set(xlabel="real part of the pole [1/s]", ylabel="frequency |imaginary part|/2π [Hz]")
+    shade = ax.figure.colorbar(LineCollection([], cmap=_COLOURMAP, norm=limits), ax=ax, pad=0.02, aspect=30)
+    shade.set_label(gain_label(result))
+    ax.set_title("around the border of stability" if near else "all poles", loc="left")
+
+
+def _view(result: FeedbackResult, *, near: bool) -> tuple[float, float, float]:
+    """Return left and right end [1/s] and top [Hz] of the picture."""
+    poles = result.locus.poles
+    f = np.abs(poles.imag) / (2.0 * np.pi)
+    if not near:
+        left, right = float(np.quantile(poles.real, 0.02)), max(0.0, float(poles.real.max()))
+        width = max(right - left, 1e-9)
+        return left - 0.05 * width, right + 0.1 * width, max(1.08 * float(f.max()), 0.05 * width)
+    shown = [c.frequency_hz for c in _marked(result) if np.isfinite(c.frequency_hz)]
+    top = 1.35 * max([*shown, 0.0])
+    top = top if top > 0.0 else max(1.2 * float(f.max()), 0.1 * float(np.abs(poles.real).max(initial=1.0)))
+    inside = poles.real[f <= top]
+    right = max(float(inside.max(initial=0.0)), 1e-9)
+    left = -max(2.0 * right, 0.08 * top * 2.0 * np.pi)
+    slow = inside[inside > left]
+    return left, 1.15 * max(right, -0.12 * float(slow.min(initial=left))), top
+
+
+def _damping_lines(ax: Axes, left: float, top: float) -> None:
+    """Draw lines of constant damping ratio, named where they leave the picture."""
+    for ratio in _DAMPINGS:
+        slope = 2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2)  # −real part over frequency
+        end = min(top, -left / slope)
+        ax.plot([0.0, -slope * end], [0.0, end], color="#999999", linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
+        x, y = -slope * end * 0.97, end * 0.97
+        ax.annotate(f"ζ = {ratio:g}", (x, y), fontsize=7.5, color="#777777", ha="center", va="center", zorder=1,
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85})  # fmt: skip
+
+
+def _ends(ax: Axes, result: FeedbackResult, top: float) -> None:
+    """Mark the open-loop poles, and where poles stand on the border with the gain that puts them there."""
+    zero = int(np.argmin(np.abs(result.locus.gains)))
+    if (
+        abs(result.locus.gains[zero]) < 1e-9 * np.ptp(result.locus.gains) + 1e-300
+        or result.locus.gains[0] < 0.0 < result.locus.gains[-1]
+    ):
+        poles = _open_poles(result)
+        ax.plot(
+            poles.real,
+            np.abs(poles.imag) / (2.0 * np.pi),
+            "x",
+            color="#222222",
+            markersize=6.0,
+            zorder=5,
+            label="g = 0",
+        )
+    seen: list[float] = []
+    for c in _marked(result):
+        if not np.isfinite(c.frequency_hz) or c.frequency_hz > top:
+            continue
+        stable = 0 in (c.unstable_below, c.unstable_above)
+        style: dict[str, Any] = {"color": COLOURS[1], "markerfacecolor": COLOURS[1] if stable else "white"}
+        ax.plot(0.0, c.frequency_hz, "o", markersize=6.0, zorder=6, **style)
+        crowded = any(abs(c.frequency_hz - y) < 0.03 * top for y in seen)
+        seen.append(c.frequency_hz)
+        ax.annotate(
+            f"{c.gain:.4g}", (0.0, c.frequency_hz), xytext=(-7 if crowded else 7, 5), textcoords="offset points",
+            fontsize=8.5, zorder=7, ha="right" if crowded else "left",
+        )  # fmt: skip
+    ax.plot([], [], "o", color=COLOURS[1], label="border of stability, with gain")
+    ax.legend(**{**LEGEND, "loc": "lower left"})
+
+
+def _open_poles(result: FeedbackResult) -> Any:  # noqa: ANN401 - an array of complex numbers
+    plant = result.plant
+    poles = plant.poles
+    if plant.dt == 0.0:
+        return poles
+    return np.log(np.where(poles == 0.0, 1e-300, poles)) / plant.dt
+
+
+def _marked(result: FeedbackResult) -> list[Any]:
+    """Return the crossings with gains inside the picture's range."""
+    low, high = result.locus.gains[0], result.locus.gains[-1]
+    return [c for c in result.crossings if low <= c.gain <= high]
+
+
+# -- growth ------------------------------------------------------------------------------------
+
+
+def gain_label(result: FeedbackResult) -> str:
+    """Return "gain g" with its unit.
+
+    Args:
+        result: of the analysis.
+    """
+    top, below = result.target_unit, result.source_unit
+    if not (top and below) or top == below:
+        return f"gain g of {result.source.rpartition('.')[2]}"
+    return f"gain g [{top} per {below}]"
+
+
+def draw_growth(ax: Axes, result: FeedbackResult) -> None:
+    """Draw the growth rate of the slowest pole over the gain, stable intervals shaded.
+
+    Args:
+        ax: where.
+        result: of the analysis.
+    """
+    locus = result.locus
+    ax.plot(locus.gains, locus.growth, color=COLOURS[0], linewidth=1.6, label="slowest pole")
+    swinging = np.where(np.abs(locus.poles.imag) > np.abs(locus.poles.real), locus.poles.real, -np.inf).max(axis=1)
+    if np.any(np.isfinite(swinging)) and not np.allclose(swinging, locus.growth):
+        shown = np.where(np.isfinite(swinging), swinging, np.nan)
+        ax.plot(locus.gains, shown, color=COLOURS[4], linewidth=1.3, linestyle="--", label="slowest oscillation")
+    ax.axhline(0.0, color="#444444", linewidth=0.9)
+    low, high = float(locus.gains[0]), float(locus.gains[-1])
+    for number, (a, b) in enumerate(result.stable_gains):
+        ax.axvspan(
+            max(a, low), min(b, high), color=_STABLE, alpha=0.15, linewidth=0.0, label=None if number else "stable"
+        )
+        for end in (a, b):
+            if low < end < high:
+                ax.annotate(f"{end:.5g}", (end, 0.0), xytext=(3, 4), textcoords="offset points", fontsize=8.5)
+                ax.plot(end, 0.0, "o", color=COLOURS[1], markersize=5.0, zorder=5)
+    for f in result.fastest:
+        if f is not None and low <= f.gain <= high:
+            ax.plot(f.gain, f.growth, "D", color=COLOURS[5], markersize=5.5, zorder=5)
+            ax.annotate(
+                f"{f.gain:.4g}",
+                (f.gain, f.growth),
+                xytext=(0, -12),
+                textcoords="offset points",
+                fontsize=8.5,
+                ha="center",
+            )
+    finite = locus.growth[np.isfinite(locus.growth)]
+    bottom = min(float(np.min(np.where(np.isfinite(swinging), swinging, 0.0))), float(finite.min(initial=0.0)))
+    top = float(finite.max(initial=0.0))
+    # Away from the stable gains poles may grow fast; the picture is about where they do not.
+    top = min(top, 4.0 * abs(bottom)) if result.stable_gains and bottom < 0.0 else top
+    width = max(top - bottom, 1e-12)
+    ax.set_ylim(bottom - 0.15 * width, top + 0.1 * width)
+    ax.set_xlim(low, high)
+    ax.set(xlabel=gain_label(result), ylabel="growth rate [1/s]")
+    ax.legend(**ABOVE, ncols=3)
+
+
+def _table(ax: Axes, result: FeedbackResult) -> None:
+    """Write the crossings."""
+    ax.axis("off")
+    rows = [
+        [f"{c.gain:.5g}", _hertz(c.frequency_hz), f"{c.real:.5g}", f"{c.unstable_below} / {c.unstable_above}"]
+        for c in sorted(sorted(result.crossings, key=lambda c: abs(c.gain))[:_ROWS], key=lambda c: c.gain)
+    ]
+    if not rows:
+        ax.text(0.0, 0.9, "no pole reaches the border of stability", fontsize=9.0)
+        return
+    heads = ["gain", "f [Hz]", "G = 1/gain", "unstable below / above"]
+    table = ax.table(cellText=rows, colLabels=heads, loc="upper left", cellLoc="right", edges="horizontal")
+    table.auto_set_font_size(value=False)
+    table.set_fontsize(8.5)
+    table.auto_set_column_width(list(range(len(heads))))
+    table.scale(1.0, 1.15)
+    if len(result.crossings) > _ROWS:
+        ax.text(0.0, 0.0, f"… and {len(result.crossings) - _ROWS} with larger gains", fontsize=8.5)
+
+
+def _hertz(frequency: float) -> str:
+    return f"{frequency:.4g}" if np.isfinite(frequency) else "∞"
