@@ -2,7 +2,7 @@
 """Everything a developer or newcomer starts: install, demo, test, build.
 
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
-    python3 scripts/dev.py test       lint, types, tests
+    python3 scripts/dev.py test       lint, types, tests, documentation
     python3 scripts/dev.py build      rebuild the bundled FMUs from modelica_src/ (--check: only compare)
     python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
 
@@ -91,9 +91,12 @@ def demo() -> int:
 
 
 def test() -> int:
-    """Check lint, format and types, and run the tests."""
+    """Check lint, format and types, run the tests, build the documentation."""
     _ensure_installed()
-    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), ("pytest", "-q")):
+    # Two test processes at most: many tests have worker processes of their own.
+    pytest = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
+    pages = ("mkdocs", "build", "--strict", "--quiet")
+    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), pytest, pages):
         print(f"$ {shlex.join(module)}", flush=True)
         _run([PYTHON, "-m", *module])
     return 0
