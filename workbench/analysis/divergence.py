@@ -16,7 +16,9 @@ __all__ = ["Divergence", "DivergenceError", "divergence"]
 _BEGIN = 16.0  # times its early size: from there on growth is judged
 _LEAST = 8  # doublings that a judgement needs
 _LEAST_STEADY = 20  # doublings before steady growth counts as without bound: a factor of a million
-_LAST = 16  # doublings that are looked at
+_LAST = 16  # doublings that are told
+_TREND = 6  # the last ones, whose trend tells where they end; else that of all that are told
+_FALLING = -0.9  # correlation of the logarithms of doubling times with their number
 _SHRINKS = 0.93  # doubling times that fall by this factor and more end in finite time: x ~ (t* − t)^−p, p < 9.5
 _STOPPED = 2.5  # of the last doubling time; without a doubling for longer the growth had stopped
 _STEADY = 1.1  # ratio of doubling times up to which growth is exponential
@@ -54,12 +56,18 @@ class Divergence:
         reached = f"{self.size:.3g}{unit}"
         if self.kind == "finite escape":
             return (
-                f"{self.variable} escapes to infinity in finite time, at t = {self.escape_time:.9g} s: its doubling "
+                f"{self.variable} escapes to infinity in finite time, at t = {self._when} s: its doubling "
                 f"time shrinks by {2.0 ** (-1.0 / (self.exponent or 1.0)):.2f} each time, to {last} at {reached}"
             )
         if self.kind == "exponential":
             return f"{self.variable} grows exponentially, doubling every {last}, to {reached}"
         return f"{self.variable} grows without bound, to {reached}; it doubled in {last} last"
+
+    @property
+    def _when(self) -> str:
+        """The escape time with the digits that the last doubling time allows."""
+        digits = -math.floor(math.log10(self.doubling_times[-1]))
+        return f"{self.escape_time:.{min(max(digits, 1), 9)}f}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, ready for JSON."""
@@ -130,7 +138,7 @@ def divergence(
         time=float(time[-1]),
         size=size,
         doubling_times=tuple(gaps[-_LAST:].tolist()),
-        escape_time=float(passed[-1] + gaps[-1] * ratio / (1.0 - ratio)) if finite else None,
+        escape_time=max(float(time[-1]), float(passed[-1] + gaps[-1] * ratio / (1.0 - ratio))) if finite else None,
         exponent=-math.log(2.0) / math.log(ratio) if finite else None,
     )
 
@@ -157,15 +165,23 @@ def _doublings(time: Floats, size: Floats, floor: float) -> Floats:
 
 def _judged(gaps: Floats) -> tuple[str | None, float]:
     """Return the kind of growth (None: it slows down), and by which factor each doubling time differs from the last."""
-    last = gaps[-_LAST:]
-    if np.any(last <= 0.0):
-        return None, 1.0
-    ratio = float(np.exp(np.polynomial.polynomial.polyfit(np.arange(len(last)), np.log(last), 1)[1]))
-    half = len(last) // 2
-    if ratio < _SHRINKS and np.median(last[half:]) < np.median(last[:half]):
-        return "finite escape", ratio
+    ratio = 1.0
+    for last in (gaps[-_TREND:], gaps[-_LAST:]):
+        if np.any(last <= 0.0):
+            return None, 1.0
+        ratio, straight = _geometric(last)
+        if ratio < _SHRINKS and straight:
+            return "finite escape", ratio
     quarter = max(1, len(gaps) // 4)
     change = float(np.median(gaps[-quarter:]) / np.median(gaps[:quarter]))
     if 1.0 / _STEADY < change < _STEADY:
         return "exponential", 1.0
     return ("growing" if change < 1.0 else None), ratio
+
+
+def _geometric(gaps: Floats) -> tuple[float, bool]:
+    """Return the factor from each doubling time to the next, and whether they follow it."""
+    number, size = np.arange(len(gaps)), np.log(gaps)
+    slope = float(np.polynomial.polynomial.polyfit(number, size, 1)[1])
+    spread = float(np.std(size))
+    return math.exp(slope), spread > 0.0 and float(np.corrcoef(number, size)[0, 1]) <= _FALLING

@@ -17,7 +17,7 @@ __all__ = ["explained"]
 _EVENLY = 400  # points over the run
 _PER_HALVING = 4  # points in each half of the time that is left
 _HALVINGS = 46
-_CHUNK = 8  # points of one advance: what fails costs the last ones only
+_CHUNK = 4  # points of one advance: what fails costs the last ones only
 _NEAREST = 64.0  # times the spacing of numbers at the time of failure
 _FIRST = ("finite escape", "exponential", "growing")
 
@@ -52,8 +52,8 @@ def explained(
 
 
 def _worst(found: Sequence[Divergence]) -> Divergence | None:
-    """Return the growth that tells most: finite escape before exponential growth, then the largest."""
-    return min(found, key=lambda d: (_FIRST.index(d.kind), -d.size), default=None)
+    """Return the growth that tells most: finite escape before exponential growth, then the variable named first."""
+    return min(found, key=lambda d: _FIRST.index(d.kind), default=None)
 
 
 def _points(start: float, end: float, session: Session) -> list[Floats]:

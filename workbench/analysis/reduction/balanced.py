@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,6 @@ __all__ = ["METHODS", "BalancedReduction", "balanced_reduction"]
 
 METHODS = ("match-dc", "truncate")
 _KEPT = 1e-4  # Hankel singular values below this part of the largest are left out, unless told otherwise
-_NOISE = 1e-14  # below this part of the largest they are rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,9 +92,10 @@ def balanced_reduction(
     scaled, factor = _scaled(part)
     unstable = int(np.sum(part.poles.real >= 0.0))
     n = len(part.A)
-    hankel = _run(scaled, n, "truncate")[1][: n - unstable] * factor
-    wanted = order if order is not None else unstable + _count(hankel, _KEPT if tolerance is None else tolerance)
-    reduced = scaled if wanted == n else _run(scaled, wanted, method)[0]
+    with warnings.catch_warnings():
+        hankel = _run(scaled, n, "truncate")[1][: n - unstable] * factor
+        wanted = order if order is not None else unstable + _count(hankel, _KEPT if tolerance is None else tolerance)
+        reduced = scaled if wanted == n else _run(scaled, wanted, method)[0]
     kept = len(reduced.A) - unstable
     return BalancedReduction(
         part=LinearPart(reduced.A, reduced.B, reduced.C * factor, reduced.D * factor) if wanted < n else part,
@@ -140,6 +141,7 @@ def _run(part: LinearPart, order: int, method: str) -> tuple[LinearPart, Floats]
     import slycot  # noqa: PLC0415  slow to import
 
     n = len(part.A)
+    warnings.simplefilter("ignore", slycot.exceptions.SlycotResultWarning)  # of states that are none: seen by the order
     A, B, C, D = part.A.copy(), part.B[:, None].copy(), part.C[None, :].copy(), np.array([[part.D]])
     try:
         if method == "truncate":

@@ -1,0 +1,174 @@
+"""From H/G to a filter: reduce, join, cancel, mirror, turn the sign, low-pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.feed_forward.step import FilterStep, Judge
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
+from workbench.analysis.reduction.cancel import cancel
+from workbench.analysis.reduction.factored import Factored, factored
+from workbench.analysis.reduction.low_pass import low_pass
+from workbench.analysis.reduction.mirror import mirror
+from workbench.analysis.reduction.sections import to_state_space
+from workbench.errors import InputError, suggest
+
+__all__ = ["SIGNS", "Design", "Settings", "design", "grid"]
+
+SIGNS = ("auto", "change", "keep")
+_PER_DECADE = 300
+_AXIS = 1e-6
+_AROUND = np.array([-3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0])  # half widths of a resonance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How the filter is made; see `feed_forward`.
+
+    Attributes:
+        orders: of the reduced G and H; None: by `hankel`.
+        hankel: relative Hankel singular values that are kept.
+        method: of the reduction.
+        cancel: relative distance of poles and zeros that cancel.
+        low_pass: corner [Hz].
+        low_pass_order: of the low-pass; 0: none.
+        sign: "auto", "change" or "keep".
+        band: frequencies in which errors count [Hz].
+    """
+
+    orders: tuple[int, int] | None = None
+    hankel: float = 1e-4
+    method: str = "match-dc"
+    cancel: float = 1e-5
+    low_pass: float = 5.0
+    low_pass_order: int = 1
+    sign: str = "auto"
+    band: tuple[float, float] = (0.1, 5.0)
+
+    def check(self) -> None:
+        """Refuse what makes no sense.
+
+        Raises:
+            InputError: unknown sign, a band out of order.
+        """
+        if self.sign not in SIGNS:
+            raise InputError(f"sign: '{self.sign}' is unknown; {suggest(self.sign, SIGNS)}")
+        low, high = self.band
+        if not 0.0 < low < high < float("inf"):
+            raise InputError(f"band: {low:g}:{high:g} Hz is no band; write the lower frequency first, above 0")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """The filter and how it came about.
+
+    Attributes:
+        G, H: reduced.
+        steps: one after the other.
+        factored: the filter by zeros, poles and gain.
+        part: the filter as a state-space system.
+        mirrored: poles that were mirrored, where they had been [1/s].
+        notes: what the user should know.
+    """
+
+    G: BalancedReduction
+    H: BalancedReduction
+    steps: tuple[FilterStep, ...]
+    factored: Factored
+    part: LinearPart
+    mirrored: Complex
+    notes: tuple[str, ...]
+
+
+def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> Design:
+    """Return the filter F ≈ H/G that is stable and small.
+
+    Args:
+        G: from the control input to the block's input; stable, or its unstable poles are kept.
+        H: from the block's output, sign turned, to the block's input.
+        settings: how.
+        judge: what the steps are held against.
+
+    Raises:
+        InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is no proper filter.
+        SimulationError: a decomposition failed.
+    """
+    g_order, h_order = settings.orders or (None, None)
+    hankel = settings.hankel if settings.orders is None else None
+    g = balanced_reduction(G, order=g_order, tolerance=hankel, method=settings.method)
+    h = balanced_reduction(H, order=h_order, tolerance=hankel, method=settings.method)
+    steps = [_reduced(g, h, judge)]
+
+    def add(name: str, now: Factored, remark: str) -> None:
+        steps.append(judge.step(name, now.response(judge.frequency), now.order, now.unstable_poles, remark))
+
+    F = factored(h.part).over(factored(g.part))
+    add("joined", F, f"zeros of G (order {g.order}) and poles of H (order {h.order})")
+    short = cancel(F, tolerance=settings.cancel)
+    F = short.factored
+    add("cancelled", F, f"{len(short.poles)} poles with a zero nearer than {settings.cancel:g}")
+    turned = mirror(F)
+    F = turned.factored
+    add("mirrored", F, _mirrored(turned.poles, settings.band[1]))
+    change = settings.sign == "change" or (settings.sign == "auto" and turned.dc_sign < 0)
+    F = F.negated() if change else F
+    why = "an odd" if turned.dc_sign < 0 else "an even"
+    add("sign", F, f"{'changed' if change else 'kept'}; {why} number of real poles was mirrored")
+    if settings.low_pass_order:
+        F = F.times(low_pass(settings.low_pass, order=settings.low_pass_order))
+        add("low-pass", F, f"Butterworth of order {settings.low_pass_order} at {settings.low_pass:g} Hz")
+    return Design(
+        G=g,
+        H=h,
+        steps=tuple(steps),
+        factored=F,
+        part=to_state_space(F),
+        mirrored=turned.poles,
+        notes=_notes(turned.on_axis, short.poles),
+    )
+
+
+def grid(G: LinearPart, H: LinearPart, low: float, high: float) -> Floats:
+    """Return frequencies from `low` to `high`, denser at resonances of G and H [Hz].
+
+    Args:
+        G: one system.
+        H: the other.
+        low: [Hz].
+        high: [Hz].
+    """
+    count = max(2, round(_PER_DECADE * np.log10(high / low)))
+    poles = np.concatenate([G.poles, H.poles])
+    around = (poles.imag[:, None] + np.abs(poles.real)[:, None] * _AROUND).ravel()
+    extra = around / (2.0 * np.pi)
+    every = np.concatenate([np.geomspace(low, high, count), extra[(extra > low) & (extra < high)]])
+    return np.asarray(np.unique(every), dtype=np.float64)
+
+
+def _reduced(g: BalancedReduction, h: BalancedReduction, judge: Judge) -> FilterStep:
+    with np.errstate(all="ignore"):
+        response = h.part.response(judge.frequency) / g.part.response(judge.frequency)
+    remark = f"G from {g.full_order} to {g.order} states, H from {h.full_order} to {h.order}"
+    return judge.step("reduced", response, g.order + h.order, np.zeros(0, dtype=np.complex128), remark)
+
+
+def _mirrored(poles: Complex, edge: float) -> str:
+    inside = int(np.sum(np.abs(poles) <= 2.0 * np.pi * edge))
+    listed = ", ".join(f"{abs(p) / (2.0 * np.pi):.3g}" for p in poles[poles.imag >= 0.0].tolist())
+    return f"{len(poles)} poles, {inside} of them below {edge:g} Hz; at {listed} Hz" if len(poles) else "none"
+
+
+def _notes(on_axis: Complex, cancelled: Complex) -> tuple[str, ...]:
+    notes = []
+    if len(on_axis):
+        notes.append(
+            f"the filter keeps {len(on_axis)} poles on the imaginary axis, such as an integrator: its output can drift"
+        )
+    hidden = cancelled[cancelled.real > _AXIS * np.maximum(1.0, np.abs(cancelled))]
+    if len(hidden):
+        notes.append(f"{len(hidden)} of the cancelled poles lie right of the imaginary axis")
+    return tuple(notes)

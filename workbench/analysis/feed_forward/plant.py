@@ -1,0 +1,91 @@
+"""The linear part of the system: from the control input, and from the block's output, to the block's input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.feed_forward.wiring import COMMAND, OPENED, Loops, opened, reopen
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.operating_point import OperatingPoint
+from workbench.errors import InputError
+from workbench.model.described import DescribedModel
+
+__all__ = ["Plant", "linear_plant"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plant:
+    """v = G u − H w with the feedback closed: v the block's input, w its output, u what is added to the control.
+
+    Attributes:
+        G: from the control input.
+        H: from the block's output, with the sign turned.
+        open_poles: shape (n,), without the feedback [1/s].
+        poles: shape (n,), with it [1/s].
+        notes: what the user should know.
+    """
+
+    G: LinearPart
+    H: LinearPart
+    open_poles: Complex
+    poles: Complex
+    notes: tuple[str, ...]
+
+
+def linear_plant(model: DescribedModel, loops: Loops, *, at: OperatingPoint | None, time: float) -> Plant:
+    """Linearise a system without its block and close the scalar feedback.
+
+    Args:
+        model: the system; it stays open.
+        loops: block, target, feedback.
+        at: operating point; None: the start values.
+        time: session time [s].
+
+    Raises:
+        InputError: the target is driven already, no effect on the block, a feedback without solution.
+        FmuError, SimulationError: the model cannot be opened or evaluated.
+    """
+    held = {} if at is None else {**at.x, **at.u}
+    with model.open_at(time=time, values=held) as session:
+        w = session.values([loops.ports.w])[loops.ports.w]
+    with reopen(model, opened(model, loops), without=loops.ports.component) as rest:
+        states, inputs = {v.name for v in rest.states}, {v.name for v in rest.inputs}
+        found = lin(
+            rest,
+            x0={n: x for n, x in (at.x if at is not None else {}).items() if n in states},
+            u0={**{n: u for n, u in (at.u if at is not None else {}).items() if n in inputs}, OPENED: w},
+            inputs=[OPENED, COMMAND],
+            outputs=["seen", *(["fed_back"] if loops.source else [])],
+            time=time,
+        ).result
+    if found.dt > 0.0:
+        raise InputError(f"{model.name}: the linear part is sampled ({found.dt:g} s), but must be continuous")
+    A, B, C, D = _with_feedback(found.A, found.B, found.C, found.D, loops.gain if loops.source else 0.0)
+    names = found.state_names
+    G = LinearPart(A, B[:, 1], C, float(D[1]), names)
+    if not np.any(G.response(np.geomspace(1e-3, 1e3, 7))):
+        raise InputError(f"{model.name}: {loops.target} has no effect on {loops.ports.v}")
+    return Plant(
+        G=G,
+        H=LinearPart(A, -B[:, 0], C, -float(D[0]), names),
+        open_poles=np.linalg.eigvals(found.A).astype(np.complex128),
+        poles=np.linalg.eigvals(A).astype(np.complex128),
+        notes=tuple(f"linear part: {note}" for note in found.notes),
+    )
+
+
+def _with_feedback(A: Floats, B: Floats, C: Floats, D: Floats, gain: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return A, B (n, 2), C (n,), D (2,) with u = gain · fed back + what is added to it."""
+    if gain == 0.0:
+        return A, B, C[0], D[0]
+    through = 1.0 - gain * D[1, 1]
+    if abs(through) < 1e-12:
+        raise InputError(f"feedback gain {gain:g}: the direct path through the plant makes it infinite")
+    state, direct = gain * C[1] / through, gain * D[1, 0] / through
+    into = np.column_stack([B[:, 0] + B[:, 1] * direct, B[:, 1] / through])
+    seen = np.array([D[0, 0] + D[0, 1] * direct, D[0, 1] / through])
+    return A + np.outer(B[:, 1], state), into, C[0] + D[0, 1] * state, seen

@@ -1,0 +1,177 @@
+"""What the design of a feed-forward filter found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+
+from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.feed_forward.design import Design
+from workbench.analysis.feed_forward.step import FilterStep
+from workbench.analysis.feed_forward.trial import Trial
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.csv_file import write_csv
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.figure import Figure
+
+__all__ = ["FeedForwardResult"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FeedForwardResult:
+    """A filter from the nonlinear block's output to the control input, and how it came about.
+
+    Attributes:
+        model, interface, solver: what was analysed.
+        block: name of the block's component.
+        input, output: full names of its input v and its output w.
+        target: full name of the control input u.
+        source: full name of the variable that is fed back; None: no feedback.
+        gain: of the scalar feedback.
+        filter_units: of w and u, None where undeclared.
+        band: frequencies in which errors count [Hz].
+        frequency_hz: shape (n,), rising [Hz].
+        g: shape (n,), response from u to v with the feedback.
+        h: shape (n,), response from w to v with the feedback, sign turned: v = G u − H w.
+        open_unstable: poles right of the imaginary axis without feedback [1/s].
+        closed_unstable: likewise with it.
+        design: reductions, steps and the filter.
+        trials: simulations: scalar feedback alone, with the filter, crude filters.
+        notes: what should be known, one line each.
+    """
+
+    model: str
+    interface: str
+    solver: str
+    block: str
+    input: str
+    output: str
+    target: str
+    source: str | None
+    gain: float
+    filter_units: tuple[str | None, str | None]
+    band: tuple[float, float]
+    frequency_hz: Floats
+    g: Complex
+    h: Complex
+    open_unstable: Complex
+    closed_unstable: Complex
+    design: Design
+    trials: tuple[Trial, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def steps(self) -> tuple[FilterStep, ...]:
+        """The filter after each step, with its errors."""
+        return self.design.steps
+
+    @property
+    def part(self) -> LinearPart:
+        """The filter's matrices."""
+        return self.design.part
+
+    @property
+    def filter(self) -> control.StateSpace:
+        """The filter, for python-control; its input and output are named as in the system."""
+        import control as ct  # noqa: PLC0415  slow to import
+
+        part = self.part
+        return ct.ss(
+            part.A, part.B[:, None], part.C[None, :], [[part.D]], inputs=[self.output], outputs=[self.target], name="F"
+        )
+
+    @property
+    def exact(self) -> Complex:
+        """H/G, shape (n,)."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.h / self.g, dtype=np.complex128)
+
+    def trial(self, name: str) -> Trial:
+        """Return a simulation by its name.
+
+        Args:
+            name: as in `trials`.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for found in self.trials:
+            if found.name == name:
+                return found
+        raise KeyError(name)
+
+    def plot(self, path: str | Path | None = None, *, figure: str = "overview") -> Figure:
+        """Return a picture.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+            figure: "overview"; "reduced" (filter before and after the reduction), "compensation" (G·F and H),
+                "mirrored" (before and after mirroring, and the low-pass), "simulated" (time histories), "error"
+                (G·F/H − 1), "poles" (what was cancelled and mirrored).
+
+        Raises:
+            InputError: unknown figure or suffix, nothing was simulated, the file cannot be written.
+        """
+        from workbench.plotting.feed_forward import plot_feed_forward  # noqa: PLC0415  matplotlib is slow
+
+        return plot_feed_forward(self, path, figure=figure)
+
+    def filter_dict(self) -> dict[str, Any]:
+        """Return the filter as `workbench export` and the components of system files take it."""
+        part = self.part
+        units = {"u": self.filter_units[0], "y": self.filter_units[1]}
+        return {
+            "A": part.A.tolist(),
+            "B": part.B[:, None].tolist(),
+            "C": part.C[None, :].tolist(),
+            "D": [[part.D]],
+            "dt": 0.0,
+            "input_names": ["u"],
+            "output_names": ["y"],
+            "state_names": [f"x{k + 1}" for k in range(len(part.A))],
+            "units": {name: unit for name, unit in units.items() if unit},
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        named = (
+            "model", "interface", "solver", "block", "target", "source", "gain", "band",
+        )  # fmt: skip
+        return {
+            **{k: getattr(self, k) for k in named},
+            "block_input": self.input,
+            "block_output": self.output,
+            "open_unstable": _pairs(self.open_unstable),
+            "closed_unstable": _pairs(self.closed_unstable),
+            "reduced": {"G": self.design.G.to_dict(), "H": self.design.H.to_dict()},
+            "steps": [s.to_dict() for s in self.steps],
+            "mirrored": _pairs(self.design.mirrored),
+            "factored": self.design.factored.to_dict(),
+            "filter": self.filter_dict(),
+            "trials": [t.to_dict() for t in self.trials],
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write gain and phase over frequency: G, H, H/G and the filter after each step.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        curves = {"G": self.g, "H": self.h, "H/G": self.exact, **{s.name: s.response for s in self.steps}}
+        head = ["frequency_hz", *(f"{n} {what}" for n in curves for what in ("gain", "phase_deg"))]
+        columns = [c for v in curves.values() for c in (np.abs(v), np.angle(v, deg=True))]
+        rows = np.column_stack([self.frequency_hz, *columns]).tolist()
+        write_csv(path, [head, *rows])
+
+
+def _pairs(values: Complex) -> list[list[float]]:
+    return [[v.real, v.imag] for v in values.tolist()]

@@ -1,0 +1,225 @@
+"""The system with its block taken out, and with feedback, filter and actuator put in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.analysis.limit_cycle.cut import Ports
+from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.errors import InputError, suggest
+from workbench.fmi.variable import Variable
+from workbench.model.described import DescribedModel
+from workbench.system.description import (
+    Component,
+    Connection,
+    FmuComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+    SystemDescription,
+)
+from workbench.system.model import SystemModel
+from workbench.system.recipe import SystemRecipe
+
+__all__ = ["Loops", "closed", "opened", "reopen", "system_of", "variable_of"]
+
+OPENED, COMMAND = "opened", "commanded"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loops:
+    """What is connected to what.
+
+    Attributes:
+        ports: of the block.
+        target: full name of the control input.
+        source: full name of the variable that is fed back; None: no feedback.
+        gain: of the feedback.
+        actuator: file of a model with one input and one output in front of the target; None: none.
+        closes_at: time at which feedback and filter are connected [s].
+    """
+
+    ports: Ports
+    target: str
+    source: str | None = None
+    gain: float = 0.0
+    actuator: str | None = None
+    closes_at: float | None = None
+
+
+def system_of(model: DescribedModel) -> SystemDescription:
+    """Return the description of a system.
+
+    Raises:
+        InputError: no system.
+    """
+    if not isinstance(model, SystemModel):
+        raise InputError(f"{model.name}: this is no system; feed-forward needs a system file or workbench.connect")
+    return model.system
+
+
+def variable_of(model: DescribedModel, name: str, what: str) -> Variable:
+    """Return a variable of a component by its full name.
+
+    Args:
+        model: the system.
+        name: "component.variable".
+        what: it is for, in messages.
+
+    Raises:
+        InputError: unknown name.
+    """
+    known = {v.name: v for v in model.description.variables}
+    if name not in known or "." not in name:
+        dotted = [n for n in known if "." in n]
+        raise InputError(f"{model.name}: {what} '{name}' is no variable of a component; {suggest(name, dotted)}")
+    return known[name]
+
+
+def opened(model: DescribedModel, loops: Loops) -> SystemDescription:
+    """Return the system whose block shows a new input instead of its own output, with the target free.
+
+    Args:
+        model: the system.
+        loops: block, target and fed-back variable.
+
+    Raises:
+        InputError: the target is driven already.
+    """
+    system, ports = _freed(system_of(model), loops.target), loops.ports
+    units = {v.name: v.unit for v in model.description.variables}
+    declared = {ports.input: units.get(ports.v), ports.output: units.get(ports.w), OPENED: units.get(ports.w)}
+    stand_in = LinearComponent(
+        name=ports.component, A=np.zeros((0, 0)), B=np.zeros((0, 2)), C=np.zeros((1, 0)), D=np.array([[0.0, 1.0]]),
+        dt=0.0, input_names=(ports.input, OPENED), output_names=(ports.output,), state_names=(), x0=np.zeros(0),
+        units={name: unit for name, unit in declared.items() if unit},
+    )  # fmt: skip
+    head = f"{ports.component}."
+    inputs = {n: left for n, ends in system.inputs.items() if (left := _without(ends, head))}
+    outputs = {"seen": ports.v, **({"fed_back": loops.source} if loops.source else {})}
+    return replace(
+        system,
+        components=tuple(stand_in if c.name == ports.component else c for c in system.components),
+        inputs={**inputs, OPENED: (head + OPENED,), COMMAND: (loops.target,)},
+        outputs=outputs,
+    )
+
+
+def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> SystemDescription:
+    """Return the system with the feedback and a filter of the block's output, both into the target.
+
+    The components put in are `feedback`, `feedforward`, `command` (their sum) and `actuator`.
+
+    Args:
+        model: the system.
+        loops: what is connected to what.
+        part: the filter; None: feedback alone.
+
+    Raises:
+        InputError: the target is driven already, a name is taken, the actuator has not one input and one output.
+    """
+    system = _freed(system_of(model), loops.target)
+    units = {v.name: v.unit for v in model.description.variables}
+    unit, ends = units.get(loops.target), _Ends(loops.closes_at)
+    made: list[Component] = []
+    if loops.source is not None:
+        named = _units(u=units.get(loops.source), y=unit)
+        made.append(GainComponent(name="feedback", gain=loops.gain, units=named))
+        ends.join(loops.source, "feedback.u")
+    if part is not None:
+        made.append(_filter(part, _units(u=units.get(loops.ports.w), y=unit)))
+        ends.join(loops.ports.w, "feedforward.u", late=True)
+    summands = [f"{c.name}.y" for c in made]
+    command = SumComponent(name="command", signs=(1.0,) * max(1, len(summands)), unit=unit)
+    for k, name in enumerate(summands):
+        ends.join(name, f"command.u{k + 1}")
+    made.append(command)
+    _drive(loops, made, ends)
+    _check_free(system, made)
+    return replace(system, components=(*system.components, *made), connections=(*system.connections, *ends.all))
+
+
+def reopen(model: DescribedModel, system: SystemDescription, *, without: str | None = None) -> DescribedModel:
+    """Open a changed system as the model was opened; the caller closes it.
+
+    Args:
+        model: as it is.
+        system: as it shall be.
+        without: component whose start values are left out, because it is another one now.
+    """
+    recipe = model.recipe
+    if not isinstance(recipe, SystemRecipe):
+        raise InputError(f"{model.name}: this is no system")
+    starts = {n: v for n, v in recipe.start_values.items() if without is None or not n.startswith(f"{without}.")}
+    bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
+    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}).open()
+
+
+class _Ends:
+    """Connections to be made; those that carry the control close late."""
+
+    def __init__(self, closes_at: float | None) -> None:
+        self.closes_at = closes_at
+        self.all: list[Connection] = []
+
+    def join(self, source: str, destination: str, *, late: bool = False) -> None:
+        """Connect two variables."""
+        when = self.closes_at if late else None
+        self.all.append(Connection(source=source, destination=destination, closes_at=when))
+
+
+def _drive(loops: Loops, made: list[Component], ends: _Ends) -> None:
+    """Connect the command to the target, through the actuator if there is one."""
+    if loops.actuator is None:
+        ends.join("command.y", loops.target, late=True)
+        return
+    into, out = _through(loops.actuator)
+    made.append(FmuComponent(name="actuator", file=loops.actuator))
+    ends.join("command.y", f"actuator.{into}", late=True)
+    ends.join(f"actuator.{out}", loops.target)
+
+
+def _through(file: str) -> tuple[str, str]:
+    from workbench.model.load import load  # noqa: PLC0415  only where there is an actuator
+
+    with load(file) as model:
+        found = [v.name for v in model.inputs], [v.name for v in model.outputs]
+    for what, names in zip(("input", "output"), found, strict=True):
+        if len(names) != 1:
+            raise InputError(f"the actuator {file} has {len(names)} {what}s ({', '.join(names) or 'none'}), not one")
+    return found[0][0], found[1][0]
+
+
+def _filter(part: LinearPart, units: Mapping[str, str]) -> LinearComponent:
+    n = len(part.A)
+    return LinearComponent(
+        name="feedforward", A=part.A, B=part.B[:, None], C=part.C[None, :], D=np.array([[part.D]]), dt=0.0,
+        input_names=("u",), output_names=("y",), state_names=tuple(f"x{k + 1}" for k in range(n)), x0=np.zeros(n),
+        units=units,
+    )  # fmt: skip
+
+
+def _units(**units: str | None) -> dict[str, str]:
+    return {name: unit for name, unit in units.items() if unit}
+
+
+def _freed(system: SystemDescription, target: str) -> SystemDescription:
+    """Return the system with the target driven by nothing."""
+    source = next((c.source for c in system.connections if c.destination == target), None)
+    if source is not None:
+        raise InputError(f"{system.name}: {target} is driven by {source}; feed-forward needs a target that is free")
+    inputs = {name: left for name, ends in system.inputs.items() if (left := _without(ends, target))}
+    return replace(system, inputs=inputs)
+
+
+def _without(ends: Sequence[str], head: str) -> tuple[str, ...]:
+    return tuple(e for e in ends if not e.startswith(head))
+
+
+def _check_free(system: SystemDescription, made: Sequence[Component]) -> None:
+    taken = {c.name for c in system.components} & {c.name for c in made}
+    if taken:
+        raise InputError(f"{system.name}: the name '{taken.pop()}' is needed for a part of the control, but is taken")
