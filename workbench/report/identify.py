@@ -78,7 +78,7 @@ def _of_model(result: IdentifyResult) -> Section:
 
 def _poles(estimate: SubspaceEstimate) -> list[Table]:
     model = estimate.model
-    return [pole_table(model.poles.tolist(), model.dt)] if model.order else []
+    return [pole_table(model.poles.tolist(), model.dt, "Poles")] if model.order else []
 
 
 def _matrices(estimate: SubspaceEstimate) -> Section:
@@ -115,7 +115,7 @@ def estimate_page(result: SubspaceEstimate) -> Page:
         lead=f"Order {result.order}: {result.order_reason}.",
         facts={**_estimated(result), "sampling interval": f"{model.dt:g} s"},
         sections=[
-            Section("Poles", tables=_poles(result)),
+            Section("Model", tables=_poles(result)),
             _matrices(result),
             Section("Order", tables=[table], folded=True),
         ],

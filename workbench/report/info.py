@@ -13,6 +13,12 @@ __all__ = ["info_page", "system_page"]
 
 _GROUPS = ("inputs", "outputs", "states", "parameters")
 _MANY = 30
+_EXPERIMENT = {
+    "start_time": "start {:g} s",
+    "stop_time": "stop {:g} s",
+    "step": "step {:g} s",
+    "tolerance": "tolerance {:g}",
+}
 _ABILITIES = {
     "state": "saves and restores its state",
     "directional_derivatives": "directional derivatives",
@@ -29,31 +35,25 @@ def info_page(data: Mapping[str, Any]) -> Page:
         data: what `workbench info` writes to JSON.
     """
     interfaces = data["interfaces"]
-    runs = "It runs here." if data["runnable"] else "It does not run here."
-    word = "good" if data["runnable"] else "poor"
+    runs = Verdict("good", "runs here") if data["runnable"] else Verdict("poor", "does not run here")
     return Page(
         title=str(data["model"]),
-        lead=" ".join(
-            filter(None, [_sentence(data["description"]), f"{counted(len(interfaces), 'interface')}.", runs])
-        ),
+        lead=data["description"] or f"An FMU of FMI {data['fmi_version']}.",
         facts={
             "interfaces": ", ".join(interfaces) or "none",
             "platforms": ", ".join(data["platforms"]) or "none",
             "experiment": _experiment(data["experiment"]),
         },
         sections=[*_variables(data), _capabilities(data["capabilities"])],
-        summary=[Verdict(word, runs[:-1].lower()), *_snapshots(data["capabilities"])],
+        summary=[runs, *_snapshots(data["capabilities"])],
         notes=data["notes"],
         kind="info",
     )
 
 
-def _sentence(text: str | None) -> str:
-    return "" if not text else text if text.endswith(".") else f"{text}."
-
-
 def _experiment(experiment: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in experiment.items() if value is not None) or "not told"
+    told = [text.format(experiment[key]) for key, text in _EXPERIMENT.items() if experiment.get(key) is not None]
+    return ", ".join(told) or "not told"
 
 
 def _snapshots(capabilities: Mapping[str, Any]) -> list[Verdict]:

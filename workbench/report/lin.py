@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
+import numpy as np
+
 from workbench.analysis.lin.compare import LinComparison
 from workbench.analysis.lin.compare import Verdict as Agreement
 from workbench.analysis.lin.result import LinearModel, LinResult
@@ -16,6 +18,7 @@ from workbench.report.tones import Verdict
 
 __all__ = ["comparison_page", "grid_page", "lin_page", "linear_model_page", "step_check_page"]
 
+_BORDER = 1e-9  # of the fastest pole: real parts below are rounding
 _AGREES = {True: "agrees", False: "differs", None: "not measured"}
 
 
@@ -23,7 +26,7 @@ def lin_page(result: LinResult) -> Page:
     """Return the page of a linear model: response, poles, matrices, point, what is doubtful and why rows are zero."""
     return Page(
         title=f"Linear model of {result.model}",
-        lead=f"{_kind(result)} By {result.method}: {result.why}.",
+        lead=" ".join([_kind(result), *_motion(result)]),
         facts=_facts(result),
         sections=[
             Section(
@@ -48,11 +51,25 @@ def _kind(result: LinResult) -> str:
     return f"{kind}: {', '.join(sizes)}, {counted(len(result.output_names), 'output')}."
 
 
+def _motion(result: LinResult) -> list[str]:
+    """Return in words whether it is stable, and the oscillation that is damped least."""
+    s = result.continuous_poles
+    size = np.abs(s)
+    unstable = int(np.sum(s.real > _BORDER * np.max(size, initial=0.0)))
+    words = [f"{counted(unstable, 'pole')} in the right half-plane." if unstable else ""]
+    turning = (s.imag > 0.0) & (size > 0.0)
+    if np.any(turning):
+        least = s[turning][np.argmin(-s[turning].real / size[turning])]
+        frequency, ratio = abs(least) / (2.0 * np.pi), -least.real / abs(least)
+        words.append(f"The oscillation damped least is at {frequency:.4g} Hz, damping ratio {ratio:.3g}.")
+    return [text for text in words if text]
+
+
 def _facts(result: LinResult) -> dict[str, str]:
     calls = ", ".join(f"{n} {kind}" for kind, n in result.calls.items())
     return {
         "inputs → outputs": f"{', '.join(result.input_names)} → {', '.join(result.output_names)}",
-        "method": result.method,
+        "method": f"{result.method} ({result.why})",
         **({"model calls": calls} if calls else {}),
     }
 
@@ -133,11 +150,14 @@ def comparison_page(result: LinComparison) -> Page:
     methods = dict.fromkeys(v.method for v in result.verdicts)
     return Page(
         title=f"Linear models against measurement: {result.input} → {result.output}",
-        lead=" ".join(_sentence(text) for text in result.words),
+        lead=f"{counted(len(result.results), 'linear model')} of the same operating point, held against the response "
+        "to sines that was measured on the model itself.",
         facts={"agreement": "within 0.5 dB and 5° of the measured response"},
         sections=[
             Section(
-                "Frequency responses", figures=[(result.plot(), "Curves: linear models; circles: measured with sines.")]
+                "Frequency responses",
+                items=result.words,
+                figures=[(result.plot(), "Curves: linear models; circles: measured with sines.")],
             ),
             _verdict_table(result),
             *_inapplicable(result),
@@ -147,15 +167,11 @@ def comparison_page(result: LinComparison) -> Page:
     )
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
-
-
 def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int]) -> Verdict:
     yes, no = counts.get((method, True), 0), counts.get((method, False), 0)
     if not yes + no:
         return Verdict("unknown", f"{method}: nothing was measured to hold it against")
-    word = "agrees" if not no else "differs"
+    word = "agrees" if not no else "partly" if yes else "differs"
     return Verdict(
         word, f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
     )

@@ -21,6 +21,7 @@ __all__ = ["SUFFIXES", "Page", "Section", "Table", "write_page"]
 
 SUFFIXES = (".html", ".htm")
 _LONG = 5  # a page of so many sections begins with a list of them
+_MANY = 3  # so many verdicts are counted
 
 # What stands in a column of numbers: signs, digits, a unit of one sign, or that there is none.
 _NUMBER = re.compile(r"^[+\-−±<>≤≥≈]?\s*(\d[\d.,]*(e[+\-−]?\d+)?|∞|inf|nan)?\s*[%°]?$|^[–-]$", re.IGNORECASE)
@@ -143,7 +144,7 @@ def _render(page: Page) -> str:
         page=page,
         sections=[_filled(section, f"s{i}") for i, section in enumerate(page.sections, start=1)],
         summary=worst_first(page.summary),
-        count=counted(page.summary),
+        count=counted(page.summary) if len(page.summary) >= _MANY else "",
         contents=len(page.sections) >= _LONG,
         data=_embedded(page.data),
     )

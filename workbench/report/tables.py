@@ -14,6 +14,7 @@ __all__ = ["MOST_ENTRIES", "bracketed", "counted", "matrices", "matrix", "number
 
 MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
 _MOST_POLES = 100
+_VANISHED = 1e-12  # a discrete pole below is a delay
 _AT_REST = 1e-6  # [rad/s]: what rounding makes of an integrator
 
 
@@ -51,26 +52,35 @@ def matrices(
     return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
 
 
-def pole_table(poles: Iterable[complex], dt: float) -> Table:
+def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> Table:
     """Return poles with frequency and damping, slowest first.
 
     Args:
         poles: of A.
         dt: its period [s]; 0: continuous.
+        title: above the table.
     """
-    every = sorted(poles, key=abs)
+    every = sorted(poles, key=lambda p: _speed(p, dt))
     rows = [(_complex(p), *_motion(p, dt)) for p in every[:_MOST_POLES]]
-    rest = f" (the first {_MOST_POLES} of {len(every)})" if len(every) > _MOST_POLES else ""
+    rest = f"the slowest {_MOST_POLES} of {len(every)}" if len(every) > _MOST_POLES else ""
     unit = "" if dt > 0.0 else " [1/s]"
-    return Table((f"pole{unit}", "frequency [Hz]", "damping ratio"), rows, title=f"Poles{rest}", right=(0, 1, 2))
+    words = ", ".join(filter(None, [title, rest]))
+    return Table((f"pole{unit}", "frequency [Hz]", "damping ratio"), rows, title=words, right=(0, 1, 2))
 
 
 def _complex(z: complex) -> str:
     return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g} {'+' if z.imag > 0.0 else '−'} {abs(z.imag):.6g}j"
 
 
+def _speed(z: complex, dt: float) -> float:
+    """Return the size of a pole [rad/s]; infinite for a delay."""
+    if dt == 0.0:
+        return abs(z)
+    return abs(np.log(z)) if abs(z) > _VANISHED else math.inf
+
+
 def _motion(z: complex, dt: float) -> tuple[str, str]:
-    if dt > 0.0 and abs(z) < 1e-12:
+    if dt > 0.0 and abs(z) <= _VANISHED:
         return "delay", "–"
     s = complex(np.log(z)) / dt if dt > 0.0 else z
     size = abs(s)

@@ -11,7 +11,7 @@ __all__ = ["TONES", "Verdict", "counted", "tone", "worst_first"]
 # Tone → the words that have it. The order is that of the summary: what is violated comes first.
 TONES: dict[str, tuple[str, ...]] = {
     "poor": ("poor", "fail", "failed", "violated", "broken", "error", "differs", "unstable", "no"),
-    "watch": ("watch", "warn", "warning", "unknown", "averaged", "doubtful", "skipped", "not met"),
+    "watch": ("watch", "warn", "warning", "unknown", "averaged", "doubtful", "partly", "skipped"),
     "good": ("good", "pass", "passed", "ok", "kept", "agrees", "stable", "settled", "converged", "yes"),
 }
 _TONE_OF = {word: tone for tone, words in TONES.items() for word in words}
@@ -42,5 +42,5 @@ def worst_first(verdicts: Sequence[Verdict]) -> list[Verdict]:
 
 
 def counted(verdicts: Sequence[Verdict]) -> str:
-    """Return how many there are of each word, as in "1 failed, 12 passed"."""
-    return ", ".join(f"{n} {word}" for word, n in Counter(v.word for v in worst_first(verdicts)).items())
+    """Return how many there are of each word, as in "1 × failed, 12 × passed"."""
+    return ", ".join(f"{n} × {word}" for word, n in Counter(v.word for v in worst_first(verdicts)).items())

@@ -15,7 +15,7 @@ def trim_page(result: TrimResult) -> Page:
     word = "converged" if result.converged else "failed"
     return Page(
         title=f"Operating point of {result.model}",
-        lead=f"At {result.point.time:g} s, found by {result.method}.",
+        lead=_lead(result),
         facts={
             "searched for": ", ".join(result.unknowns) or "nothing",
             "effort": f"{counted(result.iterations, 'iteration')}, {counted(result.evaluations, 'evaluation')}",
@@ -25,6 +25,11 @@ def trim_page(result: TrimResult) -> Page:
         notes=result.notes,
         kind="trim",
     )
+
+
+def _lead(result: TrimResult) -> str:
+    what = "nothing moves" if result.converged else "the search ended; something still moves"
+    return f"States, inputs and outputs at {result.point.time:g} s where {what}; method: {result.method}."
 
 
 def _point(result: TrimResult) -> Section:
@@ -42,7 +47,7 @@ def _point(result: TrimResult) -> Section:
         for kind, values in groups
         for name, value in values.items()
     ]
-    headings = ("variable", "kind", "value", "unit", "derivative [unit/s]", "")
+    headings = ("variable", "kind", "value", "unit", "derivative [unit/s]", "remark")
     return Section("Values", tables=[Table(headings, rows, right=(2, 4))])
 
 
