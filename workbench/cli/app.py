@@ -21,6 +21,7 @@ from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
+from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
 from workbench.errors import WorkbenchError, one_line
@@ -50,6 +51,7 @@ app.command("limit-cycle")(limit_cycle)
 app.command("modes")(modes)
 app.command("excite")(excite)
 app.command("identify")(identify)
+app.command("run")(run_study)
 app.command("build")(build)
 app.command("export")(export)
 

@@ -1,0 +1,177 @@
+"""`workbench run`: a study with requirements."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workbench.cli.options import Csv, Jobs, Json, Report, Timeout, workers
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from workbench.cli.output import Output
+    from workbench.study.result import Checked, StudyResult
+    from workbench.study.run import StudyRun
+
+__all__ = ["run"]
+
+_NOT_MET = 1
+_INTERRUPTED = 130
+_MOST_ROWS = 40  # of a grid with more requirements only the worst of each is shown, and those that are violated
+
+
+def run(
+    study: Annotated[
+        str | None, typer.Argument(metavar="STUDY", help="Study file (.toml), or a bundled one: study:NAME.")
+    ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(
+            "--store", metavar="DIR", help="Keep finished analyses there; by default .workbench-store beside the study."
+        ),
+    ] = None,
+    no_store: Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what the store has.")] = False,
+    jobs: Jobs = None,
+    timeout: Timeout = None,
+    example: Annotated[bool, typer.Option("--example", help="Print a small study to begin with.")] = False,
+    json_path: Json = None,
+    csv_path: Csv = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="PATH", help="Write the requirements as JUnit XML, for CI.")
+    ] = None,
+    report: Report = None,
+) -> int:
+    """Run a study: analyses over a grid of parameters, held against requirements. Exit code 1: one is not met.
+
+    A study file names models, analyses (any command with its options) and requirements; `workbench run --example`
+    prints one. What an unchanged FMU with unchanged options already gave is not measured again.
+
+    Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
+    """
+    from workbench.cli.output import Output
+    from workbench.cli.run_commands import AppCommands
+    from workbench.study.run import StudyRun, default_store
+
+    if example:
+        return _print_example()
+    if study is None:
+        raise InputError(
+            "name a study: a .toml file, or study:NAME; 'workbench run --example' prints one to begin with"
+        )
+    if no_store and (store is not None or fresh):
+        raise InputError("--no-store and --store or --fresh: only one of them")
+    out = Output("run", json_path=json_path, csv_path=csv_path, report=report)
+    _check_junit(junit)
+    folder = None if no_store else store or default_store(study)
+    prepared = StudyRun(study, AppCommands(), store=folder, fresh=fresh)
+    result = _run(prepared, jobs=jobs, timeout=timeout)
+    _show(result, out)
+    out.write(result.to_dict(), csv=result.to_csv, page=result.page)
+    if junit is not None:
+        result.to_junit(junit)
+        out.console.print(f"wrote {junit}", soft_wrap=True, markup=False)
+    if result.missing:
+        return _INTERRUPTED
+    return 0 if result.passed else _NOT_MET
+
+
+def _print_example() -> int:
+    from workbench.study.bundled import locate_study
+
+    sys.stdout.write(locate_study("study:rudder_specification").read_text(encoding="utf-8"))
+    return 0
+
+
+def _check_junit(path: Path | None) -> None:
+    if path is not None and path.is_dir():
+        raise InputError(f"--junit: '{path}' is a folder; name a file in it")
+    if path is not None and not path.parent.is_dir():
+        raise InputError(f"--junit: the folder '{path.parent}' does not exist")
+
+
+def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> StudyResult:
+    """Run with a bar; Ctrl-C ends it, what is finished stays."""
+    from workbench.cli.asked import command_line
+    from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.notes import flush, note
+    from workbench.cli.progress import Bar
+
+    with Bar(prepared.total) as bar, OnInterrupt(prepared.stop):
+        result = prepared.run(
+            lambda: workers(jobs=jobs, timeout=timeout),
+            progress=bar.update,
+            command=command_line(),
+        )
+    for text in result.notes:
+        note(text)
+    if result.missing:
+        note(f"interrupted: {result.missing} of {prepared.total} analyses were not run; the same command goes on")
+    flush()
+    return result
+
+
+# -- what is shown -----------------------------------------------------------------------------
+
+
+def _show(result: StudyResult, out: Output) -> None:
+    console = out.console
+    if result.checked:
+        console.print(_table(result))
+    for checked in result.violated:
+        if checked.finding.reason:
+            console.print(f"{checked.name}: {checked.finding.reason}", markup=False, soft_wrap=True)
+    for run, outcome in result.failed:
+        console.print(f"analysis {run.label}: {_why(outcome.reason)}", markup=False, soft_wrap=True)
+    console.print(result.words, markup=False, soft_wrap=True)
+
+
+def _why(reason: str) -> str:
+    return f"failed: {reason}" if reason else "ended with exit code 1: points of it failed"
+
+
+def _shown(result: StudyResult) -> list[Checked]:
+    """Violated requirements first; of a long list only the worst of each requirement beside them."""
+    ordered = sorted(result.checked, key=lambda c: c.finding.passed)
+    if len(ordered) <= _MOST_ROWS:
+        return ordered
+    worst: dict[str, Checked] = {}
+    for checked in sorted((c for c in ordered if c.finding.passed), key=_margin):
+        worst.setdefault(checked.requirement.name, checked)
+    return [*result.violated, *worst.values()]
+
+
+def _margin(checked: Checked) -> float:
+    return float("inf") if checked.finding.margin is None else checked.finding.margin
+
+
+def _table(result: StudyResult) -> Table:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    from workbench.study.words import PASSED, limit_words, margin_words, number, verdict
+
+    shown = _shown(result)
+    table = Table(title=escape(result.study.name), title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("requirement", overflow="fold")
+    pointed = any(c.point for c in shown)
+    for heading in ["point"] if pointed else []:
+        table.add_column(heading, overflow="fold")
+    for heading in ("value", "limit", "margin"):
+        table.add_column(heading, justify="right", overflow="fold")
+    table.add_column("verdict")
+    table.add_column("where", overflow="fold")
+    for checked in shown:
+        found = checked.finding
+        word = verdict(found)
+        colour = "green" if word == PASSED else "bold red"
+        first = [checked.requirement.name, *([checked.point] if pointed else [])]
+        numbers = [number(found.value), limit_words(found), margin_words(found)]
+        table.add_row(*map(escape, (*first, *numbers)), f"[{colour}]{word}[/]", escape(found.where))
+    return table

@@ -1,0 +1,121 @@
+"""The commands as studies see them: what options they have, and how one is run inside a worker process."""
+
+from __future__ import annotations
+
+import io
+import traceback
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from workbench.cli import asked, notes
+from workbench.errors import InputError, WorkbenchError, one_line
+from workbench.study.commands import Command, Commands, Ended, Option
+
+__all__ = ["AppCommands", "run_command"]
+
+# A study in a study would write into the same store twice.
+_NOT_IN_STUDIES = ("run",)
+_HIDDEN = ("help",)
+_NOTE = "note: "
+
+
+class AppCommands(Commands):
+    """The commands of the program, whatever they are: read from the options that they declare."""
+
+    def __init__(self) -> None:
+        self.run = run_command
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(n for n, c in _commands().items() if n not in _NOT_IN_STUDIES and _takes(c, "--json"))
+
+    def get(self, name: str) -> Command:
+        options: dict[str, Option] = {}
+        for parameter in _commands()[name].params:
+            option = _option(parameter)
+            for spelling in parameter.opts:
+                options[spelling.lstrip("-")] = option
+        return Command(name, {n: o for n, o in options.items() if n not in _HIDDEN})
+
+    def check(self, name: str, arguments: Sequence[str]) -> None:
+        try:
+            _commands()[name].make_context(name, list(arguments))
+        except typer.TyperException as error:
+            raise InputError(f"{name}: {_said(error)}") from None
+
+
+@cache
+def _commands() -> dict[str, Any]:
+    from workbench.cli.app import app
+
+    group: Any = typer.main.get_command(app)
+    return dict(group.commands)
+
+
+def _takes(command: Any, name: str) -> bool:  # noqa: ANN401 - typer's own class of a command is not public
+    return any(name in p.opts for p in command.params)
+
+
+def _option(parameter: Any) -> Option:  # noqa: ANN401 - likewise
+    return Option(
+        name=parameter.opts[0].lstrip("-"),
+        argument=parameter.param_type_name == "argument",
+        flag=bool(getattr(parameter, "is_flag", False)),
+        off=parameter.secondary_opts[0] if parameter.secondary_opts else "",
+        multiple=bool(parameter.multiple) or parameter.nargs == -1,
+        metavar=parameter.metavar or "",
+    )
+
+
+def _said(error: typer.TyperException) -> str:
+    """Return the message with options as the study file spells them."""
+    return one_line(error.format_message()).replace("'--", "'").removesuffix(".")
+
+
+def run_command(arguments: Sequence[str]) -> Ended:
+    """Run a command in this process, silently.
+
+    Args:
+        arguments: the command's name and its arguments.
+    """
+    said = io.StringIO()
+    notes.drop()
+    asked.keep(arguments)
+    with redirect_stdout(io.StringIO()), redirect_stderr(said):
+        code, reason, bad = _run(arguments)
+        notes.flush()
+    lines = said.getvalue().splitlines()
+    return Ended(
+        code=code,
+        reason=reason,
+        bad_input=bad,
+        notes=tuple(line.removeprefix(_NOTE) for line in lines if line.startswith(_NOTE)),
+    )
+
+
+def _run(arguments: Sequence[str]) -> tuple[int, str, bool]:
+    """Return exit code, reason, and whether the input was bad."""
+    from workbench.cli.app import app
+
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(list(arguments), "workbench", standalone_mode=False)
+    except typer.TyperException as error:
+        return 2, _said(error), True
+    except InputError as error:
+        return 2, error.args[0], True
+    except WorkbenchError as error:
+        return 2, error.args[0], False
+    except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
+        return 2, _bug(error), False
+    return (code if isinstance(code, int) else 0), "", False
+
+
+def _bug(error: Exception) -> str:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(last.filename).name}, line {last.lineno}"
+    return f"{type(error).__name__}: {error} ({place}); this is a bug of the workbench"

@@ -1,0 +1,1 @@
+"""Studies: analyses on models and systems, over a grid, with requirements on their results."""

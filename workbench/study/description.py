@@ -1,0 +1,125 @@
+"""A study as it is written down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.study.schema import Scalar
+
+if TYPE_CHECKING:
+    from workbench.study.kinds.base import Requirement
+
+__all__ = ["Analysis", "Change", "Point", "Reference", "Study", "Word"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A model and how it is opened, or what a configuration changes of that.
+
+    Attributes:
+        model: file, `fmu:NAME`, or None where a configuration leaves it.
+        options: option of the commands → value; `set` and `bias` are mappings.
+    """
+
+    model: str | None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def changed(self, change: Change) -> Change:
+        """Return this with a change applied; `set` and `bias` are joined, the rest is replaced."""
+        options = dict(self.options)
+        for name, value in change.options.items():
+            joined = isinstance(value, Mapping) and isinstance(options.get(name), Mapping)
+            options[name] = {**options[name], **value} if joined else value
+        return Change(model=change.model or self.model, options=options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What another analysis wrote, in place of a file.
+
+    Attributes:
+        analysis: its name.
+        kind: "json" for its result, "csv", or what follows NAME_ in the name of a further CSV file.
+        prefix: what stands before the file, such as "delC=".
+    """
+
+    analysis: str
+    kind: str = "json"
+    prefix: str = ""
+
+
+# One argument of a command.
+Word = str | Reference
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysis:
+    """One analysis.
+
+    Attributes:
+        name: in the study.
+        command: that does it.
+        model: in `Study.models`, or None where the command takes none.
+        options: as given, by the names of the command's options.
+    """
+
+    name: str
+    command: str
+    model: str | None
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """One point of the grid.
+
+    Attributes:
+        configuration: its name, or None where the study has none.
+        values: "model.parameter" → value.
+    """
+
+    configuration: str | None = None
+    values: Mapping[str, Scalar] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """For people: "worn, rudder.ps = 2e+07"; empty where there is nothing to tell apart."""
+        values = [f"{name} = {_text(value)}" for name, value in self.values.items()]
+        return ", ".join([*([self.configuration] if self.configuration else []), *values])
+
+
+def _text(value: Scalar) -> str:
+    return format(value, "g") if isinstance(value, float) else str(value).lower()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A study as it is written down; nothing was opened or measured yet.
+
+    Attributes:
+        name: for people.
+        description: for people.
+        path: of the file; paths in it are relative to its folder.
+        models: by name.
+        configurations: name → model → change.
+        grid: "model.parameter" → values.
+        analyses: in the order of the file.
+        requirements: likewise.
+    """
+
+    name: str
+    description: str
+    path: Path
+    models: Mapping[str, Change]
+    configurations: Mapping[str, Mapping[str, Change]]
+    grid: Mapping[str, tuple[Scalar, ...]]
+    analyses: Mapping[str, Analysis]
+    requirements: tuple[Requirement, ...]
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths begin."""
+        return self.path.resolve().parent

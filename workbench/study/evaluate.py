@@ -1,0 +1,74 @@
+"""Hold the results of a study against its requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from workbench.errors import InputError
+from workbench.study.description import Point, Study
+from workbench.study.kinds.base import Finding, NotMeasured, Requirement, Result
+from workbench.study.outcome import Outcome
+from workbench.study.plan import Plan, Run
+from workbench.study.result import Checked
+
+__all__ = ["evaluate"]
+
+
+def evaluate(study: Study, plan: Plan, outcomes: Mapping[Run, Outcome]) -> list[Checked]:
+    """Return every requirement at every point at which its analyses differ.
+
+    Args:
+        study: what was asked for.
+        plan: what was run.
+        outcomes: what that gave.
+
+    Raises:
+        InputError: a requirement asks for what cannot be in such a result.
+    """
+    found: list[Checked] = []
+    for requirement in study.requirements:
+        seen: set[tuple[Run, ...]] = set()
+        for k, point in enumerate(plan.points):
+            runs = tuple(plan.at[name, k] for name in requirement.analyses)
+            if runs not in seen and _applies(requirement, point):
+                seen.add(runs)
+                finding = _finding(requirement, [outcomes.get(run) for run in runs])
+                found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=finding))
+    return found
+
+
+def _applies(requirement: Requirement, point: Point) -> bool:
+    return requirement.configurations is None or point.configuration in requirement.configurations
+
+
+def _label(runs: Sequence[Run]) -> str:
+    """Join what of the point concerns the analyses."""
+    configuration = next((r.point.configuration for r in runs if r.point.configuration), None)
+    values = {name: value for r in runs for name, value in r.point.values.items()}
+    return Point(configuration=configuration, values=values).label
+
+
+def _finding(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Finding:
+    results: list[Result] = []
+    for name, outcome in zip(requirement.analyses, outcomes, strict=True):
+        if outcome is None:
+            return Finding(value=None, reason=f"{name} was not run")
+        if outcome.result is None:
+            return Finding(value=None, reason=f"{name} failed: {outcome.reason}")
+        results.append(outcome.result)
+    try:
+        return requirement.find(results)
+    except NotMeasured as error:
+        return Finding(value=None, limit=_limit(requirement), reason=str(error))
+    except InputError as error:
+        raise InputError(f'[[requirements]] "{requirement.name}": {_without(str(error), requirement.name)}') from None
+
+
+def _limit(requirement: Requirement) -> dict[str, float]:
+    """Return the limits that stand in the file, to be shown beside the reason."""
+    given = {name: getattr(requirement, name, None) for name in ("min", "max")}
+    return {name: value for name, value in given.items() if isinstance(value, int | float)}
+
+
+def _without(message: str, name: str) -> str:
+    return message.removeprefix(f"{name}: ")

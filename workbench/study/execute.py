@@ -1,0 +1,201 @@
+"""Run what of a study is not in its store, in worker processes."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workbench.errors import InputError
+from workbench.study.commands import Commands
+from workbench.study.description import Reference
+from workbench.study.finished import Finished
+from workbench.study.outcome import Outcome
+from workbench.study.plan import Plan, Run
+
+if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
+    from workbench.study.worker import Job
+    from workbench.workers import Runner, Workers
+
+__all__ = ["Execution", "Progress"]
+
+_INTERRUPTED = 130
+
+# Called with the number of runs done, and the label of the last one.
+Progress = Callable[[int, str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Setting:
+    commands: Commands
+    finished: Finished
+    folder: Path
+
+
+class Execution:
+    """Runs a plan; what is finished is on disk before the next begins.
+
+    Args:
+        plan: what to run.
+        commands: that do the analyses.
+        finished: the store.
+        folder: of the study.
+
+    Attributes:
+        outcomes: of the runs that are done.
+        measured: how many were run now.
+        interrupted: whether `stop` ended it.
+    """
+
+    def __init__(self, plan: Plan, *, commands: Commands, finished: Finished, folder: Path) -> None:
+        self._plan = plan
+        self._setting = _Setting(commands=commands, finished=finished, folder=folder)
+        self._jobs = 1
+        self._runner: Runner | None = None
+        self._stopped = False
+        self.outcomes: dict[Run, Outcome] = {}
+        self.measured = 0
+        self.interrupted = False
+        self._reuse()
+
+    def _reuse(self) -> None:
+        for run in self._plan.runs:
+            found = self._setting.finished.load(run)
+            if found is not None:
+                self.outcomes[run] = found
+
+    @property
+    def missing(self) -> list[Run]:
+        """Runs that are not done."""
+        return [run for run in self._plan.runs if run not in self.outcomes]
+
+    def stop(self) -> None:
+        """Let `execute` end soon; a signal handler may call it."""
+        self._stopped = True
+        if self._runner is not None:
+            self._runner.stop()
+
+    def execute(self, workers: Workers, progress: Progress) -> None:
+        """Run what is missing.
+
+        Args:
+            workers: how many at a time, and the time for each analysis.
+            progress: is told after each.
+
+        Raises:
+            InputError: an analysis asks for what cannot be done, at every point.
+            WorkbenchError: the store cannot be written.
+        """
+        from workbench.study.worker import NoRecipe  # noqa: PLC0415 - see above
+        from workbench.workers.choose import cores  # noqa: PLC0415
+        from workbench.workers.pool import Pool  # noqa: PLC0415
+
+        self._jobs = workers.jobs or cores()
+        with Pool(NoRecipe(), jobs=self._jobs, limits=workers.limits) as self._runner:
+            if self._stopped:
+                self._runner.stop()
+            try:
+                self._drive(self._runner, progress)
+            except KeyboardInterrupt:
+                self.interrupted = True
+
+    def _drive(self, runner: Runner, progress: Progress) -> None:
+        from workbench.study.worker import perform  # noqa: PLC0415
+        from workbench.workers import Lost  # noqa: PLC0415
+
+        runs = self.missing
+        waiting = dict(enumerate(runs))
+        queue: deque[Job] = deque()
+        self._release(waiting, queue)
+        for reply in runner.run(perform, queue):
+            run = runs[reply.job.number]
+            outcome = Outcome(reason=reply.reason) if isinstance(reply, Lost) else reply.value
+            if outcome.code == _INTERRUPTED:
+                continue
+            self._done(run, outcome)
+            self._release(waiting, queue)
+            progress(len(self.outcomes), run.label)
+
+    def _done(self, run: Run, outcome: Outcome) -> None:
+        self.measured += 1
+        self.outcomes[run] = outcome
+        self._setting.finished.save(run, outcome)
+        if outcome.bad_input:
+            self._refuse(run)
+
+    def _refuse(self, run: Run) -> None:
+        """What cannot be done at any point is a mistake in the study; at some points only, it is their failure."""
+        same = [r for r in self._plan.runs if r.analysis is run.analysis]
+        if all(r in self.outcomes and self.outcomes[r].bad_input for r in same):
+            raise InputError(f"[analyses.{run.analysis.name}]: {self.outcomes[same[0]].reason}")
+
+    def _release(self, waiting: dict[int, Run], queue: deque[Job]) -> None:
+        """Put the runs whose references are there into the queue; those whose references failed, fail."""
+        again = True
+        while again:
+            again = False
+            for number, run in list(waiting.items()):
+                if any(needed not in self.outcomes for needed in run.needs.values()):
+                    continue
+                del waiting[number]
+                lacking = self._lacking(run)
+                if lacking:
+                    self.outcomes[run] = Outcome(reason=lacking)
+                    again = True
+                else:
+                    queue.append(self._job(number, run))
+
+    def _lacking(self, run: Run) -> str:
+        """Return why a run cannot begin; empty: it can."""
+        for word in run.words:
+            if not isinstance(word, Reference):
+                continue
+            needed = run.needs[word.analysis]
+            outcome = self.outcomes[needed]
+            if outcome.result is None:
+                return f"it needs {needed.label}, which failed: {outcome.reason}"
+            if word.kind != "json" and word.kind not in outcome.files:
+                return f"{needed.label} wrote no '{word.kind}'; it wrote: {', '.join(outcome.files) or 'none'}"
+        return ""
+
+    def _job(self, number: int, run: Run) -> Job:
+        from workbench.study.worker import Job  # noqa: PLC0415
+
+        setting = self._setting
+        workplace = setting.finished.workplace(run)
+        arguments = [word if isinstance(word, str) else self._file(word, run, workplace) for word in run.words]
+        return Job(
+            number=number,
+            arguments=(*arguments, *self._own(run, workplace)),
+            folder=setting.folder,
+            workplace=workplace,
+            csv=run.analysis.name if run.wants else "",
+            run=setting.commands.run,
+        )
+
+    def _own(self, run: Run, workplace: Path) -> list[str]:
+        """Return what the study adds: a store for the points of an analysis, and one job where there are many."""
+        command, given = self._setting.commands.get(run.analysis.command), run.analysis.options
+        own: list[str] = []
+        if "store" in command.options:
+            own.append(f"--store={workplace / 'points'}")
+        if "jobs" in command.options and "jobs" not in given and not given.get("in-process"):
+            own.append(f"--jobs={max(1, self._jobs // max(1, len(self.missing)))}")
+        return own
+
+    def _file(self, reference: Reference, run: Run, workplace: Path) -> str:
+        """Write what a reference stands for into a file; return the argument."""
+        outcome = self.outcomes[run.needs[reference.analysis]]
+        text, suffix = _content(reference, outcome)
+        path = workplace / f"of_{reference.analysis}_{reference.kind}.{suffix}"
+        path.write_text(text, encoding="utf-8")
+        return f"{reference.prefix}{path}"
+
+
+def _content(reference: Reference, outcome: Outcome) -> tuple[str, str]:
+    if reference.kind == "json":
+        return json.dumps(outcome.result), "json"
+    return outcome.files[reference.kind], "csv"

@@ -1,0 +1,84 @@
+"""A study's requirements as JUnit XML, which every CI shows."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from workbench.errors import InputError
+from workbench.study.result import Checked, StudyResult
+from workbench.study.words import limit_words, value_words
+
+__all__ = ["write_junit"]
+
+# XML 1.0 has no way to write these.
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_junit(result: StudyResult, path: str | Path) -> None:
+    """Write one test case for each requirement at each point, and one for each analysis that failed without any.
+
+    A requirement that is not met is a failure; one whose analysis gave no result is an error.
+
+    Args:
+        result: of the study.
+        path: of the file.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    suite = ET.Element("testsuite", {"name": _clean(result.study.name)})
+    shares = Counter(run for checked in result.checked for run in checked.runs)
+    for checked in result.checked:
+        seconds = sum(_seconds(result, run) / shares[run] for run in checked.runs)
+        _case(suite, checked, seconds)
+    for run, outcome in result.failed:
+        if run not in shares:
+            reason = outcome.reason or "points of it failed"
+            case = _testcase(suite, f"analysis {run.label}", run.analysis.name, outcome.seconds)
+            ET.SubElement(case, "error", {"message": _clean(reason), "type": "analysis"}).text = _clean(reason)
+    root = ET.Element("testsuites", {"name": "workbench"})
+    root.append(suite)
+    for element in (suite, root):
+        element.attrib.update(_counts(suite))
+    ET.indent(root)
+    try:
+        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _seconds(result: StudyResult, run: object) -> float:
+    """Time that an analysis took now; a reused one took none."""
+    return next((o.seconds for r, o in result.runs.items() if r is run and not o.reused), 0.0)
+
+
+def _case(suite: ET.Element, checked: Checked, seconds: float) -> None:
+    case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
+    found = checked.finding
+    said = f"{value_words(found)}, limit {limit_words(found)}" + (f", at {found.where}" if found.where else "")
+    if found.passed:
+        ET.SubElement(case, "system-out").text = _clean(said)
+        return
+    kind = "failure" if not found.reason or found.limit else "error"
+    message = _clean(found.reason or said)
+    ET.SubElement(case, kind, {"message": message, "type": checked.requirement.kind}).text = message
+
+
+def _testcase(suite: ET.Element, name: str, analysis: str, seconds: float) -> ET.Element:
+    classname = f"{suite.attrib['name']}.{_clean(analysis)}"
+    return ET.SubElement(suite, "testcase", {"name": _clean(name), "classname": classname, "time": f"{seconds:.3f}"})
+
+
+def _counts(suite: ET.Element) -> dict[str, str]:
+    cases = suite.findall("testcase")
+    seconds = sum(float(case.attrib["time"]) for case in cases)
+    numbers = {"tests": len(cases), "failures": len(suite.findall("testcase/failure"))}
+    numbers |= {"errors": len(suite.findall("testcase/error")), "skipped": 0}
+    return {**{name: str(n) for name, n in numbers.items()}, "time": f"{seconds:.3f}"}
+
+
+def _clean(text: str) -> str:
+    return _FORBIDDEN.sub("�", text)

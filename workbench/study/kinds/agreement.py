@@ -1,0 +1,148 @@
+"""Requirements on two results: that they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from workbench.errors import InputError
+from workbench.study.kinds.base import Finding, NotMeasured, Requirement, Result, worst
+from workbench.study.kinds.curve import Curve
+from workbench.study.kinds.curves import READERS, curves
+from workbench.study.kinds.paths import check_path
+from workbench.study.kinds.value import numbers_at
+from workbench.study.place import place
+
+__all__ = ["Agreement", "ResponseAgreement"]
+
+_Positive = Annotated[float, Field(gt=0.0)]
+_Limit = Annotated[float, Field(ge=0.0)]
+
+
+class _Pair(Requirement):
+    """Two analyses.
+
+    Attributes:
+        other: the other analysis, `with` in the file; None: the same.
+    """
+
+    other: str | None = Field(default=None, alias="with")
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        return (self.analysis, self.other or self.analysis)
+
+
+class Agreement(_Pair):
+    """Numbers at two paths agree.
+
+    Attributes:
+        path: in the result of `analysis`.
+        with_path: in that of `with`; None: the same path.
+        tolerance: largest difference.
+        relative: likewise, as a fraction of the number in `with`.
+    """
+
+    path: str
+    with_path: str | None = None
+    tolerance: _Limit | None = None
+    relative: _Limit | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if (self.tolerance is None) == (self.relative is None):
+            raise InputError(f"{where}: has no limit; give tolerance, or relative as a fraction (one of them)")
+        if self.other is None and self.with_path is None:
+            raise InputError(f"{where}: agrees with itself; give with = an analysis, or with_path")
+        with place(where):
+            check_path(self.path)
+            check_path(self.with_path or self.path)
+
+    def find(self, results: Sequence[Result]) -> Finding:
+        mine = numbers_at(results[0], self.path, self.name)
+        theirs = numbers_at(results[1], self.with_path or self.path, self.name)
+        if len(mine) != len(theirs):
+            raise NotMeasured(f"{len(mine)} numbers at {self.path}, but {len(theirs)} to hold them against")
+        return worst([self._pair(where, a, b) for (where, a), (_, b) in zip(mine, theirs, strict=True)])
+
+    def _pair(self, where: str, mine: float, theirs: float) -> Finding:
+        limit = self.tolerance if self.relative is None else self.relative * abs(theirs)
+        limit = limit or 0.0
+        off = abs(mine - theirs)
+        words = f"{where + ': ' if where else ''}{mine:.6g} and {theirs:.6g}"
+        return Finding(value=off, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=words)
+
+
+class ResponseAgreement(_Pair):
+    """Two frequency responses agree at the frequencies measured first, as far as the other one reaches.
+
+    Attributes:
+        db: largest difference of the gain [dB].
+        deg: largest difference of the phase [deg], whole turns apart.
+        band: frequencies that count [Hz]; None: all.
+        amplitude, with_amplitude: of measured responses with several.
+        source, with_source: "linear" or "measured", of loops.
+        input, output: of linear models with several.
+    """
+
+    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
+
+    db: _Limit | None = None
+    deg: _Limit | None = None
+    band: list[_Positive] | None = Field(default=None, min_length=2, max_length=2)
+    amplitude: _Positive | None = None
+    with_amplitude: _Positive | None = None
+    source: Literal["linear", "measured"] | None = None
+    with_source: Literal["linear", "measured"] | None = None
+    input: str | None = None
+    output: str | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if self.db is None and self.deg is None:
+            raise InputError(f"{where}: has no limit; give db, deg or both")
+        if self.band is not None and self.band[0] > self.band[1]:
+            raise InputError(f"{where}: band {self.band[0]:g} to {self.band[1]:g} Hz falls; write it rising")
+
+    def find(self, results: Sequence[Result]) -> Finding:
+        mine = self._curve(results[0], self.amplitude, self.source, None)
+        low, high = self.band or (0.0, float("inf"))
+        frequencies = [f for f in mine.frequency if low * (1 - 1e-9) <= f <= high * (1 + 1e-9)]
+        if not frequencies:
+            raise NotMeasured("nothing was measured in the band")
+        mine.check_failed(low, high)
+        span = (frequencies[0], frequencies[-1])
+        theirs = self._curve(results[1], self.with_amplitude, self.with_source, span)
+        shared = [f for f in frequencies if theirs.frequency[0] * (1 - 1e-9) <= f <= theirs.frequency[-1] * (1 + 1e-9)]
+        if not shared:
+            raise NotMeasured("the two responses share no frequency")
+        return worst([f for frequency in shared for f in self._at(mine, theirs, frequency)])
+
+    def _curve(
+        self, result: Result, amplitude: float | None, source: str | None, band: tuple[float, float] | None
+    ) -> Curve:
+        model = result["command"] in ("lin", "identify")
+        names = {"input": self.input, "output": self.output} if model else {}
+        wanted = band if band is not None else (self.band[0], self.band[1]) if self.band else None
+        found = curves(result, band=wanted, amplitude=amplitude, source=source, **names)
+        if len(found) != 1:
+            had = ", ".join(c.label for c in found)
+            raise InputError(f"{self.name}: the {result['command']} has several responses ({had}); name one amplitude")
+        if not found[0].frequency:
+            raise NotMeasured("no point was measured")
+        return found[0]
+
+    def _at(self, mine: Curve, theirs: Curve, frequency: float) -> list[Finding]:
+        found = []
+        if self.db is not None:
+            off = abs(mine.at("gain", frequency) - theirs.at("gain", frequency))
+            found.append(self._finding(off, self.db, "dB", mine.where(frequency)))
+        if self.deg is not None:
+            off = abs((mine.at("phase", frequency) - theirs.at("phase", frequency) + 180.0) % 360.0 - 180.0)
+            found.append(self._finding(off, self.deg, "deg", mine.where(frequency)))
+        return found
+
+    def _finding(self, off: float, limit: float, unit: str, where: str) -> Finding:
+        return Finding(value=off, unit=unit, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=where)

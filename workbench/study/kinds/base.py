@@ -1,0 +1,233 @@
+"""What a requirement is: an analysis, a number of its result, limits."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from workbench.errors import InputError, WorkbenchError
+from workbench.study.units import convert
+from workbench.system.toml_schema import Table
+
+__all__ = ["Finding", "Limited", "NotMeasured", "Requirement", "Result", "Value", "judge"]
+
+# What a command wrote as JSON.
+Result = Mapping[str, Any]
+
+
+class NotMeasured(WorkbenchError):  # noqa: N818 - it says what happened; the program goes on
+    """The result does not hold the number: a point failed, the run is too short, the loop is unstable; says which."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Value:
+    """One number of a result.
+
+    Attributes:
+        value: the number; a truth or a word where the requirement asks for equality; inf where there is no bound.
+        where: at which frequency, amplitude, time; empty: there is only one.
+        unit: None: it has none.
+    """
+
+    value: float | bool | str
+    where: str = ""
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """How one requirement came out at one point.
+
+    Attributes:
+        value: what was measured: the worst, where there are several; None: nothing was.
+        unit: of value, limit and margin; None: they have none.
+        limit: "min", "max", "equal", "tolerance" → number, what applies at that place.
+        margin: how far the value is inside the limit, negative outside; None: it has no distance.
+        passed: whether the requirement is met.
+        where: at which frequency, amplitude, time.
+        reason: why nothing was measured; empty: something was.
+    """
+
+    value: float | bool | str | None
+    unit: str | None = None
+    limit: Mapping[str, float | bool | str] = field(default_factory=dict)
+    margin: float | None = None
+    passed: bool = False
+    where: str = ""
+    reason: str = ""
+
+
+class Requirement(Table):
+    """What every requirement has.
+
+    Obligations of a subclass:
+      1. `commands` names the commands whose results it reads; empty: any.
+      2. `find` returns the worst of what applies, and raises `NotMeasured` where the result does not hold it.
+      3. `check` refuses what can be seen in the file alone.
+
+    Attributes:
+        name: one of a kind in the study.
+        analysis: whose result.
+        kind: name in `KINDS`.
+        configurations: at which it applies; None: at all.
+        comment: for people; shown in the report.
+    """
+
+    commands: ClassVar[tuple[str, ...]] = ()
+
+    name: str = Field(min_length=1)
+    analysis: str
+    kind: str
+    configurations: list[str] | None = None
+    comment: str = ""
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Names of the analyses that it reads."""
+        return (self.analysis,)
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        """Check what the file alone shows.
+
+        Args:
+            where: the table, for messages.
+            commands: of `analyses`.
+
+        Raises:
+            InputError: the analysis has another kind of result, or a limit is missing or senseless.
+        """
+        for analysis, command in zip(self.analyses, commands, strict=True):
+            if self.commands and command not in self.commands:
+                wanted = ", ".join(self.commands)
+                raise InputError(
+                    f"{where}: '{self.kind}' reads results of {wanted}; [analyses.{analysis}] is a {command}"
+                )
+
+    @abstractmethod
+    def find(self, results: Sequence[Result]) -> Finding:
+        """Hold results against the limits.
+
+        Args:
+            results: of `analyses`, in that order.
+
+        Raises:
+            NotMeasured: the result does not hold the number.
+            InputError: what the requirement asks for cannot be in such a result, e.g. an output of another name.
+        """
+
+
+class Limited(Requirement):
+    """A requirement on numbers: min, max, or equal with a tolerance.
+
+    Attributes:
+        min, max: smallest and largest value, in `unit`.
+        equal: what it must be.
+        tolerance: of equal, in `unit`.
+        relative: of equal, as a fraction of it.
+        unit: of the limits; None: that of the value.
+    """
+
+    units: ClassVar[tuple[str, ...]] = ()
+
+    min: float | None = None
+    max: float | None = None
+    equal: float | bool | str | None = None
+    tolerance: float | None = Field(default=None, ge=0.0)
+    relative: float | None = Field(default=None, ge=0.0)
+    unit: str | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if self.min is None and self.max is None and self.equal is None:
+            raise InputError(f"{where}: has no limit; give min, max, or equal with tolerance or relative")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise InputError(f"{where}: min {self.min:g} is above max {self.max:g}")
+        if self.equal is not None and (self.min is not None or self.max is not None):
+            raise InputError(f"{where}: equal and min or max: only one of them")
+        self._check_tolerance(where)
+        if self.unit is not None and self.units:
+            convert(1.0, self.units[0], self.unit, where)
+
+    def _check_tolerance(self, where: str) -> None:
+        number = isinstance(self.equal, float | int) and not isinstance(self.equal, bool)
+        given = self.tolerance is not None or self.relative is not None
+        if given and not number:
+            raise InputError(f"{where}: tolerance and relative belong to an equal that is a number")
+        if number and not given:
+            raise InputError(f"{where}: equal needs a tolerance, or relative as a fraction of it")
+
+    @abstractmethod
+    def values(self, result: Result) -> Sequence[Value]:
+        """Return every value that must keep the limits.
+
+        Args:
+            result: of the analysis.
+
+        Raises:
+            NotMeasured: the result does not hold one.
+        """
+
+    def find(self, results: Sequence[Result]) -> Finding:
+        found = [self._judged(value) for value in self.values(results[0])]
+        if not found:
+            raise NotMeasured("there is no such value in the result")
+        return worst(found)
+
+    def _judged(self, value: Value) -> Finding:
+        number, unit = value.value, value.unit
+        if self.unit is not None and isinstance(number, int | float) and not isinstance(number, bool):
+            number, unit = convert(float(number), value.unit, self.unit, self.name), self.unit
+        limit, margin, passed = judge(number, self._limits())
+        return Finding(value=number, unit=unit, limit=limit, margin=margin, passed=passed, where=value.where)
+
+    def _limits(self) -> dict[str, float | bool | str]:
+        given = {"min": self.min, "max": self.max, "equal": self.equal, "tolerance": self._tolerance()}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def _tolerance(self) -> float | None:
+        if self.relative is not None and isinstance(self.equal, int | float):
+            return self.relative * abs(self.equal)
+        return self.tolerance
+
+
+def judge(
+    value: float | bool | str,  # noqa: FBT001 - a value
+    limit: Mapping[str, float | bool | str],
+) -> tuple[Mapping[str, float | bool | str], float | None, bool]:
+    """Hold a value against limits.
+
+    Args:
+        value: measured.
+        limit: "min", "max", "equal", "tolerance".
+
+    Returns:
+        The limit, the margin (to the nearer one; None: it has none), whether the limits are kept.
+    """
+    if isinstance(value, str | bool) or isinstance(limit.get("equal"), str | bool):
+        return limit, None, _is_equal(value, limit)
+    margins = []
+    if "min" in limit:
+        margins.append(value - float(limit["min"]))
+    if "max" in limit:
+        margins.append(float(limit["max"]) - value)
+    if "equal" in limit:
+        margins.append(float(limit["tolerance"]) - abs(value - float(limit["equal"])))
+    margin = min(margins)
+    if math.isnan(margin):
+        return limit, None, False
+    return limit, margin, margin >= 0.0
+
+
+def _is_equal(value: float | bool | str, limit: Mapping[str, float | bool | str]) -> bool:  # noqa: FBT001
+    wanted = limit.get("equal")
+    return type(value) is type(wanted) and value == wanted
+
+
+def worst(findings: Sequence[Finding]) -> Finding:
+    """Return the finding that is violated most, else that with the smallest margin."""
+    return min(findings, key=lambda f: (f.passed, math.inf if f.margin is None else f.margin))

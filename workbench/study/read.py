@@ -1,0 +1,214 @@
+"""Read a study from its file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import InputError, suggest
+from workbench.study.bundled import locate_study
+from workbench.study.commands import Commands
+from workbench.study.description import Analysis, Change, Study
+from workbench.study.kinds import read_requirement
+from workbench.study.kinds.base import Requirement
+from workbench.study.place import known, place
+from workbench.study.references import check_references
+from workbench.study.schema import AnalysisTable, ChangeTable, ModelTable, Scalar, StudyTable
+from workbench.system.toml_schema import read_table
+
+__all__ = ["read_study"]
+
+_FILES = (".fmu", ".toml", ".ssp", ".ssd")
+
+
+def read_study(name: str | Path, commands: Commands) -> Study:
+    """Return the study that a file describes.
+
+    Args:
+        name: a path, or `study:NAME`.
+        commands: what its analyses can be.
+
+    Raises:
+        InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown (near
+            names in the message) or missing, a value of the wrong type, a name that is not there or stands twice, a
+            requirement without a limit or for another kind of analysis.
+    """
+    path = locate_study(name)
+    data = _load(path)
+    try:
+        study = _study(path, data, commands)
+        check_references(study, commands)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return study
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: is not TOML: {error}") from None
+
+
+def _study(path: Path, data: Mapping[str, Any], commands: Commands) -> Study:
+    table = read_table(StudyTable, data, "")
+    models = {name: _model(name, given, path.parent) for name, given in table.models.items()}
+    analyses: dict[str, Analysis] = {}
+    for name, given in table.analyses.items():
+        analyses[name] = _analysis(name, given, models, commands, path.parent)
+    if not analyses:
+        raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
+    configurations = {n: _configuration(n, given, models, path.parent) for n, given in table.configurations.items()}
+    return Study(
+        name=table.name or path.stem,
+        description=table.description,
+        path=path,
+        models=models,
+        configurations=configurations,
+        grid=dict(_grid(table.grid, models)),
+        analyses=analyses,
+        requirements=_requirements(table.requirements, analyses, configurations),
+    )
+
+
+# -- models ------------------------------------------------------------------------------------
+
+
+def _model(name: str, given: object, folder: Path) -> Change:
+    where = f"[models] {name}"
+    if isinstance(given, str):
+        given = {"model": given}
+    if not isinstance(given, dict):
+        raise InputError(f'{where}: must be a file such as "Plant.fmu" or a table such as {{model = "Plant.fmu"}}')
+    return _change(read_table(ModelTable, given, where), where, folder)
+
+
+def _change(table: ChangeTable, where: str, folder: Path) -> Change:
+    if table.model is not None:
+        existing(table.model, folder, where)
+    options = {k: v for k, v in table.model_dump(exclude={"model"}).items() if v not in (None, {})}
+    return Change(model=table.model, options=options)
+
+
+def existing(model: str, folder: Path, where: str) -> Path:
+    """Return the file of a model.
+
+    Raises:
+        InputError: nothing there; the message names near files of that folder.
+    """
+    from workbench.fmi.bundled import bundled_path, is_bundled  # noqa: PLC0415
+
+    if is_bundled(model):
+        try:
+            return bundled_path(model)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+    path = (folder / Path(model).expanduser()).resolve()
+    if path.exists():
+        return path
+    near = [p.name for p in path.parent.glob("*") if p.suffix.lower() in _FILES] if path.parent.is_dir() else []
+    raise InputError(f"{where}: no such file: {path}; {suggest(path.name, near)}{'' if near else ' in that folder'}")
+
+
+def _configuration(name: str, given: object, models: Mapping[str, Change], folder: Path) -> dict[str, Change]:
+    where = f"[configurations.{name}]"
+    if not isinstance(given, dict):
+        raise InputError(f"{where}: must be a table of models, as in {name} = {{plant = {{set = {{k = 2.0}}}}}}")
+    changes: dict[str, Change] = {}
+    for model, change in given.items():
+        known(where, "model", model, models)
+        inner = {"model": change} if isinstance(change, str) else change
+        if not isinstance(inner, dict):
+            raise InputError(f"{where}: {model} must be a file or a table such as {{set = {{k = 2.0}}}}")
+        changes[model] = _change(read_table(ChangeTable, inner, f"{where} {model}"), f"{where} {model}", folder)
+    return changes
+
+
+def _grid(given: Mapping[str, Any], models: Mapping[str, Change]) -> Iterator[tuple[str, tuple[Scalar, ...]]]:
+    for name, values in _flat(given):
+        where = f'[grid] "{name}"'
+        model, dot, _ = name.partition(".")
+        if not dot:
+            raise InputError(f'{where}: must be "model.parameter"; models: {", ".join(models) or "none"}')
+        known(where, "model", model, models)
+        if (
+            not isinstance(values, list)
+            or not values
+            or not all(isinstance(v, bool | int | float | str) for v in values)
+        ):
+            raise InputError(f"{where}: must be a list of values, as in [1.0, 2.0]")
+        if len(set(map(repr, values))) < len(values):
+            raise InputError(f"{where}: a value stands twice")
+        yield name, tuple(values)
+
+
+def _flat(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield names and values. TOML reads an unquoted plant.k as table plant with key k: both ways are taken."""
+    for key, value in given.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+# -- analyses and requirements -----------------------------------------------------------------
+
+
+def _analysis(name: str, given: object, models: dict[str, Change], commands: Commands, folder: Path) -> Analysis:
+    where = f"[analyses.{name}]"
+    if not isinstance(given, dict):
+        raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
+    own = {k: v for k, v in given.items() if k in AnalysisTable.model_fields}
+    command = read_table(AnalysisTable, own, where).command
+    known(where, "command", command, commands.names())
+    facts = commands.get(command)
+    options = {k: v for k, v in given.items() if k not in own}
+    model = options.pop(facts.model.name, None) if facts.model is not None else None
+    if facts.model is not None and model is None:
+        raise InputError(f"{where}: key '{facts.model.name}' is missing; models: {', '.join(models) or 'none'}")
+    if model is not None:
+        model = _model_of(where, model, models, folder)
+    for key in options:
+        with place(where):
+            facts.option(key)
+    return Analysis(name=name, command=command, model=model, options=options)
+
+
+def _model_of(where: str, model: object, models: dict[str, Change], folder: Path) -> str:
+    """Return the name of an analysis's model; a file or `fmu:NAME` is taken as a model of that name."""
+    if not isinstance(model, str):
+        raise InputError(f"{where}: key 'model' must be the name of a model, not {model!r}")
+    if model not in models and (":" in model or Path(model).suffix.lower() in _FILES):
+        existing(model, folder, where)
+        models[model] = Change(model=model)
+    known(where, "model", model, models)
+    return model
+
+
+def _requirements(
+    given: Sequence[object], analyses: Mapping[str, Analysis], configurations: Mapping[str, object]
+) -> tuple[Requirement, ...]:
+    found: list[Requirement] = []
+    for number, data in enumerate(given, start=1):
+        where = _where(number, data)
+        requirement = read_requirement(data, where)
+        if any(r.name == requirement.name for r in found):
+            raise InputError(f"{where}: the name stands twice; name each requirement differently")
+        for name in requirement.analyses:
+            known(where, "analysis", name, analyses)
+        for name in requirement.configurations or ():
+            known(where, "configuration", name, configurations)
+        requirement.check(where, [analyses[name].command for name in requirement.analyses])
+        found.append(requirement)
+    return tuple(found)
+
+
+def _where(number: int, data: object) -> str:
+    name = data.get("name") if isinstance(data, Mapping) else None
+    return f'[[requirements]] "{name}"' if isinstance(name, str) and name else f"[[requirements]] number {number}"

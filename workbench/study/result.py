@@ -1,0 +1,207 @@
+"""What a study came to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from workbench.csv_file import write_csv
+from workbench.study.description import Study
+from workbench.study.kinds.base import Finding, Requirement
+from workbench.study.outcome import Outcome
+from workbench.study.plan import Run
+
+if TYPE_CHECKING:
+    from workbench.report.page import Page
+
+__all__ = ["Checked", "StudyResult"]
+
+_NAMED = 4  # so many violated requirements are named in a sentence
+
+_COLUMNS = (
+    "requirement", "point", "kind", "analysis", "value", "unit", "min", "max", "equal", "tolerance", "margin", "passed",
+    "where", "reason",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """One requirement at one point.
+
+    Attributes:
+        requirement: as it stands in the study.
+        point: where, for people; empty: the study has one point.
+        runs: what it was read from.
+        finding: how it came out.
+    """
+
+    requirement: Requirement
+    point: str
+    runs: tuple[Run, ...]
+    finding: Finding
+
+    @property
+    def name(self) -> str:
+        """For people: "gain mask (worn)"."""
+        return f"{self.requirement.name} ({self.point})" if self.point else self.requirement.name
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON."""
+        found = self.finding
+        return {
+            "name": self.requirement.name,
+            "point": self.point,
+            "kind": self.requirement.kind,
+            "analyses": list(self.requirement.analyses),
+            "value": found.value,
+            "unit": found.unit,
+            "limit": dict(found.limit),
+            "margin": found.margin,
+            "passed": found.passed,
+            "where": found.where,
+            "reason": found.reason,
+            "comment": self.requirement.comment,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyResult:
+    """What a study came to.
+
+    Attributes:
+        study: what was asked for.
+        runs: every analysis at every point → what it gave; those that were not run are left out.
+        checked: every requirement at every point.
+        measured: how many analyses were run now.
+        reused: how many came from the store.
+        missing: how many were not run, since the study was interrupted.
+        notes: one line each.
+        command: that made it.
+    """
+
+    study: Study
+    runs: Mapping[Run, Outcome]
+    checked: Sequence[Checked]
+    measured: int
+    reused: int
+    missing: int
+    notes: Sequence[str]
+    command: str
+
+    @property
+    def violated(self) -> list[Checked]:
+        """Requirements that are not met, in the order of the study."""
+        return [c for c in self.checked if not c.finding.passed]
+
+    @property
+    def failed(self) -> list[tuple[Run, Outcome]]:
+        """Analyses without a result, and those of which points failed."""
+        return [(run, o) for run, o in self.runs.items() if o.result is None or o.code != 0]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every requirement is met, and nothing failed or is missing."""
+        return not self.violated and not self.failed and not self.missing
+
+    @property
+    def words(self) -> str:
+        """How it came out, in a sentence or two; what is violated is named."""
+        every, bad = len(self.checked), self.violated
+        if not every:
+            said = "no requirements"
+        elif not bad:
+            said = "the requirement is met" if every == 1 else f"all {every} requirements are met"
+        else:
+            names = ", ".join(c.name for c in bad[:_NAMED]) + (" and others" if len(bad) > _NAMED else "")
+            said = f"{len(bad)} of {every} requirements {'is' if len(bad) == 1 else 'are'} not met: {names}"
+        missing = f", {self.missing} not run" if self.missing else ""
+        return f"{said}; {self.measured} analyses measured, {self.reused} taken from the store{missing}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON, the results of the analyses in full."""
+        return {
+            "study": self.study.name,
+            "description": self.study.description,
+            "file": str(self.study.path),
+            "passed": self.passed,
+            "requirements": [c.to_dict() for c in self.checked],
+            "analyses": [_run_dict(run, outcome) for run, outcome in self.runs.items()],
+            "measured": self.measured,
+            "reused": self.reused,
+            "missing": self.missing,
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each requirement at each point.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_csv(path, [_COLUMNS, *(_row(c) for c in self.checked)])
+
+    def to_junit(self, path: str | Path) -> None:
+        """Write one test case for each requirement at each point, as JUnit XML.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        from workbench.study.junit import write_junit  # noqa: PLC0415 - it reads results
+
+        write_junit(self, path)
+
+    def page(self) -> Page:
+        """Return the page: violations first, every requirement, pictures, the analyses with their commands."""
+        from workbench.study.page import study_page  # noqa: PLC0415 - it reads results
+
+        return study_page(self)
+
+    def report(self, path: str | Path) -> None:
+        """Write the page.
+
+        Args:
+            path: of the file, .html.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        from workbench.origin import Origin  # noqa: PLC0415 - only pages need them
+        from workbench.report.results import write_report  # noqa: PLC0415
+
+        origin = Origin(command="run", call=self.command)
+        write_report(self.page(), path, origin)
+
+
+def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
+    return {
+        "name": run.analysis.name,
+        "point": run.point.label,
+        "configuration": run.point.configuration,
+        "parameters": dict(run.point.values),
+        "command": run.analysis.command,
+        "command_line": run.command_line,
+        "files": dict(run.subject["files"]),
+        "code": outcome.code,
+        "failed": outcome.reason or None,
+        "notes": list(outcome.notes),
+        "seconds": outcome.seconds,
+        "reused": outcome.reused,
+        "result": outcome.result,
+    }
+
+
+def _row(checked: Checked) -> list[Any]:
+    found, limit = checked.finding, checked.finding.limit
+    limits = [limit.get(name, "") for name in ("min", "max", "equal", "tolerance")]
+    what = [checked.requirement.name, checked.point, checked.requirement.kind, checked.requirement.analysis]
+    value = ["" if found.value is None else found.value, found.unit or "", *limits]
+    margin = "" if found.margin is None else found.margin
+    return [*what, *value, margin, found.passed, found.where, found.reason]
