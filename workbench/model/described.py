@@ -105,6 +105,24 @@ class DescribedModel(Model):
         )
         return self._start(setup)
 
+    def open_on(self, instance: Instance, *, start_time: float = 0.0, step: float | None = None) -> FmuSession:
+        """Return a session on an instance that stands before its initialisation, say after a reset.
+
+        Args:
+            instance: of this model; closed with the session.
+            start_time: session time at which it is initialised [s].
+            step: communication step [s] in place of the model's.
+
+        Raises:
+            SimulationError: it cannot be initialised.
+        """
+        setup = dataclasses.replace(
+            self._setup, open_instance=lambda: instance, start_time=float(start_time), step=step or self._setup.step
+        )
+        session = self._open(setup)
+        self._sessions.add(session)
+        return session
+
     def open_at(
         self,
         *,

@@ -1,0 +1,93 @@
+"""Does memory stay free of what closed instances leave behind?"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from workbench.analysis.check.result import Finding
+from workbench.analysis.check.subject import Subject
+
+__all__ = ["memory", "resident"]
+
+_SESSIONS = 100
+_BEFORE = 20  # sessions until allocator and caches have what they need
+_ADVANCED = 10  # steps in each session
+_EVERY = 5  # sessions between two looks
+
+# Of growth per session [bytes]: below the first nobody runs out, beyond the second a sweep of ten thousand does.
+_WATCH, _BROKEN = 16e3, 1e6
+
+
+def memory(subject: Subject) -> Finding:
+    """Open, initialise, advance by ten steps and close 120 sessions; watch the process's resident memory.
+
+    The first 20 fill caches. The slope over the next 100 is the median of the slopes between all pairs of looks
+    (Theil and Sen), so that one block that the allocator takes counts little; what it gives back counts as nothing.
+    Watch: more than 16 kB per session; broken: more than 1 MB, which ends a sweep of ten thousand sessions (FMI: to
+    free an instance frees its memory). Not applicable: the platform does not tell the resident memory.
+
+    Source: Sen, Estimates of the regression coefficient based on Kendall's tau, J. Am. Stat. Assoc. 63 (1968).
+    """
+    if resident() is None:
+        return Finding("not applicable", f"resident memory is not known on {sys.platform}")
+    looks = _looks(subject)
+    slope = max(0.0, _slope(looks))
+    numbers = {
+        "bytes_per_session": slope,
+        "sessions": [k for k, _ in looks],
+        "resident_bytes": [b for _, b in looks],
+    }
+    text = f"{slope / 1e3:.3g} kB per session over {_SESSIONS} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
+    if slope <= _WATCH:
+        return Finding("good", text, numbers=numbers)
+    advice = (
+        f"{_BEFORE * 500} sessions take {slope * 1e4 / 1e9:.2g} GB: cut sweeps into parts, or use --store and go on"
+    )
+    return Finding("broken" if slope > _BROKEN else "watch", text, advice, numbers)
+
+
+def _looks(subject: Subject) -> list[tuple[int, float]]:
+    """Return (sessions since the caches are full, resident bytes)."""
+    looks: list[tuple[int, float]] = []
+    gc.collect()
+    gc.freeze()  # what lives already need not be looked through again
+    try:
+        for k in range(_BEFORE + _SESSIONS + 1):
+            if k >= _BEFORE and (k - _BEFORE) % _EVERY == 0:
+                gc.collect()
+                looks.append((k - _BEFORE, resident() or 0.0))
+            _session(subject)
+    finally:
+        gc.unfreeze()
+    return looks
+
+
+def _session(subject: Subject) -> None:
+    with subject.open() as session:
+        session.advance(subject.start + min(_ADVANCED, subject.steps) * subject.step, signals=subject.constants())
+
+
+def _slope(looks: list[tuple[int, float]]) -> float:
+    """Return the median slope of all pairs [bytes per session]."""
+    k, size = np.array(looks).T
+    i, j = np.triu_indices(len(k), 1)
+    return float(np.median((size[j] - size[i]) / (k[j] - k[i])))
+
+
+def resident() -> float | None:
+    """Return the resident memory of this process [bytes]; its peak where the present one is not told; None: neither."""
+    status = Path("/proc/self/statm")
+    if status.exists():
+        return float(int(status.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE"))
+    if find_spec("resource") is None:
+        return None
+    import resource  # noqa: PLC0415 - not on Windows
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak if sys.platform == "darwin" else 1024 * peak)

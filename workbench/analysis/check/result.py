@@ -1,0 +1,173 @@
+"""What the health card of an FMU says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from workbench.csv_file import write_csv
+from workbench.errors import InputError, suggest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["VERDICTS", "Finding", "HealthCard", "HealthLine"]
+
+# From harmless to serious.
+VERDICTS = ("not applicable", "good", "watch", "broken")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The answer of one check.
+
+    Attributes:
+        verdict: "good", "watch" (no promise is broken, but an analysis must know it), "broken" (a promise of the FMU
+            or of the standard is not kept) or "not applicable" (`evidence` says why).
+        evidence: what was found, with numbers, in one line.
+        consequence: what it means for the analyses here, in one line; empty: nothing.
+        numbers: what was measured, by name, for programs.
+    """
+
+    verdict: str
+    evidence: str
+    consequence: str = ""
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthLine:
+    """One check of one interface of one FMU.
+
+    Attributes:
+        component: name in the system; empty where the card is of one FMU.
+        interface: "me" or "cs"; "file": the description, without running it.
+        name: of the check, a key of `CHECKS`.
+        verdict, evidence, consequence, numbers: see `Finding`.
+        seconds: how long it took.
+    """
+
+    component: str = ""
+    interface: str
+    name: str
+    verdict: str
+    evidence: str
+    consequence: str = ""
+    numbers: dict[str, Any] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        where = ", ".join(filter(None, (self.component, self.interface)))
+        tail = f" → {self.consequence}" if self.consequence else ""
+        return f"{self.name} ({where}): {self.verdict}: {self.evidence}{tail}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        names = ("component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthCard:
+    """Whether an FMU, or each FMU of a system, keeps its promises.
+
+    Attributes:
+        model: name of the model or of the system's file.
+        source: what was checked.
+        fmi_version, generation_tool: of the FMU; of a system those of its FMUs, joined by commas.
+        interfaces: those checked.
+        checks: every line, component by component, the file first, then "me", then "cs".
+        notes: remarks for the user.
+    """
+
+    model: str
+    source: str
+    fmi_version: str
+    generation_tool: str
+    interfaces: tuple[str, ...]
+    checks: tuple[HealthLine, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def worst(self) -> str:
+        """The most serious verdict."""
+        return max((c.verdict for c in self.checks), key=VERDICTS.index, default=VERDICTS[0])
+
+    @property
+    def passed(self) -> bool:
+        """Whether no promise is broken."""
+        return self.worst != "broken"
+
+    @property
+    def concerns(self) -> tuple[HealthLine, ...]:
+        """What is "broken" or "watch", the serious ones first."""
+        chosen = [c for c in self.checks if c.verdict in VERDICTS[2:]]
+        return tuple(sorted(chosen, key=lambda c: -VERDICTS.index(c.verdict)))
+
+    def line(self, name: str, interface: str, *, component: str = "") -> HealthLine:
+        """Return one line.
+
+        Args:
+            name: of the check.
+            interface: "me", "cs" or "file".
+            component: of a system.
+
+        Raises:
+            InputError: there is no such line.
+        """
+        for found in self.checks:
+            if (found.component, found.interface, found.name) == (component, interface, name):
+                return found
+        known = [c.name for c in self.checks if c.interface == interface]
+        raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        return {
+            "model": self.model,
+            "source": self.source,
+            "fmi_version": self.fmi_version,
+            "generation_tool": self.generation_tool,
+            "interfaces": list(self.interfaces),
+            "verdict": self.worst,
+            "passed": self.passed,
+            "checks": [c.to_dict() for c in self.checks],
+            "notes": list(self.notes),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each check: component, interface, name, verdict, evidence, consequence.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        names = ["component", "interface", "name", "verdict", "evidence", "consequence"]
+        write_csv(path, [names, *([getattr(c, n) for n in names] for c in self.checks)])
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the verdicts, the convergence over the communication step and the memory over the sessions.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.check import plot_check  # noqa: PLC0415  matplotlib is slow
+
+        return plot_check(self, path)
+
+    def report(self, path: str | Path) -> None:
+        """Write the card as one self-contained page.
+
+        Args:
+            path: of the file, .html.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        from workbench.report.check import check_page  # noqa: PLC0415
+        from workbench.report.page import write_page  # noqa: PLC0415
+
+        write_page(check_page(self), path)

@@ -1,0 +1,87 @@
+"""Does it matter when a run begins?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.analysis.check.compare import largest_gap, usual_gap
+from workbench.analysis.check.result import Finding
+from workbench.analysis.check.subject import Subject, Trajectory
+from workbench.analysis.lin.rates import basic_period, sample_periods
+from workbench.errors import FmuError, InputError, SimulationError
+from workbench.session.base import Floats
+
+__all__ = ["start_time"]
+
+_FAR = 16  # test runs by which the start is moved: a power of two, so that times stay as exact as they are
+_TICKS = 400
+_SAME = 1e-9
+_TOLERANCE = 100.0  # times the integration's own: two runs may step differently by rounding
+_BESIDE = 0.1
+_OFF = 0.9371  # of the natural step: no communication point falls on a sampling instant
+_CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
+
+
+def start_time(subject: Subject) -> Finding:
+    """Make the same run begin at t0 and at t0 + T: without an explicit dependence on time they are the same.
+
+    Inputs jump once at the start and stand still. T is 16 test runs, or, where the model has a clock on absolute time
+    (its time events, asked for by model exchange, are periodic), the multiple of the common period next to it.
+    Tolerance: 100 times that of the integration, relative to the range, one point of ten set aside for jumps.
+    Watch: the runs differ by more. A source is allowed to depend on time, so that no promise is broken, but analyses
+    that take the model as invariant must know. Not applicable: time events without a common period, or a run
+    that cannot begin later.
+    """
+    try:
+        period = _period(subject)
+    except InputError as error:
+        return Finding("not applicable", f"time events without a common period ({error})")
+    shift = _FAR * subject.span if not period else period * math.ceil(_FAR * subject.span / period)
+    h = (_OFF if subject.is_cs and period else 1.0) * subject.step
+    try:
+        first, later = (_run(subject, subject.start + t, h) for t in (0.0, shift))
+    except (FmuError, SimulationError) as error:
+        return Finding("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _CLOCK)
+    return _judge(subject, first, replace(later, time=first.time), shift, period)
+
+
+def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float, period: float) -> Finding:
+    rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6
+    limit = max(_TOLERANCE * rtol, _SAME)
+    gaps = usual_gap(first, later, _BESIDE)
+    gap = float(gaps.max(initial=0.0))
+    clock = f" (common period of its samples {period:.6g} s)" if period else ""
+    numbers = {"shift": shift, "relative": gap, "limit": limit, "period": period or None}
+    if gap <= limit:
+        return Finding("good", f"{shift:.4g} s later the same within {gap:.1g} of the range{clock}", numbers=numbers)
+    worst = int(gaps.argmax())
+    names = (subject.names[worst],)
+    a, b = (Trajectory(t.time, t.values[:, [worst]]) for t in (first, later))
+    words = largest_gap(a, b, names).words
+    return Finding("watch", f"begun {shift:.4g} s later {words}", _CLOCK, numbers)
+
+
+def _run(subject: Subject, start: float, h: float) -> Trajectory:
+    points = subject.points(start, h)
+    return subject.run(subject.constants(), start=start, step=h, points=points)
+
+
+def _period(subject: Subject) -> float:
+    """Return the common period of the model's time events [s]; 0: it has none, or they cannot be asked for."""
+    times = _ticks(subject)
+    periods = sample_periods(times) if len(times) >= 3 else ()
+    return basic_period(periods, 1e-9) if periods else 0.0
+
+
+def _ticks(subject: Subject) -> Floats:
+    if "me" not in subject.model.description.interfaces:
+        return np.empty(0)
+    recipe = replace(subject.model.recipe, interface="me", solver="auto", step=None)
+    try:
+        with recipe.open() as model, model.open_point(time=subject.start) as point:
+            return point.ticks(_TICKS, subject.start + subject.span)
+    except (FmuError, SimulationError):
+        return np.empty(0)
