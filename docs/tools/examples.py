@@ -127,7 +127,7 @@ def run_page(page: str, folder: Path) -> list[Shown]:
     shown = []
     state = _Page()
     with contextlib.chdir(folder):
-        for block, following in zip(blocks, [*blocks[1:], None], strict=True):
+        for block, following in zip(blocks, [*blocks[1:], None], strict=False):
             if block.title:
                 Path(block.title).write_text(block.text, encoding="utf-8")
             elif block.language in _RUNNERS:

@@ -12,6 +12,11 @@ __all__ = ["with_mathml"]
 _FORMULA = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\\(|\\\[)(?P<latex>.*?)(?:\\\)|\\\])</(?P=tag)>', re.DOTALL
 )
+# What browsers read another way than latex2mathml writes it: dots over letters, alignment of columns.
+_REPAIRS = (
+    (re.compile(r"<mover>(?=(?:<mi>[^<]*</mi>)<mo>&#x0*2D9;</mo>)"), '<mover accent="true">'),
+    (re.compile(r' columnalign="(left|right)"'), r' style="text-align: \1"'),
+)
 _UNKNOWN = re.compile(r"\\[A-Za-z]+")
 
 
@@ -34,4 +39,6 @@ def _one(found: re.Match[str]) -> str:
     left = _UNKNOWN.search(re.sub(r"<[^>]*>", " ", html.unescape(mathml)))
     if left is not None:
         raise ValueError(f"formula '{latex}': {left.group()} is not known to latex2mathml")
+    for pattern, better in _REPAIRS:
+        mathml = pattern.sub(better, mathml)
     return f'<{found["tag"]} class="formula" data-search-exclude>{mathml}</{found["tag"]}>'
