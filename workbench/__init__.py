@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise
     from workbench.analysis.certificate import Certificate
+    from workbench.analysis.check import HealthCard, HealthLine, check
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
     from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
@@ -112,6 +113,8 @@ __all__ = [
     "FmuModel",
     "FunctionComponent",
     "GainComponent",
+    "HealthCard",
+    "HealthLine",
     "IdentifiedModel",
     "IdentifyResult",
     "InputError",
@@ -168,6 +171,7 @@ __all__ = [
     "ZeroInput",
     "advise",
     "bootstrap_poles",
+    "check",
     "coherence",
     "compare",
     "connect",
@@ -234,6 +238,7 @@ _HOMES = {
     "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
     "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
     "workbench.analysis.certificate": ("Certificate",),
+    "workbench.analysis.check": ("HealthCard", "HealthLine", "check"),
     "workbench.analysis.lin.compare": ("LinComparison", "Verdict", "compare"),
     "workbench.analysis.lin.linearise": ("lin",),
     "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),

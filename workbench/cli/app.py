@@ -11,6 +11,7 @@ import typer
 from workbench import __version__
 from workbench.cli import asked, notes
 from workbench.cli.build import build
+from workbench.cli.check import check
 from workbench.cli.delays import delays
 from workbench.cli.excite import excite
 from workbench.cli.export import export
@@ -49,6 +50,7 @@ app.command("loop")(loop)
 app.command("delays")(delays)
 app.command("limit-cycle")(limit_cycle)
 app.command("modes")(modes)
+app.command("check")(check)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("run")(run_study)

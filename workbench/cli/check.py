@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,7 +12,6 @@ from workbench.cli.options import (
     Bias,
     Csv,
     InProcess,
-    Interface,
     Jobs,
     Json,
     MemoryLimit,
@@ -52,7 +51,10 @@ def check(
     skip: Annotated[
         list[str] | None, typer.Option("--skip", metavar="NAME,..", help="Leave these checks out; repeatable.")
     ] = None,
-    interface: Interface = "auto",
+    interface: Annotated[
+        Literal["auto", "me", "cs"],
+        typer.Option("--interface", help="Model exchange or co-simulation; auto: each that is offered."),
+    ] = "auto",
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,

@@ -21,7 +21,12 @@ def check_page(card: HealthCard) -> Page:
     return Page(
         title=f"Health card of {card.model}",
         lead=f"{card.model} {words}: {_counted(card)}.",
-        facts={"checked": card.source, "FMI": card.fmi_version, "made by": card.generation_tool},
+        facts={
+            "checked": card.source,
+            "FMI": card.fmi_version,
+            "made by": card.generation_tool,
+            "SHA-256": card.sha256,
+        },
         sections=[*_tables(card), *_pictures(card), _questions()],
         data=card.to_dict(),
         summary=concerns or [Verdict("good", "nothing to watch")],

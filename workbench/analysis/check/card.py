@@ -19,6 +19,8 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Value
 from workbench.model.fmu_model import FmuModel
 from workbench.model.load import load
+from workbench.model.recipe import content_hash
+from workbench.origin import with_origin
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.read import is_system_file, read_system
 from workbench.workers import Lost, Reply, Workers, perform
@@ -49,6 +51,7 @@ class _Part:
     bias: Mapping[str, float] = field(default_factory=dict)
 
 
+@with_origin()
 def check(
     path: str | Path,
     *,
@@ -170,6 +173,7 @@ def _card(part: _Part, names: tuple[str, ...], where: Workers, progress: Progres
         return HealthCard(
             model=about.model_name,
             source=part.file,
+            sha256=content_hash(Path(model.recipe.source)),
             fmi_version=about.fmi_version,
             generation_tool=about.generation_tool or "unknown tool",
             interfaces=tuple(interfaces),
@@ -261,6 +265,7 @@ def _joined(source: str, cards: list[HealthCard]) -> HealthCard:
     return HealthCard(
         model=Path(source).name,
         source=source,
+        sha256=", ".join(dict.fromkeys(c.sha256 for c in cards)),
         fmi_version=", ".join(dict.fromkeys(c.fmi_version for c in cards)),
         generation_tool=", ".join(dict.fromkeys(c.generation_tool for c in cards)),
         interfaces=tuple(dict.fromkeys(i for c in cards for i in c.interfaces)),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,13 +70,14 @@ class HealthLine:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthCard:
+class HealthCard(Reportable):
     """Whether an FMU, or each FMU of a system, keeps its promises.
 
     Attributes:
         model: name of the model or of the system's file.
         source: what was checked.
-        fmi_version, generation_tool: of the FMU; of a system those of its FMUs, joined by commas.
+        sha256: of the FMU's file or folder; of a system those of its FMUs, joined by commas, as the next two are.
+        fmi_version, generation_tool: as the FMU tells them.
         interfaces: those checked.
         checks: every line, component by component, the file first, then "me", then "cs".
         notes: remarks for the user.
@@ -83,6 +85,7 @@ class HealthCard:
 
     model: str
     source: str
+    sha256: str
     fmi_version: str
     generation_tool: str
     interfaces: tuple[str, ...]
@@ -127,6 +130,7 @@ class HealthCard:
         return {
             "model": self.model,
             "source": self.source,
+            "sha256": self.sha256,
             "fmi_version": self.fmi_version,
             "generation_tool": self.generation_tool,
             "interfaces": list(self.interfaces),
@@ -157,17 +161,3 @@ class HealthCard:
         from workbench.plotting.check import plot_check  # noqa: PLC0415  matplotlib is slow
 
         return plot_check(self, path)
-
-    def report(self, path: str | Path) -> None:
-        """Write the card as one self-contained page.
-
-        Args:
-            path: of the file, .html.
-
-        Raises:
-            InputError: another suffix, or the file cannot be written.
-        """
-        from workbench.report.check import check_page  # noqa: PLC0415
-        from workbench.report.page import write_page  # noqa: PLC0415
-
-        write_page(check_page(self), path)
