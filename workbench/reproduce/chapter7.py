@@ -124,7 +124,7 @@ def _identified() -> Measurement:
 
 def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
     def steps() -> Figure:
-        published, default = done.steps
+        default = done.steps[1]
         curves = [
             ("rudder", default.nonlinear),
             ("lin", default.linear),

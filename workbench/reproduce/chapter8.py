@@ -1,0 +1,147 @@
+"""The aircraft, its describing function and its limit cycle by analysis: chapters 8.1 to 8.3 of the source report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from workbench.analysis.describing.describe import describing_function
+from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.result import LimitCycleResult
+from workbench.analysis.lin.linearise import lin
+from workbench.analysis.nyquist.result import Crossing
+from workbench.analysis.simulate import simulate
+from workbench.fmi.variable import Value
+from workbench.plotting.nyquist import plot_nyquist
+from workbench.reproduce.drawings import titled
+from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.systems import system_file
+from workbench.signals import Constant
+from workbench.system.description import FmuComponent
+from workbench.system.load import load
+from workbench.system.read import read_system
+from workbench.workers import Workers
+
+__all__ = ["EXPERIMENTS"]
+
+HERE = Workers(in_process=True)
+BAND = (0.1, 6.0)  # [Hz], of figure 48
+NAMED = (2.64, 2.74, 3.31)  # [Hz], by which the crossings are told apart
+PUBLISHED_RATE = 0.217  # [rad/s], where the describing function is taken
+FULL = 10.0  # [rad], far beyond every limit
+SETTLED = 4.0  # [s], of the actuators
+
+
+def _aircraft() -> Measurement:
+    with load("fmu:Aircraft", start_values={"outer_aileron_failed": True}) as aircraft:
+        linear = lin(aircraft, inputs=["outer_aileron_moment"], outputs=["outer_aileron_rate"]).result
+        outputs = len(aircraft.outputs)
+    poles = np.linalg.eigvals(linear.A)
+    growing = poles[int(np.argmax(poles.real))]
+    return Measurement(
+        {
+            "aircraft-states": float(len(linear.A)),
+            "aircraft-outputs": float(outputs),
+            "unstable-pair": float(abs(growing.imag) / 2.0 / np.pi),
+            "aileron-limits": _limits({}),
+            "elevator-limits": _limits(_elevator_settings()),
+        },
+        {"unstable-pair": f"it grows with {growing.real:.4f} 1/s"},
+    )
+
+
+def _elevator_settings() -> Mapping[str, Value]:
+    """Return the parameters that the bundled system gives the elevator's actuator."""
+    parts = read_system(system_file("failed_aileron_comfort")).components
+    actuator = next(part for part in parts if part.name == "actuator")
+    return dict(actuator.set) if isinstance(actuator, FmuComponent) else {}
+
+
+def _limits(settings: Mapping[str, Value]) -> list[float]:
+    """Return largest deflections and rate of the limited actuator, commanded far beyond them [deg, deg/s]."""
+    found = []
+    with load("fmu:LimitedActuator", start_values=dict(settings)) as actuator:
+        for command in (FULL, -FULL):
+            signals = {"command": Constant(command)}
+            found.append(simulate(actuator, stop=SETTLED, inputs=signals, outputs=["deflection"], interval=0.01))
+    ends = [math.degrees(run.signals["deflection"][-1]) for run in found]
+    rate = max(float(np.max(np.abs(np.gradient(run.signals["deflection"], run.time)))) for run in found)
+    return [*ends, math.degrees(rate)]
+
+
+def _describing() -> Measurement:
+    with load("fmu:AileronDamper") as damper:
+        found = describing_function(damper, [PUBLISHED_RATE], [NAMED[0]], workers=HERE)
+    return Measurement({"describing-function": float(abs(found.gain.ravel()[0])) / PUBLISHED_RATE})
+
+
+def _crossings(result: LimitCycleResult) -> list[Crossing]:
+    """Return the crossing next to each of the published ones."""
+    return [min(result.crossings, key=lambda c: abs(c.frequency_hz - hertz)) for hertz in NAMED]
+
+
+def _limit_cycle() -> Measurement:
+    with load(system_file("failed_aileron")) as system:
+        result = limit_cycle(system, block="damper", band=BAND, outputs=["outer_aileron_rate"], workers=HERE)
+    named = _crossings(result)
+    rising = sorted(result.crossings, key=lambda c: c.gain)
+    counts = [rising[0].unstable_below, *(c.unstable_above for c in rising)]
+    first = next(c for c in result.limit_cycles if c.method == "describing function" and c.stable)
+    return Measurement(
+        {
+            "nyquist-count": float(len(result.crossings)),
+            "nyquist-frequencies": [c.frequency_hz for c in named],
+            "nyquist-values": [c.real for c in named],
+            "nyquist-stable": [float(bool(c.stable)) for c in named],
+            "pole-counts": [float(n) for n in counts],
+            "pole-switches": [c.gain for c in rising],
+            "predicted-amplitude": first.fundamental,
+            "predicted-frequency": first.frequency_hz,
+        },
+        {"predicted-amplitude": _by_method(result)},
+        [
+            Picture((46, 47, 48), "Linear part and damper: L(jω) and −1/N(A).", lambda: _nyquist(result)),
+            Picture((48,), "Limit cycles by four methods.", lambda: titled(result.plot(), "Figure 48: limit cycles")),
+        ],
+    )
+
+
+def _by_method(result: LimitCycleResult) -> str:
+    stable = [c for c in result.limit_cycles if c.stable]
+    found = (
+        f"{c.method} {c.amplitude:.4f} rad/s (fundamental {c.fundamental:.4f}) at {c.frequency_hz:.4f} Hz"
+        for c in stable
+    )
+    return "; ".join(found)
+
+
+def _nyquist(result: LimitCycleResult) -> Figure:
+    return titled(plot_nyquist(result.nyquist), "Figure 48: Nyquist plot of the linear part, 0.1 to 6 Hz")
+
+
+EXPERIMENTS = (
+    Experiment(
+        "aircraft",
+        ("aircraft-states", "aircraft-outputs", "unstable-pair", "aileron-limits", "elevator-limits"),
+        _aircraft,
+    ),
+    Experiment("describing function", ("describing-function",), _describing),
+    Experiment(
+        "limit cycle predicted",
+        (
+            "nyquist-count",
+            "nyquist-frequencies",
+            "nyquist-values",
+            "nyquist-stable",
+            "pole-counts",
+            "pole-switches",
+            "predicted-amplitude",
+            "predicted-frequency",
+        ),
+        _limit_cycle,
+        4.0,
+    ),
+)
