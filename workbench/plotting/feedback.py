@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from workbench.plotting.feedback_nyquist import draw_curve
 from workbench.plotting.feedback_settling import draw_settling
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.panels import ABOVE, LEGEND, panels
+from workbench.plotting.panels import ABOVE, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult
@@ -98,13 +99,12 @@ def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
         lines = LineCollection(list(pieces), cmap=_COLOURMAP, norm=limits, linewidths=1.9, zorder=3)
         lines.set_array(0.5 * (locus.gains[:-1] + locus.gains[1:]))
         ax.add_collection(lines)
-    _ends(ax, result, top)
+    _ends(ax, result, top, named=near)
     ax.set_xlim(left, right)
     ax.set_ylim(-0.01 * top, top)
     ax.set(xlabel="real part of the pole [1/s]", ylabel="frequency |imaginary part|/2π [Hz]")
     shade = ax.figure.colorbar(LineCollection([], cmap=_COLOURMAP, norm=limits), ax=ax, pad=0.02, aspect=30)
     shade.set_label(gain_label(result))
-    ax.set_title("around the border of stability" if near else "all poles", loc="left")
 
 
 def _view(result: FeedbackResult, *, near: bool) -> tuple[float, float, float]:
@@ -126,33 +126,28 @@ def _view(result: FeedbackResult, *, near: bool) -> tuple[float, float, float]:
 
 
 def _damping_lines(ax: Axes, left: float, top: float) -> None:
-    """Draw lines of constant damping ratio, named where they leave the picture."""
-    for ratio in _DAMPINGS:
+    """Draw lines of constant damping ratio, named where they leave the picture and there is room."""
+    named: list[tuple[float, float]] = []
+    for ratio in reversed(_DAMPINGS):
         slope = 2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2)  # −real part over frequency
         end = min(top, -left / slope)
         ax.plot([0.0, -slope * end], [0.0, end], color="#999999", linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        x, y = -slope * end * 0.97, end * 0.97
-        ax.annotate(f"ζ = {ratio:g}", (x, y), fontsize=7.5, color="#777777", ha="center", va="center", zorder=1,
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85})  # fmt: skip
+        x, y = -slope * end * 0.96, end * 0.96
+        if any(abs(x - u) < -0.14 * left and abs(y - v) < 0.06 * top for u, v in [*named, (0.0, y)]):
+            continue
+        named.append((x, y))
+        ax.annotate(
+            f"ζ = {ratio:g}", (x, y), fontsize=7.5, color="#777777", ha="center", va="center", zorder=1,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
+        )  # fmt: skip
 
 
-def _ends(ax: Axes, result: FeedbackResult, top: float) -> None:
+def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
     """Mark the open-loop poles, and where poles stand on the border with the gain that puts them there."""
-    zero = int(np.argmin(np.abs(result.locus.gains)))
-    if (
-        abs(result.locus.gains[zero]) < 1e-9 * np.ptp(result.locus.gains) + 1e-300
-        or result.locus.gains[0] < 0.0 < result.locus.gains[-1]
-    ):
+    if result.locus.gains[0] <= 0.0 <= result.locus.gains[-1]:
         poles = _open_poles(result)
-        ax.plot(
-            poles.real,
-            np.abs(poles.imag) / (2.0 * np.pi),
-            "x",
-            color="#222222",
-            markersize=6.0,
-            zorder=5,
-            label="g = 0",
-        )
+        f = np.abs(poles.imag) / (2.0 * np.pi)
+        ax.plot(poles.real, f, "x", color="#222222", markersize=6.0, zorder=5, label="g = 0")
     seen: list[float] = []
     for c in _marked(result):
         if not np.isfinite(c.frequency_hz) or c.frequency_hz > top:
@@ -162,12 +157,14 @@ def _ends(ax: Axes, result: FeedbackResult, top: float) -> None:
         ax.plot(0.0, c.frequency_hz, "o", markersize=6.0, zorder=6, **style)
         crowded = any(abs(c.frequency_hz - y) < 0.03 * top for y in seen)
         seen.append(c.frequency_hz)
-        ax.annotate(
-            f"{c.gain:.4g}", (0.0, c.frequency_hz), xytext=(-7 if crowded else 7, 5), textcoords="offset points",
-            fontsize=8.5, zorder=7, ha="right" if crowded else "left",
-        )  # fmt: skip
-    ax.plot([], [], "o", color=COLOURS[1], label="border of stability, with gain")
-    ax.legend(**{**LEGEND, "loc": "lower left"})
+        if named:
+            ax.annotate(
+                f"{c.gain:.4g}", (0.0, c.frequency_hz), xytext=(-7 if crowded else 7, 5), textcoords="offset points",
+                fontsize=8.5, zorder=7, ha="right" if crowded else "left",
+            )  # fmt: skip
+    ax.plot([], [], "o", color=COLOURS[1], label="a pole on the border, with gain")
+    ax.plot([], [], "o", color=COLOURS[1], markerfacecolor="white", label="… others beyond it")
+    ax.legend(**{**ABOVE, "fontsize": 8.0}, ncols=3, columnspacing=1.0, handletextpad=0.3)
 
 
 def _open_poles(result: FeedbackResult) -> Any:  # noqa: ANN401 - an array of complex numbers
@@ -241,6 +238,7 @@ def draw_growth(ax: Axes, result: FeedbackResult) -> None:
     width = max(top - bottom, 1e-12)
     ax.set_ylim(bottom - 0.15 * width, top + 0.1 * width)
     ax.set_xlim(low, high)
+    ax.xaxis.set_major_locator(MaxNLocator(6))
     ax.set(xlabel=gain_label(result), ylabel="growth rate [1/s]")
     ax.legend(**ABOVE, ncols=3)
 

@@ -116,11 +116,10 @@ def draw_curve(ax: Axes, result: FeedbackResult, *, band: tuple[float, float] | 
     limits = (0.0, np.inf) if band is None else band
     shown = [c for c in result.crossings if limits[0] <= c.frequency_hz <= limits[1] and np.isfinite(c.real)]
     _stable_axis(ax, result)
-    for c in shown:
-        _mark(ax, c, named=marks == "all" or (marks == "shown" and _bounds(result, c)))
     _frame(ax, result, shown, value[inside], marks)
+    _marks(ax, result, shown, marks)
     low, high = (float(f[inside][0]), float(f[inside][-1])) if inside.any() else limits
-    ax.set_title(f"{low:.3g} … {high:.3g} Hz", loc="left")
+    ax.set_title(f"{low:.3g} … {high:.3g} Hz", loc="left", fontsize=9.5)
     unit = f" [{result.source_unit} per {result.target_unit}]" if _mixed(result) else ""
     ax.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
 
@@ -143,21 +142,23 @@ def _stable_axis(ax: Axes, result: FeedbackResult) -> None:
         ax.legend(**{**LEGEND, "loc": "best"})
 
 
-def _mark(ax: Axes, c: Crossing, *, named: bool) -> None:
-    stable = 0 in (c.unstable_below, c.unstable_above)
-    style: dict[str, Any] = {"color": COLOURS[1], "markerfacecolor": COLOURS[1] if stable else "white"}
-    ax.plot(c.real, 0.0, "o", markersize=5.5, zorder=5, clip_on=True, **style)
-    if named:
-        text = f"{c.real:.4g}\n{c.frequency_hz:.4g} Hz"
+def _marks(ax: Axes, result: FeedbackResult, shown: list[Crossing], marks: str) -> None:
+    """Mark the crossings; name those that there is room for, the ends of the stable gains first."""
+    left, right = ax.get_xlim()
+    placed: list[float] = []
+    for c in sorted(shown, key=lambda c: (not _bounds(result, c), -abs(c.real))):
+        stable = 0 in (c.unstable_below, c.unstable_above)
+        style: dict[str, Any] = {"color": COLOURS[1], "markerfacecolor": COLOURS[1] if stable else "white"}
+        ax.plot(c.real, 0.0, "o", markersize=5.5, zorder=5, **style)
+        near = [x for x in placed if abs(x - c.real) < 0.13 * (right - left)]
+        wanted = marks == "all" or (marks == "shown" and _bounds(result, c))
+        if not wanted or len(near) > 1 or not left < c.real < right:
+            continue
         ax.annotate(
-            text,
-            (c.real, 0.0),
-            xytext=(0, 7),
-            textcoords="offset points",
-            fontsize=8.0,
-            ha="center",
-            annotation_clip=True,
-        )
+            f"{c.real:.4g}\n{c.frequency_hz:.4g} Hz", (c.real, 0.0), xytext=(0, -27 if near else 7),
+            textcoords="offset points", fontsize=8.0, ha="center",
+        )  # fmt: skip
+        placed.append(c.real)
 
 
 def _frame(ax: Axes, result: FeedbackResult, shown: list[Crossing], value: Any, marks: str) -> None:  # noqa: ANN401

@@ -42,9 +42,10 @@ def plot_feedback_run(run: FeedbackRun, path: str | Path | None = None) -> Figur
         for ax in (whole, near):
             _draw(ax, run, unit, curves, limit)
         near.set_ylabel("")
+        _close_up(near, run, unit, curves, limit)
         near.set_xlim(run.closes_at - 2.0 * period, run.closes_at + 12.0 * period)
         whole.set_xlim(run.time[0], run.time[-1])
-        whole.legend(**ABOVE, ncols=3)
+        whole.legend(**ABOVE, ncols=4).set_in_layout(False)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
     if path is not None:
@@ -66,9 +67,9 @@ def _rows(run: FeedbackRun) -> list[tuple[str | None, _Curves, float | None]]:
     rows: list[tuple[str | None, _Curves, float | None]] = [
         (run.units.get(n), [(n, run.signals[n])], None) for n in motion
     ]
-    handed: _Curves = [(f"{_HANDED} ({run.target})", run.signals[_HANDED])]
+    handed: _Curves = [(f"feedback to {run.target}", run.signals[_HANDED])]
     rows.append((unit, handed + [(n, run.signals[n]) for n in like], run.limit))
-    speed: _Curves = [("rate of that", np.gradient(run.signals[_HANDED], run.time))]
+    speed: _Curves = [("its rate", np.gradient(run.signals[_HANDED], run.time))]
     rows.append((rate_unit, speed + [(n, run.signals[n]) for n in fast], run.rate_limit))
     rows += [(run.units.get(n), [(n, run.signals[n])], None) for n in rest if n not in (*like, *fast)]
     return rows
@@ -84,8 +85,24 @@ def _draw(
     if limit is not None:
         for sign in (-1.0, 1.0):
             ax.axhline(sign * scale * limit, color=COLOURS[1], linewidth=1.0, linestyle="--",
-                       label=f"limit ±{scale * limit:.4g}" if sign > 0.0 else None)  # fmt: skip
+                       label=f"limit ±{scale * limit:.4g} {shown}" if sign > 0.0 else None)  # fmt: skip
     ax.set_ylabel(f"[{shown}]" if shown else "")
+
+
+def _close_up(
+    ax: Axes, run: FeedbackRun, unit: str | None, curves: Sequence[tuple[str, Floats]], limit: float | None
+) -> None:
+    """Show the curves in full height; a limit far beyond them is told in words."""
+    scale, shown = _degrees(unit)
+    seen = np.abs(run.time - run.closes_at) < 12.0 / run.frequency_hz
+    size = 1.15 * max(float(np.abs(scale * v[seen]).max()) for _, v in curves)
+    if limit is not None and scale * limit > 1.4 * size:
+        ax.text(0.99, 0.95, f"limit ±{scale * limit:.4g} {shown} beyond the picture", transform=ax.transAxes,
+                fontsize=8.0, ha="right", va="top", color=COLOURS[3])  # fmt: skip
+    elif limit is not None:
+        size = max(size, 1.1 * scale * limit)
+    if size > 0.0:
+        ax.set_ylim(-size, size)
 
 
 def _degrees(unit: str | None) -> tuple[float, str]:

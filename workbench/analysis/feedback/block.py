@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from workbench.analysis.describing.base import Block
+from workbench.analysis.describing.base import Block, Complex
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import Place
 from workbench.analysis.feedback.standing import Standing, linear
@@ -79,6 +80,31 @@ class CyclesLeft:
         }
 
 
+class _Remembering(Block):
+    """A block whose N(A) is evaluated once for each amplitude, for many gains.
+
+    Args:
+        block: static, or with a memory that it runs through by itself.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
+        self._block = block
+        self._known: dict[tuple[float, float], complex] = {}
+
+    def answer(self, v: Complex, frequency: float, count: int) -> Complex:
+        return self._block.answer(v, frequency, count)
+
+    def static(self, v: Floats) -> Floats:
+        return self._block.static(v)
+
+    def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
+        key = (amplitude, frequency if self.frequency_dependent else 1.0)
+        if key not in self._known:
+            self._known[key] = self._block.gain(amplitude, frequency)
+        return self._known[key]
+
+
 @dataclass(frozen=True, eq=False)
 class TwoPorts:
     """The system without block and feedback: from the block's output and the target to the block's input and source.
@@ -91,10 +117,10 @@ class TwoPorts:
     lin: LinResult
     loop: Cut
 
-    @property
+    @cached_property
     def block(self) -> Block | None:
         """The block about the operating point; None: it has a memory of its own."""
-        return self.loop.block
+        return None if self.loop.block is None else _Remembering(self.loop.block)
 
     def part(self, gain: float) -> LinearPart:
         """Return the linear part that the block sees with u = g·y.

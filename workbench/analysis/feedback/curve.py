@@ -32,4 +32,8 @@ def curve(plant: Plant, frequencies: Sequence[float]) -> tuple[Floats, Complex]:
         f = np.linspace(0.0, plant.transfer.highest_hz, _POINTS + 1)[1:]
         return f, plant.transfer.response(f)
     band = (float(every.min()) * 0.1, float(every.max()) * 10.0)
-    return adaptive_grid(LinearPart(plant.A, plant.B, plant.C, plant.D), band)
+    part = LinearPart(plant.A, plant.B, plant.C, plant.D)
+    f, value = adaptive_grid(part, band)
+    between = 0.5 * (f[1:] + f[:-1])  # a picture shows angles of 3°
+    order = np.argsort(np.concatenate([f, between]), kind="stable")
+    return np.concatenate([f, between])[order], np.concatenate([value, part.response(between)])[order]
