@@ -20,6 +20,7 @@ __all__ = ["PAGES", "page_of", "write_report"]
 # Class of the result → function that makes its page. Both by name, so that a page loads what it shows and no more.
 PAGES: dict[str, str] = {
     "workbench.analysis.advice.result.Advice": "workbench.report.data:advice_page",
+    "workbench.analysis.check.result.HealthCard": "workbench.report.check:check_page",
     "workbench.analysis.describing.describe.DescribingFunction": "workbench.report.limit_cycle:describing_page",
     "workbench.analysis.excite.result.ExciteResult": "workbench.report.excite:excite_page",
     "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
