@@ -262,6 +262,8 @@ def _history(ax: Axes, result: FeedForwardResult, trial: Trial, colour: str, *, 
         span = min(20.0, max(1.2 * (end - trial.closes_at), 0.01)) if trial.divergence else 20.0
         keep = (time >= trial.closes_at - (0.5 if trial.divergence else 0.1) * span) & (time <= trial.closes_at + span)
         time, values = time[keep], values[keep]
+    else:
+        ax.set_xlim(0.0, max(float(t.time[-1]) for t in result.trials))
     ax.plot(time, values, color=colour, linewidth=0.7 if whole else 0.9)
     ax.axvline(trial.closes_at, color="#666666", linewidth=0.9)
     ax.set_ylabel(label(result.input, trial.units.get(result.input)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,15 @@ from scipy.signal import tf2ss
 from workbench.errors import InputError, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
-from workbench.system.toml_schema import FmuTable, GainTable, LinearTable, SumTable, TransferTable, read_table
+from workbench.system.toml_schema import (
+    FmuTable,
+    GainTable,
+    LinearFileTable,
+    LinearTable,
+    SumTable,
+    TransferTable,
+    read_table,
+)
 
 __all__ = ["existing_fmu", "read_component"]
 
@@ -120,6 +129,35 @@ def _state_space(name: str, given: Mapping[str, Any], place: _Place) -> LinearCo
     return _linear(name, (_matrix("A", table.A, place.where), B, C, D), table, place.where)
 
 
+def _linear_file(name: str, given: Mapping[str, Any], place: _Place) -> LinearComponent:
+    """Read matrices too large for a system file from JSON beside it."""
+    table = read_table(LinearFileTable, given, place.where)
+    path = (place.folder / Path(table.linear).expanduser()).resolve()
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        near = [p.name for p in path.parent.glob("*.json")] if path.parent.is_dir() else []
+        hint = suggest(path.name, near) + ("" if near else " in that folder")
+        raise InputError(f"{place.where}: {path} cannot be read: {error.strerror or error}; {hint}") from None
+    except ValueError as error:
+        raise InputError(f"{place.where}: {path} is not JSON: {error}") from None
+    if not isinstance(data, dict) or not {"A", "B", "C", "D"} <= data.keys():
+        raise InputError(f"{place.where}: {path} holds no linear model: keys A, B, C and D are needed")
+    offsets = [key for key in ("u0", "y0", "x0", "dx0") if _nonzero(data.get(key))]
+    if offsets:
+        raise InputError(
+            f"{place.where}: {path}: the model holds about a point ({offsets[0]} is not 0); export it as FMU"
+        )
+    named = {"input_names": "inputs", "output_names": "outputs", "state_names": "states"}
+    kept = {named.get(k, str(k)): v for k, v in data.items() if k in {"A", "B", "C", "D", "dt", *named}}
+    return _state_space(name, {**kept, "units": {**(data.get("units") or {}), **table.units}}, place)
+
+
+def _nonzero(value: object) -> bool:
+    numbers = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return any(bool(x) for x in numbers)
+
+
 def _transfer(name: str, given: Mapping[str, Any], place: _Place) -> LinearComponent:
     table = read_table(TransferTable, given, place.where)
     numerator, denominator = np.trim_zeros(table.numerator, "f"), np.trim_zeros(table.denominator, "f")
@@ -199,5 +237,6 @@ _READERS: Mapping[str, _Reader] = {
     "gain": _gain,
     "sum": _sum,
     "A": _state_space,
+    "linear": _linear_file,
     "numerator": _transfer,
 }

@@ -14,6 +14,7 @@ __all__ = [
     "ExperimentTable",
     "FmuTable",
     "GainTable",
+    "LinearFileTable",
     "LinearTable",
     "SumTable",
     "SystemTable",
@@ -102,6 +103,13 @@ class LinearTable(_Dynamic):
     B: _Matrix
     C: _Matrix
     D: _Matrix | None = None
+
+
+class LinearFileTable(Table):
+    """A state-space model in a JSON file, as `lin`, `identify` or `feed-forward` write it."""
+
+    linear: str
+    units: dict[str, str] = Field(default_factory=dict)
 
 
 class TransferTable(_Dynamic):

@@ -107,17 +107,17 @@ def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> De
         steps.append(judge.step(name, now.response(judge.frequency), now.order, now.unstable_poles, remark))
 
     F = factored(h.part).over(factored(g.part))
-    add("joined", F, f"zeros of G (order {g.order}) and poles of H (order {h.order})")
+    add("joined", F, f"G of order {g.order}, H of order {h.order}")
     short = cancel(F, tolerance=settings.cancel)
     F = short.factored
-    add("cancelled", F, f"{len(short.poles)} poles with a zero nearer than {settings.cancel:g}")
+    add("cancelled", F, f"{len(short.poles)} pairs within {settings.cancel:g}")
     turned = mirror(F)
     F = turned.factored
     add("mirrored", F, _mirrored(turned.poles, settings.band[1]))
     change = settings.sign == "change" or (settings.sign == "auto" and turned.dc_sign < 0)
     F = F.negated() if change else F
     why = "an odd" if turned.dc_sign < 0 else "an even"
-    add("sign", F, f"{'changed' if change else 'kept'}; {why} number of real poles was mirrored")
+    add("sign", F, f"{'changed' if change else 'kept'}: {why} number of real poles mirrored")
     if settings.low_pass_order:
         F = F.times(low_pass(settings.low_pass, order=settings.low_pass_order))
         add("low-pass", F, f"Butterworth of order {settings.low_pass_order} at {settings.low_pass:g} Hz")
@@ -128,7 +128,7 @@ def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> De
         factored=F,
         part=to_state_space(F),
         mirrored=turned.poles,
-        notes=_notes(turned.on_axis, short.poles),
+        notes=_notes(turned.on_axis, short.poles, turned.poles),
     )
 
 
@@ -152,18 +152,22 @@ def grid(G: LinearPart, H: LinearPart, low: float, high: float) -> Floats:
 def _reduced(g: BalancedReduction, h: BalancedReduction, judge: Judge) -> FilterStep:
     with np.errstate(all="ignore"):
         response = h.part.response(judge.frequency) / g.part.response(judge.frequency)
-    remark = f"G from {g.full_order} to {g.order} states, H from {h.full_order} to {h.order}"
+    remark = f"G {g.full_order} → {g.order}, H {h.full_order} → {h.order}"
     return judge.step("reduced", response, g.order + h.order, np.zeros(0, dtype=np.complex128), remark)
 
 
 def _mirrored(poles: Complex, edge: float) -> str:
     inside = int(np.sum(np.abs(poles) <= 2.0 * np.pi * edge))
-    listed = ", ".join(f"{abs(p) / (2.0 * np.pi):.3g}" for p in poles[poles.imag >= 0.0].tolist())
-    return f"{len(poles)} poles, {inside} of them below {edge:g} Hz; at {listed} Hz" if len(poles) else "none"
+    return f"{len(poles)} poles, {inside} below {edge:g} Hz" if len(poles) else "none"
 
 
-def _notes(on_axis: Complex, cancelled: Complex) -> tuple[str, ...]:
+def _notes(on_axis: Complex, cancelled: Complex, mirrored: Complex) -> tuple[str, ...]:
     notes = []
+    if len(mirrored):
+        listed = ", ".join(f"{abs(p) / (2.0 * np.pi):.3g}" for p in mirrored[mirrored.imag >= 0.0].tolist())
+        notes.append(
+            f"poles were mirrored at {listed} Hz; around these frequencies the filter has another phase than H/G"
+        )
     if len(on_axis):
         notes.append(
             f"the filter keeps {len(on_axis)} poles on the imaginary axis, such as an integrator: its output can drift"

@@ -23,6 +23,7 @@ THRESHOLDS = (0.5, 0.1, 0.05, 0.01)
 _WINDOW = 0.1  # of the time before closing, in which the amplitude is measured
 _END = 0.05  # of the time after it, in which the rest is measured
 _PER_RUN = 20_000  # recorded points
+_NEAR = 1000  # points between closing and an escape
 _BEFORE = 1e-4  # of the time after closing: so long before an escape the record ends
 
 
@@ -123,8 +124,10 @@ def _shorter(
     """Run again up to just before the failure."""
     if error.time is None:
         raise error
-    end = error.time - _BEFORE * max(error.time - run.closes_at, 1e-6)
-    return simulate(system, stop=end, inputs=inputs, outputs=names, points=np.linspace(0.0, end, _PER_RUN + 1)[1:])
+    begin = min(run.closes_at, 0.5 * error.time)
+    end = error.time - _BEFORE * (error.time - begin)
+    points = np.union1d(np.linspace(0.0, end, _PER_RUN + 1)[1:], np.linspace(begin, end, _NEAR + 1)[1:])
+    return simulate(system, stop=end, inputs=inputs, outputs=names, points=points)
 
 
 def _trial(  # noqa: PLR0917 - one row of facts

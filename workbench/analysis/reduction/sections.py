@@ -127,4 +127,4 @@ def _balanced(A: Floats, B: Floats, C: Floats, D: float) -> LinearPart:
     scale = np.diag(transform)
     B, C = B / scale, C * scale
     unit = math.sqrt(float(np.linalg.norm(C)) / float(np.linalg.norm(B))) if np.any(B) and np.any(C) else 1.0
-    return LinearPart(np.ascontiguousarray(A), B * unit, C / unit, D)
+    return LinearPart(np.ascontiguousarray(A) + 0.0, B * unit + 0.0, C / unit + 0.0, D)  # no zeros with a sign
