@@ -130,7 +130,7 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
         ('sum = "+-"', 'sums = "+-"', "[components] s: key 'sums' is unknown; did you mean sum?"),
         ('sum = "+-"', 'sum = "+x"', "key 'sum' holds 'x'; write one + or - for each input"),
         ("k = 2", "k = true", '[components] k: must be a file such as "Plant.fmu"'),
-        ("k = 2", "k = {}", "[components] k: says not what it is; give one of: model, gain, sum, A, numerator"),
+        ("k = 2", "k = {}", "[components] k: says not what it is; give one of: model, gain, sum, A, linear, numerator"),
         ("k = 2", 'k = {modl = "a.fmu"}', "[components] k: key 'modl' is unknown; did you mean model?"),
         ("[[1.0, 2.0]]", "[[1.0, 2.0], [1]]", "[components] l: key 'B' has rows of different lengths"),
         ("C = [[1.0]]", "C = [[1.0, 2.0]]", "[components] l: key 'C' has shape (1, 2), but (1, 1) is needed"),
