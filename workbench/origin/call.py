@@ -99,12 +99,13 @@ def _is_file(value: str | Path) -> bool:
 def _call(function: Callable[..., object], given: Mapping[str, Any], models: list[Model]) -> str:
     names = {id(m): "model" if len(models) == 1 else f"model_{i}" for i, m in enumerate(models, start=1)}
     owner = "wb" if "self" not in given else names.get(id(given["self"]), type(given["self"]).__name__.lower())
-    kinds = {name: p.kind for name, p in inspect.signature(function).parameters.items()}
-    texts = [
-        f"{name}=" * (kinds[name] is inspect.Parameter.KEYWORD_ONLY) + _text(value, name, names)
-        for name, value in given.items()
-        if name != "self" and value is not None and not callable(value)
-    ]
+    texts, positional = [], True
+    for name, parameter in inspect.signature(function).parameters.items():
+        value = given.get(name)
+        # Behind one that was left out, names are needed.
+        positional = positional and value is not None and parameter.kind is not inspect.Parameter.KEYWORD_ONLY
+        if name != "self" and value is not None and not callable(value):
+            texts.append(f"{'' if positional else f'{name}='}{_text(value, name, names)}")
     lines = [f"{names[id(m)]} = {load}" for m in models if (load := _load(m))]
     return "\n".join([*lines, f"result = {owner}.{function.__name__}({', '.join(texts)})"])
 

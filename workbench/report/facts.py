@@ -12,6 +12,7 @@ from typing import Any
 from workbench import __version__
 from workbench.origin import ModelFacts, Origin
 from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted
 
 __all__ = ["finished", "versions"]
 
@@ -41,7 +42,8 @@ def finished(page: Page, origin: Origin) -> Page:
         page: what a result says of itself.
         origin: how it was made.
     """
-    command = {"command": origin.call} if origin.call else {}
+    name = "command" if origin.call.startswith("workbench ") else "call"
+    command = {name: origin.call} if origin.call else {}
     facts = {**page.facts, **_models(origin.models), **_files(origin.files), **_run(origin), **command}
     notes = dict.fromkeys([*page.notes, *origin.notes])
     return replace(
@@ -90,7 +92,8 @@ def _model(model: ModelFacts) -> dict[str, str]:
 def _system(model: ModelFacts) -> str:
     if not model.fmus and not model.blocks:
         return ""
-    return f"{len(model.fmus)} FMUs and {len(model.blocks)} blocks{f', {model.source}' if model.source else ''}"
+    parts = [counted(len(model.fmus), "FMU"), counted(len(model.blocks), "block")]
+    return ", ".join(filter(None, [" and ".join(parts), model.source]))
 
 
 def _interface(model: ModelFacts) -> str:

@@ -55,8 +55,9 @@ def _lead(result: LimitCycleResult) -> str:
 
 
 def _verdicts(result: LimitCycleResult) -> list[Verdict]:
-    """Return one line for each cycle; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
-    found = [Verdict(_STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in result.limit_cycles]
+    """Return one line for each crossing; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
+    best = {c.crossing: c for c in result.limit_cycles}  # the methods come in rising order of trust
+    found = [Verdict(_STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
     if result.simulated is not None and not result.simulated.steady:
         found.append(Verdict("watch", "the simulation was not steady at its end"))
     return found

@@ -58,7 +58,13 @@ def _verdicts(result: LoopResult) -> list[Verdict]:
 
 def _verdict(where: str, margins: Margins) -> Verdict:
     words = {"stable": "stable", "unstable": "unstable"}
-    return Verdict(words.get(margins.verdict, "unknown"), f"{where}: {margins.words}")
+    found = [
+        f"gain margin {20.0 * math.log10(margins.gain_margin):.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
+        f"phase margin {margins.phase_margin_deg:.3g}°" if math.isfinite(margins.phase_margin_deg) else "",
+        f"delay margin {1e3 * margins.delay_margin_s:.3g} ms" if math.isfinite(margins.delay_margin_s) else "",
+    ]
+    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, found))]))
+    return Verdict(words.get(margins.verdict, "unknown"), f"{where}: {text}")
 
 
 def _linear(result: LoopResult) -> list[Section]:

@@ -96,7 +96,7 @@ class Page:
     Attributes:
         title: of the page.
         lead: what was found, in a sentence or two.
-        facts: name → value: model, versions, settings; "command" is shown as code.
+        facts: name → value: model, versions, settings; "command" and "call" are shown as code.
         sections: in order.
         data: the result in full, embedded as JSON; what JSON has no number for becomes null.
         summary: verdicts at the top; the violated come first, whatever their order here.
