@@ -23,8 +23,13 @@ if TYPE_CHECKING:
     from workbench.analysis.check import HealthCard, HealthLine, check
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
+    from workbench.analysis.divergence import Divergence, DivergenceError
     from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
     from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
+    from workbench.analysis.feed_forward.feed_forward import feed_forward
+    from workbench.analysis.feed_forward.result import FeedForwardResult
+    from workbench.analysis.feed_forward.step import FilterStep
+    from workbench.analysis.feed_forward.trial import Trial
     from workbench.analysis.identified import IdentifiedModel
     from workbench.analysis.identify import IdentifyResult
     from workbench.analysis.identify.identify import identify
@@ -48,6 +53,7 @@ if TYPE_CHECKING:
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
+    from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
     from workbench.analysis.simulate import SimulationResult, simulate
     from workbench.analysis.spectra import Coherence, SpectralDensity, sdf
     from workbench.analysis.spectra.coherence import coherence
@@ -88,6 +94,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Advice",
+    "BalancedReduction",
     "Block",
     "Branch",
     "BranchPoint",
@@ -102,11 +109,15 @@ __all__ = [
     "DelayReport",
     "DescribedModel",
     "DescribingFunction",
+    "Divergence",
+    "DivergenceError",
     "Doubt",
     "ExciteResult",
     "Experiment",
     "ExportResult",
     "FailedPoint",
+    "FeedForwardResult",
+    "FilterStep",
     "Finding",
     "FmuComponent",
     "FmuError",
@@ -161,6 +172,7 @@ __all__ = [
     "SystemDescription",
     "SystemModel",
     "Table",
+    "Trial",
     "TrimResult",
     "Validation",
     "Variable",
@@ -170,6 +182,7 @@ __all__ = [
     "Zero",
     "ZeroInput",
     "advise",
+    "balanced_reduction",
     "bootstrap_poles",
     "check",
     "coherence",
@@ -182,6 +195,7 @@ __all__ = [
     "excite",
     "export",
     "export_container",
+    "feed_forward",
     "identify",
     "limit_cycle",
     "lin",
@@ -224,6 +238,12 @@ _HOMES = {
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
     "workbench.analysis.excite": ("ExciteResult", "MultisineDesign", "PrbsDesign", "excite"),
     "workbench.analysis.experiment": ("Experiment", "make_experiment", "read_experiment"),
+    "workbench.analysis.divergence": ("Divergence", "DivergenceError"),
+    "workbench.analysis.feed_forward.feed_forward": ("feed_forward",),
+    "workbench.analysis.feed_forward.result": ("FeedForwardResult",),
+    "workbench.analysis.feed_forward.step": ("FilterStep",),
+    "workbench.analysis.feed_forward.trial": ("Trial",),
+    "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
     "workbench.analysis.identified": ("IdentifiedModel",),
     "workbench.analysis.identify": ("IdentifyResult", "identify"),
     "workbench.analysis.preprocess": (

@@ -15,6 +15,7 @@ from workbench.cli.check import check
 from workbench.cli.delays import delays
 from workbench.cli.excite import excite
 from workbench.cli.export import export
+from workbench.cli.feed_forward import feed_forward
 from workbench.cli.identify import identify
 from workbench.cli.info import info
 from workbench.cli.limit_cycle import limit_cycle
@@ -49,6 +50,7 @@ app.command("lin")(lin)
 app.command("loop")(loop)
 app.command("delays")(delays)
 app.command("limit-cycle")(limit_cycle)
+app.command("feed-forward")(feed_forward)
 app.command("modes")(modes)
 app.command("check")(check)
 app.command("excite")(excite)
