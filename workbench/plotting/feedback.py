@@ -133,7 +133,7 @@ def _damping_lines(ax: Axes, left: float, top: float) -> None:
         end = min(top, -left / slope)
         ax.plot([0.0, -slope * end], [0.0, end], color="#999999", linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
         x, y = -slope * end * 0.96, end * 0.96
-        if any(abs(x - u) < -0.14 * left and abs(y - v) < 0.06 * top for u, v in [*named, (0.0, y)]):
+        if any(abs(x - u) < -0.2 * left and abs(y - v) < 0.06 * top for u, v in [*named, (0.0, y)]):
             continue
         named.append((x, y))
         ax.annotate(
@@ -162,9 +162,10 @@ def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
                 f"{c.gain:.4g}", (0.0, c.frequency_hz), xytext=(-7 if crowded else 7, 5), textcoords="offset points",
                 fontsize=8.5, zorder=7, ha="right" if crowded else "left",
             )  # fmt: skip
-    ax.plot([], [], "o", color=COLOURS[1], label="a pole on the border, with gain")
-    ax.plot([], [], "o", color=COLOURS[1], markerfacecolor="white", label="… others beyond it")
-    ax.legend(**{**ABOVE, "fontsize": 8.0}, ncols=3, columnspacing=1.0, handletextpad=0.3)
+    ax.plot([], [], "o", color=COLOURS[1], label="on the border")
+    ax.plot([], [], "o", color=COLOURS[1], markerfacecolor="white", label="there, others beyond")
+    if named:
+        ax.legend(**{**ABOVE, "fontsize": 8.0}, ncols=3, columnspacing=1.0, handletextpad=0.3)
 
 
 def _open_poles(result: FeedbackResult) -> Any:  # noqa: ANN401 - an array of complex numbers

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.panels import ABOVE, panels
+from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.run import FeedbackRun
@@ -45,7 +45,9 @@ def plot_feedback_run(run: FeedbackRun, path: str | Path | None = None) -> Figur
         _close_up(near, run, unit, curves, limit)
         near.set_xlim(run.closes_at - 2.0 * period, run.closes_at + 12.0 * period)
         whole.set_xlim(run.time[0], run.time[-1])
-        whole.legend(**ABOVE, ncols=4).set_in_layout(False)
+        if limit is not None:
+            whole.set_ylim(-1.15 * _degrees(unit)[0] * limit, 2.3 * _degrees(unit)[0] * limit)  # room for the legend
+        whole.legend(**{**LEGEND, "loc": "upper right"}, ncols=2)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
     if path is not None:
@@ -84,7 +86,7 @@ def _draw(
     ax.axvline(run.closes_at, color="#444444", linewidth=0.8, linestyle=(0, (4, 3)))
     if limit is not None:
         for sign in (-1.0, 1.0):
-            ax.axhline(sign * scale * limit, color=COLOURS[1], linewidth=1.0, linestyle="--",
+            ax.axhline(sign * scale * limit, color=COLOURS[3], linewidth=1.2, linestyle="--",
                        label=f"limit ±{scale * limit:.4g} {shown}" if sign > 0.0 else None)  # fmt: skip
     ax.set_ylabel(f"[{shown}]" if shown else "")
 
