@@ -16,6 +16,7 @@ from workbench.cli.delays import delays
 from workbench.cli.excite import excite
 from workbench.cli.export import export
 from workbench.cli.feed_forward import feed_forward
+from workbench.cli.feedback import feedback
 from workbench.cli.identify import identify
 from workbench.cli.info import info
 from workbench.cli.limit_cycle import limit_cycle
@@ -23,6 +24,7 @@ from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
+from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
@@ -50,12 +52,14 @@ app.command("lin")(lin)
 app.command("loop")(loop)
 app.command("delays")(delays)
 app.command("limit-cycle")(limit_cycle)
+app.command("feedback")(feedback)
 app.command("feed-forward")(feed_forward)
 app.command("modes")(modes)
 app.command("check")(check)
 app.command("excite")(excite)
 app.command("identify")(identify)
 app.command("run")(run_study)
+app.command("reproduce")(reproduce)
 app.command("build")(build)
 app.command("export")(export)
 
