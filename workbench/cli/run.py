@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.cli.output import Output
+    from workbench.cli.progress import Bar
     from workbench.study.result import Checked, StudyResult
     from workbench.study.run import StudyRun
 
@@ -26,6 +29,7 @@ _MOST_ROWS = 40  # of a grid with more requirements only the worst of each is sh
 
 
 def run(
+    context: typer.Context,
     study: Annotated[
         str | None, typer.Argument(metavar="STUDY", help="Study file (.toml), or a bundled one: study:NAME.")
     ] = None,
@@ -69,7 +73,7 @@ def run(
     out = Output("run", json_path=json_path, csv_path=csv_path, report=report)
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
-    prepared = StudyRun(study, AppCommands(), store=folder, fresh=fresh)
+    prepared = StudyRun(study, AppCommands(context.find_root().command), store=folder, fresh=fresh)
     result = _run(prepared, jobs=jobs, timeout=timeout)
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, page=result.page)
@@ -100,13 +104,10 @@ def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> Stud
     from workbench.cli.asked import command_line
     from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.notes import flush, note
-    from workbench.cli.progress import Bar
 
-    with Bar(prepared.total) as bar, OnInterrupt(prepared.stop):
+    with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
         result = prepared.run(
-            lambda: workers(jobs=jobs, timeout=timeout),
-            progress=bar.update,
-            command=command_line(),
+            lambda: workers(jobs=jobs, timeout=timeout), progress=progress.update, command=command_line()
         )
     for text in result.notes:
         note(text)
@@ -114,6 +115,38 @@ def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> Stud
         note(f"interrupted: {result.missing} of {prepared.total} analyses were not run; the same command goes on")
     flush()
     return result
+
+
+class _Progress:
+    """A bar that is loaded when there is something to tell: a study in its store is quick.
+
+    Args:
+        total: number of analyses.
+    """
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._stack = ExitStack()
+        self._bar: Bar | None = None
+
+    def update(self, done: int, label: str) -> None:
+        """Tell what was done; before anything is, with an empty label."""
+        from workbench.cli.progress import Bar
+
+        if self._bar is None:
+            self._bar = self._stack.enter_context(Bar(self._total))
+        self._bar.update(done, label)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
 
 
 # -- what is shown -----------------------------------------------------------------------------

@@ -6,7 +6,6 @@ import io
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +24,22 @@ _NOTE = "note: "
 
 
 class AppCommands(Commands):
-    """The commands of the program, whatever they are: read from the options that they declare."""
+    """The commands of the program, whatever they are: read from the options that they declare.
 
-    def __init__(self) -> None:
+    Args:
+        group: the program.
+    """
+
+    def __init__(self, group: Any) -> None:  # noqa: ANN401 - typer's own class of a command is not public
         self.run = run_command
+        self._commands: dict[str, Any] = dict(group.commands)
 
     def names(self) -> tuple[str, ...]:
-        return tuple(n for n, c in _commands().items() if n not in _NOT_IN_STUDIES and _takes(c, "--json"))
+        return tuple(n for n, c in self._commands.items() if n not in _NOT_IN_STUDIES and _takes(c, "--json"))
 
     def get(self, name: str) -> Command:
         options: dict[str, Option] = {}
-        for parameter in _commands()[name].params:
+        for parameter in self._commands[name].params:
             option = _option(parameter)
             for spelling in parameter.opts:
                 options[spelling.lstrip("-")] = option
@@ -43,17 +47,9 @@ class AppCommands(Commands):
 
     def check(self, name: str, arguments: Sequence[str]) -> None:
         try:
-            _commands()[name].make_context(name, list(arguments))
+            self._commands[name].make_context(name, list(arguments))
         except typer.TyperException as error:
             raise InputError(f"{name}: {_said(error)}") from None
-
-
-@cache
-def _commands() -> dict[str, Any]:
-    from workbench.cli.app import app
-
-    group: Any = typer.main.get_command(app)
-    return dict(group.commands)
 
 
 def _takes(command: Any, name: str) -> bool:  # noqa: ANN401 - typer's own class of a command is not public

@@ -38,7 +38,9 @@ def evaluate(study: Study, plan: Plan, outcomes: Mapping[Run, Outcome]) -> list[
 
 
 def _applies(requirement: Requirement, point: Point) -> bool:
-    return requirement.configurations is None or point.configuration in requirement.configurations
+    chosen = requirement.configurations is None or point.configuration in requirement.configurations
+    wanted = {name: v if isinstance(v, list) else [v] for name, v in requirement.grid.items()}
+    return chosen and all(point.values[name] in values for name, values in wanted.items())
 
 
 def _label(runs: Sequence[Run]) -> str:

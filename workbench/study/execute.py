@@ -94,6 +94,7 @@ class Execution:
         from workbench.workers.pool import Pool  # noqa: PLC0415
 
         self._jobs = workers.jobs or cores()
+        progress(len(self.outcomes), "")
         with Pool(NoRecipe(), jobs=self._jobs, limits=workers.limits) as self._runner:
             if self._stopped:
                 self._runner.stop()

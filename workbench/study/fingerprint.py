@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache
+from html import unescape
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.model.recipe import content_hash
@@ -16,6 +17,9 @@ from workbench.model.recipe import content_hash
 __all__ = ["code_hash", "file_in", "hash_of", "hashes_of_model"]
 
 _SYSTEM, _STRUCTURE = ".toml", ".ssd"
+# Where a system structure names the files of its components.
+_SOURCE = re.compile(r'\ssource\s*=\s*"([^"]*)"')
+
 _LONGEST = 1000  # a longer text is no name of a file
 
 
@@ -111,9 +115,7 @@ def _texts(value: Any) -> Iterator[str]:  # noqa: ANN401 - whatever TOML can hol
 
 def _sources(path: Path) -> Iterator[str]:
     try:
-        root = ET.parse(path).getroot()  # noqa: S314 - only attributes are looked at; entities of the net are not loaded
-    except (OSError, ET.ParseError):
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
         return
-    for element in root.iter():
-        if "source" in element.attrib:
-            yield element.attrib["source"]
+    yield from (unescape(found[1]) for found in _SOURCE.finditer(text))

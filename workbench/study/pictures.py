@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.errors import WorkbenchError
 from workbench.report.page import Section
 from workbench.study.kinds.base import Finding, Requirement, Result
-from workbench.study.kinds.response import Mask
+from workbench.study.kinds.mask import Mask
 from workbench.study.kinds.step import Overshoot, SettlingTime
 from workbench.study.result import Checked, StudyResult
 from workbench.study.words import limit_words, value_words
@@ -57,7 +57,7 @@ def _mask(requirement: Requirement, result: Result, title: str, found: Finding) 
 
     if not isinstance(requirement, Mask):
         return None
-    curves = requirement.curves(result)
+    curves = requirement.responses(result, requirement.band)
     units = {"gain": "dB", "phase": "deg"}
     unit = units.get(requirement.quantity, curves[0].unit)
     return plot_between_masks(

@@ -65,15 +65,16 @@ def _study(path: Path, data: Mapping[str, Any], commands: Commands) -> Study:
     if not analyses:
         raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
     configurations = {n: _configuration(n, given, models, path.parent) for n, given in table.configurations.items()}
+    grid = dict(_grid(table.grid, models))
     return Study(
         name=table.name or path.stem,
         description=table.description,
         path=path,
         models=models,
         configurations=configurations,
-        grid=dict(_grid(table.grid, models)),
+        grid=grid,
         analyses=analyses,
-        requirements=_requirements(table.requirements, analyses, configurations),
+        requirements=_requirements(table.requirements, analyses, configurations, grid),
     )
 
 
@@ -192,7 +193,10 @@ def _model_of(where: str, model: object, models: dict[str, Change], folder: Path
 
 
 def _requirements(
-    given: Sequence[object], analyses: Mapping[str, Analysis], configurations: Mapping[str, object]
+    given: Sequence[object],
+    analyses: Mapping[str, Analysis],
+    configurations: Mapping[str, object],
+    grid: Mapping[str, tuple[Scalar, ...]],
 ) -> tuple[Requirement, ...]:
     found: list[Requirement] = []
     for number, data in enumerate(given, start=1):
@@ -204,9 +208,19 @@ def _requirements(
             known(where, "analysis", name, analyses)
         for name in requirement.configurations or ():
             known(where, "configuration", name, configurations)
+        _check_grid(where, requirement, grid)
         requirement.check(where, [analyses[name].command for name in requirement.analyses])
         found.append(requirement)
     return tuple(found)
+
+
+def _check_grid(where: str, requirement: Requirement, grid: Mapping[str, tuple[Scalar, ...]]) -> None:
+    for name, values in requirement.grid.items():
+        known(f"{where}: grid", "parameter", name, grid)
+        for value in values if isinstance(values, list) else [values]:
+            if value not in grid[name]:
+                had = ", ".join(map(str, grid[name]))
+                raise InputError(f"{where}: grid: {name} is never {value}; it is: {had}")
 
 
 def _where(number: int, data: object) -> str:

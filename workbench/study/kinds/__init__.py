@@ -6,12 +6,14 @@ from collections.abc import Mapping
 
 from workbench.errors import InputError, suggest
 from workbench.study.kinds.agreement import Agreement, ResponseAgreement
+from workbench.study.kinds.bandwidth import Bandwidth
 from workbench.study.kinds.base import Requirement
 from workbench.study.kinds.fit import Fit
 from workbench.study.kinds.limit_cycle import LimitCycleAmplitude, LimitCycleFrequency, StableGains
 from workbench.study.kinds.margins import DelayMargin, DiskMargin, GainMargin, PeakSensitivity, PhaseMargin
+from workbench.study.kinds.mask import Mask
 from workbench.study.kinds.poles import Damping, PoleFrequency, Stability
-from workbench.study.kinds.response import Bandwidth, Gain, Mask, Offset, Phase
+from workbench.study.kinds.response import Gain, Offset, Phase
 from workbench.study.kinds.step import FinalValue, Overshoot, Peak, RiseTime, SettlingTime
 from workbench.study.kinds.value import AnyValue
 from workbench.system.toml_schema import read_table

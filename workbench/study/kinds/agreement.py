@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from workbench.errors import InputError
 from workbench.study.kinds.base import Finding, NotMeasured, Requirement, Result, worst
 from workbench.study.kinds.curve import Curve
-from workbench.study.kinds.curves import READERS, curves
+from workbench.study.kinds.curves import curves
 from workbench.study.kinds.paths import check_path
+from workbench.study.kinds.response import OfResponse, Positive
 from workbench.study.kinds.value import numbers_at
 from workbench.study.place import place
 
 __all__ = ["Agreement", "ResponseAgreement"]
 
-_Positive = Annotated[float, Field(gt=0.0)]
 _Limit = Annotated[float, Field(ge=0.0)]
 
 
@@ -75,29 +75,22 @@ class Agreement(_Pair):
         return Finding(value=off, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=words)
 
 
-class ResponseAgreement(_Pair):
+class ResponseAgreement(_Pair, OfResponse):
     """Two frequency responses agree at the frequencies measured first, as far as the other one reaches.
 
     Attributes:
         db: largest difference of the gain [dB].
         deg: largest difference of the phase [deg], whole turns apart.
         band: frequencies that count [Hz]; None: all.
-        amplitude, with_amplitude: of measured responses with several.
-        source, with_source: "linear" or "measured", of loops.
-        input, output: of linear models with several.
+        with_amplitude: likewise, of the other response.
+        with_source: likewise.
     """
-
-    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
 
     db: _Limit | None = None
     deg: _Limit | None = None
-    band: list[_Positive] | None = Field(default=None, min_length=2, max_length=2)
-    amplitude: _Positive | None = None
-    with_amplitude: _Positive | None = None
-    source: Literal["linear", "measured"] | None = None
+    band: list[Positive] | None = Field(default=None, min_length=2, max_length=2)
+    with_amplitude: Positive | None = None
     with_source: Literal["linear", "measured"] | None = None
-    input: str | None = None
-    output: str | None = None
 
     def check(self, where: str, commands: Sequence[str]) -> None:
         super().check(where, commands)
@@ -126,7 +119,7 @@ class ResponseAgreement(_Pair):
         model = result["command"] in ("lin", "identify")
         names = {"input": self.input, "output": self.output} if model else {}
         wanted = band if band is not None else (self.band[0], self.band[1]) if self.band else None
-        found = curves(result, band=wanted, amplitude=amplitude, source=source, **names)
+        found = curves(result, band=wanted, amplitude=amplitude, source=source, plant=self.plant, **names)
         if len(found) != 1:
             had = ", ".join(c.label for c in found)
             raise InputError(f"{self.name}: the {result['command']} has several responses ({had}); name one amplitude")

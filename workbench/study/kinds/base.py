@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from workbench.errors import InputError, WorkbenchError
+from workbench.study.schema import Scalar
 from workbench.study.units import convert
 from workbench.system.toml_schema import Table
 
@@ -75,8 +76,12 @@ class Requirement(Table):
         analysis: whose result.
         kind: name in `KINDS`.
         configurations: at which it applies; None: at all.
+        grid: "model.parameter" → the value, or several, at which it applies; empty: at all.
         comment: for people; shown in the report.
     """
+
+    # Only the kinds that a study uses are built: a study in its store is quick.
+    model_config = ConfigDict(defer_build=True)
 
     commands: ClassVar[tuple[str, ...]] = ()
 
@@ -84,6 +89,7 @@ class Requirement(Table):
     analysis: str
     kind: str
     configurations: list[str] | None = None
+    grid: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
     comment: str = ""
 
     @property

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError
 from workbench.study.kinds.base import NotMeasured, Result
 from workbench.study.kinds.curve import Curve, unwrap
+from workbench.study.kinds.linear import linear_curve
 
-__all__ = ["READERS", "curves", "poles"]
-
-_DENSE = 60  # points per decade at which a linear model is evaluated
+__all__ = ["READERS", "curves"]
 
 
 def curves(
@@ -24,6 +22,7 @@ def curves(
     source: str | None = None,
     input: str | None = None,
     output: str | None = None,
+    plant: str = "continuous",
 ) -> list[Curve]:
     """Return the frequency responses of a result.
 
@@ -34,13 +33,14 @@ def curves(
         source: "linear" or "measured", of a result that holds both; None: the measured ones where there are any.
         input: of a model with several.
         output: likewise.
+        plant: what an identified model stands for, see `linear_curve`.
 
     Raises:
         InputError: no such amplitude, input or output.
         NotMeasured: the result holds none.
     """
     read = READERS[str(result["command"])]
-    found = read(result, {"band": band, "source": source, "input": input, "output": output})
+    found = read(result, {"band": band, "source": source, "input": input, "output": output, "plant": plant})
     if amplitude is None:
         return found
     chosen = [c for c in found if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
@@ -83,65 +83,8 @@ def _reasons(result: Result, amplitude: float) -> dict[float, str]:
 
 
 def _of_model(result: Result, options: Mapping[str, Any]) -> list[Curve]:
-    """Evaluate C (pI − A)⁻¹ B + D at p = jω, or at p = exp(jω·dt)."""
-    import numpy as np  # noqa: PLC0415 - most requirements do without
-
-    A, B, C, D = (np.array(result[name], dtype=np.float64) for name in "ABCD")
-    column = _index("input", options["input"], result["input_names"])
-    row = _index("output", options["output"], result["output_names"])
-    dt = float(result["dt"])
-    frequency = _frequencies(result, options["band"])
-    if not frequency:
-        raise NotMeasured("the band lies above half the sampling rate of the model")
-    points = [2j * math.pi * f for f in frequency]
-    if dt > 0.0:
-        points = [np.exp(s * dt) for s in points]
-    eye, b, c, d = np.eye(len(A)), B[:, column], C[row], D[row, column]
-    response = [complex(c @ np.linalg.solve(p * eye - A, b) + d) if len(A) else complex(d) for p in points]
-    return [
-        Curve(
-            frequency=frequency,
-            gain=[20.0 * math.log10(max(abs(r), 1e-300)) for r in response],
-            phase=unwrap([math.degrees(math.atan2(r.imag, r.real)) for r in response]),
-        )
-    ]
-
-
-def _index(what: str, name: str | None, names: Sequence[str]) -> int:
-    if name is None:
-        if len(names) != 1:
-            raise InputError(
-                f'the model has several {what}s; name one: {what} = "{names[0]}"' if names else f"no {what}"
-            )
-        return 0
-    if name not in names:
-        raise InputError(f"{what} '{name}' is unknown; {suggest(name, names)}")
-    return list(names).index(name)
-
-
-def _frequencies(result: Result, band: tuple[float, float] | None) -> list[float]:
-    """Return frequencies of a band [Hz], rising, below half the sampling rate."""
-    dt = float(result["dt"])
-    low, high = band if band is not None else _around(result)
-    if dt > 0.0:
-        high = min(high, 0.5 / dt * (1.0 - 1e-9))
-    if low > high:
-        return []
-    count = max(2, math.ceil(_DENSE * math.log10(high / low)) + 1) if high > low else 1
-    return [low * (high / low) ** (k / max(count - 1, 1)) for k in range(count)]
-
-
-def _around(result: Result) -> tuple[float, float]:
-    rates = [abs(p) / (2.0 * math.pi) for p in poles(result)]
-    rates = [r for r in rates if r > 1e-9 * max(rates)]
-    return (min(rates) / 100.0, max(rates) * 10.0) if rates else (0.01, 100.0)
-
-
-def poles(result: Result) -> list[complex]:
-    """Return the poles of a linear model as those of a continuous one [rad/s]; a pole at z = 0 is left out."""
-    dt = float(result["dt"])
-    found = [complex(*p) for p in result["poles"]]
-    return [cmath.log(z) / dt for z in found if z != 0.0] if dt > 0.0 else found
+    wanted = {name: options[name] for name in ("band", "input", "output", "plant")}
+    return [linear_curve(result, **wanted)]
 
 
 # -- loop --------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from workbench.study.kinds.base import Limited, NotMeasured, Result, Value
-from workbench.study.kinds.curves import poles
+from workbench.study.kinds.linear import poles
 
 __all__ = ["Damping", "PoleFrequency", "Stability"]
 

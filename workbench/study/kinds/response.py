@@ -1,58 +1,72 @@
-"""Requirements on frequency responses: gain, phase and offset at a frequency, masks, bandwidth."""
+"""Requirements on frequency responses at one frequency: gain, phase, offset."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from workbench.errors import InputError
-from workbench.study.kinds.base import Finding, Limited, NotMeasured, Requirement, Result, Value, worst
-from workbench.study.kinds.curve import Curve, interpolate
+from workbench.study.kinds.base import Limited, Requirement, Result, Value
+from workbench.study.kinds.curve import Curve
 from workbench.study.kinds.curves import READERS, curves
 
-__all__ = ["Bandwidth", "Gain", "Mask", "Offset", "Phase"]
+__all__ = ["UNITS", "Gain", "OfResponse", "Offset", "Phase", "Positive"]
 
-_UNITS = {"gain": "dB", "phase": "deg"}
-_SAME = 1e-9
+# Of a response; an offset has the unit of the output.
+UNITS = {"gain": "dB", "phase": "deg"}
 
-_Positive = Annotated[float, Field(gt=0.0)]
-_Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
-_Source = Literal["linear", "measured"]
+Positive = Annotated[float, Field(gt=0.0)]
 
 
-class _AtFrequency(Limited):
+class OfResponse(Requirement):
+    """A requirement on frequency responses.
+
+    Attributes:
+        amplitude: only the response at this one; None: all, and the worst decides.
+        source: "linear" or "measured", of a loop.
+        input, output: of a linear model with several.
+        plant: what an identified model stands for: "continuous" takes the hold of its data out, so that it can be held
+            against sines; "sampled" adds the hold of a sampled plant; "held" leaves it as it is.
+    """
+
+    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
+
+    amplitude: Positive | None = None
+    source: Literal["linear", "measured"] | None = None
+    input: str | None = None
+    output: str | None = None
+    plant: Literal["continuous", "sampled", "held"] = "continuous"
+
+    def responses(self, result: Result, band: tuple[float, float] | None) -> list[Curve]:
+        """Return the responses that count.
+
+        Args:
+            result: of the analysis.
+            band: where a linear model is evaluated [Hz]; None: around its poles.
+        """
+        return curves(
+            result, band=band, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output,
+            plant=self.plant,
+        )  # fmt: skip
+
+
+class _AtFrequency(OfResponse, Limited):
     """A value at one frequency, interpolated between the measured ones.
 
     Attributes:
         frequency: [Hz].
-        amplitude: only this one; None: all, and the worst decides.
-        source: "linear" or "measured", of a loop.
-        input, output: of a linear model with several.
     """
 
-    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
     quantity: ClassVar[str]
 
-    frequency: _Positive
-    amplitude: _Positive | None = None
-    source: _Source | None = None
-    input: str | None = None
-    output: str | None = None
+    frequency: Positive
 
     def values(self, result: Result) -> list[Value]:
-        band = (self.frequency, self.frequency)
-        found = curves(
-            result, band=band, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output
-        )
-        return [self._value(curve) for curve in found]
+        return [self._value(curve) for curve in self.responses(result, (self.frequency, self.frequency))]
 
     def _value(self, curve: Curve) -> Value:
         value = curve.at(self.quantity, self.frequency)
-        return Value(value=value, where=curve.where(self.frequency), unit=_UNITS.get(self.quantity, curve.unit))
+        return Value(value=value, where=curve.where(self.frequency), unit=UNITS.get(self.quantity, curve.unit))
 
 
 class Gain(_AtFrequency):
@@ -74,173 +88,3 @@ class Offset(_AtFrequency):
 
     commands: ClassVar[tuple[str, ...]] = ("nfr",)
     quantity = "offset"
-
-
-class Mask(Requirement):
-    """Gain, phase or offset between an upper and a lower mask over a band.
-
-    A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency that stands twice is
-    a step. Mask and response are compared at the corners of both, which is exact for straight lines.
-
-    Attributes:
-        quantity: what the mask is for.
-        upper, lower: corners ([Hz], [dB], [deg] or unit of the output).
-        amplitude: only this one; None: all, and the worst decides.
-        source: "linear" or "measured", of a loop.
-        input, output: of a linear model with several.
-    """
-
-    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
-
-    quantity: Literal["gain", "phase", "offset"] = "gain"
-    upper: list[_Corner] | None = None
-    lower: list[_Corner] | None = None
-    amplitude: _Positive | None = None
-    source: _Source | None = None
-    input: str | None = None
-    output: str | None = None
-
-    def check(self, where: str, commands: Sequence[str]) -> None:
-        super().check(where, commands)
-        if self.quantity == "offset" and commands[0] != "nfr":
-            raise InputError(f"{where}: only nfr measures an offset; [analyses.{self.analysis}] is a {commands[0]}")
-        if not self.upper and not self.lower:
-            raise InputError(f"{where}: has no limit; give upper or lower, as in upper = [[1, 3], [10, -6]]")
-        for side in ("upper", "lower"):
-            _check_corners(f"{where}: {side}", getattr(self, side))
-        self._check_order(where)
-
-    def _check_order(self, where: str) -> None:
-        """Nothing fits between masks that cross."""
-        if not self.upper or not self.lower:
-            return
-        for frequency in sorted({c[0] for c in (*self.upper, *self.lower)}):
-            above, below = _inside(self.upper, frequency), _inside(self.lower, frequency)
-            if above and below and min(above) < max(below):
-                text = f"{where}: lower is above upper at {frequency:g} Hz ({max(below):g} and {min(above):g})"
-                raise InputError(text)
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """From the first to the last corner [Hz]."""
-        every = [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
-        return min(every), max(every)
-
-    def curves(self, result: Result) -> list[Curve]:
-        """Return the responses that must fit."""
-        return curves(
-            result, band=self.band, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output
-        )
-
-    def find(self, results: Sequence[Result]) -> Finding:
-        found = [
-            self._side(curve, name, corners)
-            for curve in self.curves(results[0])
-            for name, corners in (("max", self.upper), ("min", self.lower))
-            if corners
-        ]
-        return worst(found)
-
-    def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Finding:
-        """Hold a curve against one mask; the place with the least margin counts."""
-        curve.check_failed(corners[0][0], corners[-1][0])
-        places = _places(corners, curve.frequency)
-        sign = 1.0 if name == "max" else -1.0
-        margin, frequency, limit, value = min(
-            (sign * (limit - (value := curve.at(self.quantity, f))), f, limit, value) for f, limit in places
-        )
-        unit = _UNITS.get(self.quantity, curve.unit)
-        where = curve.where(frequency)
-        return Finding(value=value, unit=unit, limit={name: limit}, margin=margin, passed=margin >= 0.0, where=where)
-
-
-def _check_corners(where: str, corners: list[list[float]] | None) -> None:
-    for corner in corners or ():
-        if not corner[0] > 0.0:
-            raise InputError(f"{where}: {corner[0]:g} Hz is no frequency; corners are [frequency, value]")
-    for before, after in zip(corners or (), (corners or ())[1:], strict=False):
-        if after[0] < before[0]:
-            raise InputError(f"{where}: frequencies must rise; {after[0]:g} Hz comes after {before[0]:g} Hz")
-
-
-def _places(corners: list[list[float]], frequencies: Sequence[float]) -> list[tuple[float, float]]:
-    """Return (frequency, limit) wherever mask or response have a corner; both limits where the mask steps."""
-    low, high = corners[0][0], corners[-1][0]
-    found = [(c[0], c[1]) for c in corners]
-    for frequency in frequencies:
-        if low < frequency < high:
-            found += [(frequency, limit) for limit in _inside(corners, frequency)]
-    return found
-
-
-def _inside(corners: list[list[float]], frequency: float) -> list[float]:
-    """Return the limits of a mask at a frequency; none outside, two at a step."""
-    exact = [c[1] for c in corners if math.isclose(c[0], frequency, rel_tol=_SAME)]
-    if exact:
-        return exact
-    for (f0, v0), (f1, v1) in pairwise(corners):
-        if f0 < frequency < f1:
-            return [interpolate(frequency, (f0, f1), (v0, v1))]
-    return []
-
-
-class Bandwidth(Limited):
-    """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
-
-    Attributes:
-        criterion: "gain" or "phase".
-        drop: how far the gain falls [dB].
-        reference: gain [dB] from which it falls; None: that at the lowest frequency.
-        angle: the phase [deg].
-        amplitude: only this one; None: all, and the worst decides.
-        source: "linear" or "measured", of a loop.
-        input, output: of a linear model with several.
-        band: where a linear model is looked at [Hz]; None: around its poles.
-    """
-
-    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
-    units = ("Hz",)
-
-    criterion: Literal["gain", "phase"] = "gain"
-    drop: _Positive = 3.0
-    reference: float | None = None
-    angle: float = -90.0
-    amplitude: _Positive | None = None
-    source: _Source | None = None
-    input: str | None = None
-    output: str | None = None
-    band: list[_Positive] | None = Field(default=None, min_length=2, max_length=2)
-
-    def values(self, result: Result) -> list[Value]:
-        band = (self.band[0], self.band[1]) if self.band else None
-        found = curves(
-            result, band=band, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output
-        )
-        return [self._value(curve) for curve in found]
-
-    def _value(self, curve: Curve) -> Value:
-        values = curve.values(self.criterion)
-        level = self.angle if self.criterion == "phase" else self._level(values)
-        crossed = _falls_below(curve.frequency, values, level)
-        curve.check_failed(0.0, crossed or math.inf)
-        if crossed is not None:
-            return Value(value=crossed, where=curve.label, unit="Hz")
-        last = curve.frequency[-1]
-        # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
-        if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
-            raise NotMeasured(f"{level:.4g} {_UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
-        return Value(value=last, where=f"not reached up to {last:g} Hz{curve.told}", unit="Hz")
-
-    def _level(self, values: Sequence[float]) -> float:
-        return (values[0] if self.reference is None else self.reference) - self.drop
-
-
-def _falls_below(frequencies: Sequence[float], values: Sequence[float], level: float) -> float | None:
-    """Return the first frequency at which the values fall to a level; None: they do not."""
-    if values[0] <= level:
-        return frequencies[0]
-    for k in range(1, len(values)):
-        if values[k] <= level:
-            part = (values[k - 1] - level) / (values[k - 1] - values[k])
-            return frequencies[k - 1] * math.exp(part * math.log(frequencies[k] / frequencies[k - 1]))
-    return None

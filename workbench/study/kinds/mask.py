@@ -1,0 +1,114 @@
+"""Frequency responses between masks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from workbench.errors import InputError
+from workbench.study.kinds.base import Finding, Result, worst
+from workbench.study.kinds.curve import Curve, interpolate
+from workbench.study.kinds.response import UNITS, OfResponse
+
+__all__ = ["Mask"]
+
+_SAME = 1e-9
+
+_Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class Mask(OfResponse):
+    """Gain, phase or offset between an upper and a lower mask over a band.
+
+    A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency that stands twice is
+    a step. Mask and response are compared at the corners of both, which is exact for straight lines.
+
+    Attributes:
+        quantity: what the mask is for.
+        upper, lower: corners ([Hz], [dB], [deg] or unit of the output).
+    """
+
+    quantity: Literal["gain", "phase", "offset"] = "gain"
+    upper: list[_Corner] | None = None
+    lower: list[_Corner] | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if self.quantity == "offset" and commands[0] != "nfr":
+            raise InputError(f"{where}: only nfr measures an offset; [analyses.{self.analysis}] is a {commands[0]}")
+        if not self.upper and not self.lower:
+            raise InputError(f"{where}: has no limit; give upper or lower, as in upper = [[1, 3], [10, -6]]")
+        for side in ("upper", "lower"):
+            _check_corners(f"{where}: {side}", getattr(self, side))
+        self._check_order(where)
+
+    def _check_order(self, where: str) -> None:
+        """Nothing fits between masks that cross."""
+        if not self.upper or not self.lower:
+            return
+        for frequency in sorted({c[0] for c in (*self.upper, *self.lower)}):
+            above, below = _inside(self.upper, frequency), _inside(self.lower, frequency)
+            if above and below and min(above) < max(below):
+                text = f"{where}: lower is above upper at {frequency:g} Hz ({max(below):g} and {min(above):g})"
+                raise InputError(text)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """From the first to the last corner [Hz]."""
+        every = [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
+        return min(every), max(every)
+
+    def find(self, results: Sequence[Result]) -> Finding:
+        found = [
+            self._side(curve, name, corners)
+            for curve in self.responses(results[0], self.band)
+            for name, corners in (("max", self.upper), ("min", self.lower))
+            if corners
+        ]
+        return worst(found)
+
+    def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Finding:
+        """Hold a curve against one mask; the place with the least margin counts."""
+        curve.check_failed(corners[0][0], corners[-1][0])
+        places = _places(corners, curve.frequency)
+        sign = 1.0 if name == "max" else -1.0
+        margin, frequency, limit, value = min(
+            (sign * (limit - (value := curve.at(self.quantity, f))), f, limit, value) for f, limit in places
+        )
+        unit = UNITS.get(self.quantity, curve.unit)
+        where = curve.where(frequency)
+        return Finding(value=value, unit=unit, limit={name: limit}, margin=margin, passed=margin >= 0.0, where=where)
+
+
+def _check_corners(where: str, corners: list[list[float]] | None) -> None:
+    for corner in corners or ():
+        if not corner[0] > 0.0:
+            raise InputError(f"{where}: {corner[0]:g} Hz is no frequency; corners are [frequency, value]")
+    for before, after in zip(corners or (), (corners or ())[1:], strict=False):
+        if after[0] < before[0]:
+            raise InputError(f"{where}: frequencies must rise; {after[0]:g} Hz comes after {before[0]:g} Hz")
+
+
+def _places(corners: list[list[float]], frequencies: Sequence[float]) -> list[tuple[float, float]]:
+    """Return (frequency, limit) wherever mask or response have a corner; both limits where the mask steps."""
+    low, high = corners[0][0], corners[-1][0]
+    found = [(c[0], c[1]) for c in corners]
+    for frequency in frequencies:
+        if low < frequency < high:
+            found += [(frequency, limit) for limit in _inside(corners, frequency)]
+    return found
+
+
+def _inside(corners: list[list[float]], frequency: float) -> list[float]:
+    """Return the limits of a mask at a frequency; none outside, two at a step."""
+    exact = [c[1] for c in corners if math.isclose(c[0], frequency, rel_tol=_SAME)]
+    if exact:
+        return exact
+    for (f0, v0), (f1, v1) in pairwise(corners):
+        if f0 < frequency < f1:
+            return [interpolate(frequency, (f0, f1), (v0, v1))]
+    return []
