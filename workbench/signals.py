@@ -20,7 +20,7 @@ from typing import Literal
 from workbench.errors import InputError, suggest
 from workbench.shift_register import TAPS, register_bits
 
-__all__ = ["Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"]
+__all__ = ["Constant", "Prbs", "Signal", "Sine", "Step", "Table", "gust", "parse_signal", "pulse"]
 
 
 class Signal(ABC):
@@ -251,6 +251,46 @@ class Table(Signal):
         return self.times[i] if i < len(self.times) else math.inf
 
 
+def pulse(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
+    """Return a rectangular pulse: `value` from `time` on for `duration`, 0 before and after.
+
+    Args:
+        time: when it begins [s].
+        value: its height.
+        duration: how long it lasts [s], positive.
+
+    Raises:
+        InputError: a value out of range.
+    """
+    _positive("pulse", duration=duration)
+    _finite("pulse", time=time, value=value)
+    end = time + duration
+    return Table([time, time, end, end], [0.0, value, value, 0.0])
+
+
+_GUST_POINTS = 64
+
+
+def gust(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
+    """Return the pulse of a discrete gust, value · (1 − cos(2π (t − time)/duration))/2, by 64 straight lines.
+
+    Args:
+        time: when it begins [s].
+        value: its height, in the middle.
+        duration: how long it lasts [s], positive.
+
+    Raises:
+        InputError: a value out of range.
+
+    Source: the "1 − cosine" gust of CS-25.341.
+    """
+    _positive("gust", duration=duration)
+    _finite("gust", time=time, value=value)
+    share = [k / _GUST_POINTS for k in range(_GUST_POINTS + 1)]
+    values = [0.5 * value * (1.0 - math.cos(2.0 * math.pi * s)) for s in share]
+    return Table([time + s * duration for s in share], values)
+
+
 def read_table(path: str | Path) -> Table:
     """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
 
@@ -286,6 +326,8 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
     "sine": ("amplitude", "frequency", "offset", "phase", "start"),
     "step": ("time", "value", "initial"),
     "prbs": ("hold", "amplitude", "offset", "order", "seed", "start"),
+    "pulse": ("duration", "value", "time"),
+    "gust": ("duration", "value", "time"),
 }
 
 
@@ -318,10 +360,20 @@ def _prbs(k: Mapping[str, float]) -> Signal:
     )
 
 
+def _pulse(k: Mapping[str, float]) -> Signal:
+    return pulse(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("pulse", k, "duration"))
+
+
+def _gust(k: Mapping[str, float]) -> Signal:
+    return gust(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("gust", k, "duration"))
+
+
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "sine": _sine,
     "step": _step,
     "prbs": _prbs,
+    "pulse": _pulse,
+    "gust": _gust,
 }
 
 
@@ -354,7 +406,8 @@ def parse_signal(text: str) -> Signal:
 
     Args:
         text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
-            `prbs:hold=0.1,amplitude=1`, or the name of a CSV file with time [s] and value.
+            `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`, or the
+            name of a CSV file with time [s] and value.
 
     Raises:
         InputError: unknown kind or option, missing option, not a number, no such file.

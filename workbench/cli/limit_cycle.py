@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from workbench.analysis.limit_cycle.free_run import FreeRun
     from workbench.analysis.limit_cycle.result import LimitCycleResult, SimulatedCycle
 
 __all__ = ["limit_cycle"]
@@ -65,6 +66,16 @@ def limit_cycle(
         list[str] | None,
         typer.Option("--vary", metavar="NAME=LO:HI", help="Follow the cycles over a parameter, or gain; repeatable."),
     ] = None,
+    free_run: Annotated[
+        float | None,
+        typer.Option("--free-run", metavar="T", help="Also simulate from the start until T [s]; see --input."),
+    ] = None,
+    input: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input", metavar="NAME=SIGNAL", help="What starts that run: pulse:value=1,duration=0.1; repeatable."
+        ),
+    ] = None,
     at: Annotated[
         Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
     ] = None,
@@ -95,6 +106,7 @@ def limit_cycle(
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.notes import note
     from workbench.cli.output import Output
+    from workbench.signals import parse_signal
 
     out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     limits = _range("--band", band)
@@ -114,6 +126,8 @@ def limit_cycle(
             methods=tuple(method) if method else METHODS,
             periods=periods,
             vary=ranges,
+            run_until=free_run,
+            inputs={name: parse_signal(text) for name, text in pairs("--input", input).items()},
             at=point,
             time=time,
             workers=where,
@@ -154,6 +168,9 @@ def _show(result: LimitCycleResult, console: Console) -> None:
         console.print("no limit cycle: −1/N(A) is met nowhere in the band")
     if result.simulated is not None:
         console.print(_outputs(result.simulated))
+    if result.free_run is not None:
+        console.print(_history(result.free_run))
+        console.print(f"run from rest: {result.free_run.words()}", soft_wrap=True, markup=False)
     for branch in result.branches:
         folds = ", ".join(f"{p.value:.5g} (amplitude {p.amplitude:.4g})" for p in branch.folds) or "none"
         console.print(
@@ -211,6 +228,23 @@ def _outputs(cycle: SimulatedCycle) -> Table:
         table.add_row(
             name, cycle.units.get(name) or "", f"{cycle.amplitude[name]:.5g}", f"{cycle.fundamental[name]:.5g}",
             f"{cycle.mean[name]:.3g}",
+        )  # fmt: skip
+    return table
+
+
+def _history(run: FreeRun) -> Table:
+    unit = f" [{run.unit}]" if run.unit else ""
+    table = _table(
+        f"run from rest, {run.signal}",
+        "from [s]", "to [s]", "f [Hz]", "scatter of the periods", f"largest amplitude{unit}", "growth [1/s]",
+    )  # fmt: skip
+    for s in run.spans:
+        if s.frequency_hz is None:
+            table.add_row(f"{s.begin:.4g}", f"{s.end:.4g}", "", "", "", "")
+            continue
+        table.add_row(
+            f"{s.begin:.4g}", f"{s.end:.4g}", f"{s.frequency_hz:.5g}", f"{100.0 * s.scatter:.2g} %",
+            f"{s.amplitude:.4g}", f"{s.growth:.3g}",
         )  # fmt: skip
     return table
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,21 +12,26 @@ from matplotlib.figure import Figure
 
 from workbench.plotting.branch import draw_branch
 from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.nyquist import draw_plane
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
+    from workbench.analysis.limit_cycle.branch import BranchPoint
     from workbench.analysis.limit_cycle.result import LimitCycleResult
 
 __all__ = ["plot_limit_cycle"]
 
-_SHOWN = 6  # periods of the simulation
-_CURVES = 4
-_MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", "simulation": "x"}
+_SHOWN = 4  # periods of the simulation
+_OUTPUTS = 4  # panels
+_MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", "simulation": "X"}
+_SIZES = {"describing function": 11.0, "harmonic balance": 8.5, "shooting": 6.0, "simulation": 5.0}
 
 
 def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -> Figure:
     """Draw the Nyquist curve around the crossings, frequency and amplitude by every method, and the simulated motion.
+
+    Then, where they were asked for, the cycles over each parameter, and the run from rest.
 
     Args:
         result: of the analysis.
@@ -35,34 +41,67 @@ def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -
         InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: limit cycles of the loop through {result.block}"
-    figure, ((plane, methods), (motion, outputs)) = panels(2, 2, title=title, width=10.0, height=3.2)
+    names = [] if result.simulated is None else [n for n in result.simulated.amplitude if n != result.input]
+    parameters = list(dict.fromkeys(b.parameter for b in result.branches))
+    rows = 2 + len(parameters) + (0 if result.free_run is None else 2)
+    figure, grid = panels(rows, 2, title=title, width=10.0, height=3.0)
+    plane, methods = grid[0]
     draw_plane(plane, result.nyquist, reach=_reach(result))
     plane.legend(**{**LEGEND, "loc": "best"})
     _methods(methods, result)
-    _motion(motion, result, [result.input])
-    if result.branches:
-        _branches(outputs, result)
-        if path is not None:
-            save(figure, path)
-        return figure
-    others = [n for n in (result.simulated.amplitude if result.simulated else ()) if n != result.input]
-    if others:
-        _motion(outputs, result, others[:_CURVES])
-    else:
-        outputs.axis("off")
+    _motion(grid[1][0], result, [result.input])
+    _outputs(grid[1][1], result, names[:_OUTPUTS])
+    for row, parameter in zip(grid[2:], parameters, strict=False):
+        _branches(row, result, parameter)
+    if result.free_run is not None:
+        _free_run(grid[-2:], result)
     if path is not None:
         save(figure, path)
     return figure
 
 
-def _branches(ax: Axes, result: LimitCycleResult) -> None:
-    """Draw the amplitude over the first parameter."""
-    name = result.branches[0].parameter
-    for branch in result.branches:
-        if branch.parameter == name and branch.points:
-            draw_branch(ax, branch, lambda p: p.amplitude)
-    ax.set(xlabel=name, ylabel=label(f"amplitude of {result.input}", result.input_unit))
-    ax.legend(**{**LEGEND, "loc": "best"})
+def _branches(row: list[Axes], result: LimitCycleResult, parameter: str) -> None:
+    """Draw amplitude and frequency over a parameter."""
+
+    def amplitude(p: BranchPoint) -> float:
+        return p.amplitude
+
+    def frequency(p: BranchPoint) -> float:
+        return p.frequency_hz
+
+    for ax, of, words in zip(
+        row,
+        (amplitude, frequency),
+        (label(f"amplitude of {result.input}", result.input_unit), "frequency [Hz]"),
+        strict=True,
+    ):
+        for branch in result.branches:
+            if branch.parameter == parameter and branch.points:
+                draw_branch(ax, branch, of)
+        ax.set(xlabel=label(parameter, result.units.get(parameter)), ylabel=words)
+    row[0].set_title(f"cycles over {parameter}, by harmonic balance", loc="left", fontsize=9.5)
+    handles, texts = row[0].get_legend_handles_labels()
+    once = dict(zip(texts, handles, strict=True))
+    row[0].legend(list(once.values()), list(once), **{**LEGEND, "loc": "best"})
+
+
+def _free_run(rows: list[list[Axes]], result: LimitCycleResult) -> None:
+    run = result.free_run
+    if run is None:
+        return
+    (signal, spare), (frequency, amplitude) = rows
+    spec = signal.get_subplotspec()
+    if spec is not None:
+        signal.set_subplotspec(spec.get_gridspec()[spec.rowspan.start, :])
+    spare.remove()
+    draw_signal(signal, run)
+    signal.set_title(f"run from rest: {run.words()}", loc="left", fontsize=9.5)
+    draw_frequency(frequency, run, {c.frequency_hz: f"crossing {n}" for n, c in _met(result).items()})
+    draw_amplitude(amplitude, run, {c.amplitude or 0.0: f"crossing {n}" for n, c in _met(result).items()})
+
+
+def _met(result: LimitCycleResult) -> Mapping[int, Any]:
+    return {n: c for n, c in enumerate(result.crossings, 1) if c.amplitude is not None}
 
 
 def _reach(result: LimitCycleResult) -> float | None:
@@ -73,18 +112,24 @@ def _reach(result: LimitCycleResult) -> float | None:
 
 
 def _methods(ax: Axes, result: LimitCycleResult) -> None:
-    """Mark frequency and amplitude of each cycle by each method; hollow marks are unstable."""
+    """Mark frequency and amplitude of each cycle by each method, nested marks; hollow ones are unstable."""
     seen: set[str] = set()
     for c in result.limit_cycles:
         colour = COLOURS[c.crossing % len(COLOURS)]
-        fill = colour if c.stable else "none"
-        style: dict[str, Any] = {"color": colour, "markerfacecolor": fill, "markersize": 6.5, "linestyle": ""}
-        ax.plot(c.frequency_hz, c.fundamental, _MARKS[c.method], **style)
+        fill = colour if c.stable and c.method in {"describing function", "simulation"} else "white"
+        style: dict[str, Any] = {"color": colour, "markerfacecolor": fill, "linestyle": "", "alpha": 0.9}
+        ax.plot(c.frequency_hz, c.fundamental, _MARKS[c.method], markersize=_SIZES[c.method], **style)
         seen.add(c.method)
+    for c in (c for c in result.limit_cycles if c.method == "describing function"):
+        word = "stable" if c.stable else "unstable"
+        ax.annotate(
+            f"{c.crossing + 1}: {c.frequency_hz:.4g} Hz, {word}", (c.frequency_hz, c.fundamental), xytext=(0, 10),
+            textcoords="offset points", fontsize=8.0, ha="center",
+        )  # fmt: skip
     for name in [m for m in _MARKS if m in seen]:
-        ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", label=name)
+        ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
     ax.set(xlabel="frequency [Hz]", ylabel=label(f"fundamental of {result.input}", result.input_unit))
-    ax.margins(0.25)
+    ax.margins(0.3)
     ax.ticklabel_format(useOffset=False)
     if seen:
         ax.legend(**{**LEGEND, "loc": "best"})
@@ -95,18 +140,33 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
 def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     """Draw the last periods of the simulation."""
     cycle = result.simulated
-    ax.set_xlabel("time [s]")
     if cycle is None:
+        ax.axis("off")
         ax.text(0.5, 0.5, "nothing simulated", transform=ax.transAxes, ha="center", color="#666666")
         return
     shown = cycle.time >= cycle.time[-1] - _SHOWN / cycle.frequency_hz
     for number, name in enumerate(names):
+        ax.plot(cycle.time[shown], cycle.values[name][shown], color=COLOURS[number % len(COLOURS)], linewidth=1.3)
+    ax.set(xlabel="time [s]", ylabel=label(names[0], cycle.units.get(names[0])))
+    ax.set_title(f"simulated from the predicted state: {cycle.frequency_hz:.5g} Hz", loc="left", fontsize=9.5)
+
+
+def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
+    """Draw other variables over one period, each over its own amplitude: their units have nothing in common."""
+    cycle = result.simulated
+    if cycle is None or not names:
+        ax.axis("off")
+        return
+    begin = cycle.time[-1] - 1.0 / cycle.frequency_hz
+    shown = cycle.time >= begin
+    for number, name in enumerate(names):
+        size = cycle.amplitude[name]
+        value = (cycle.values[name][shown] - cycle.mean[name]) / (size or 1.0)
+        text = f"{name}, ±{size:.4g} {cycle.units.get(name) or ''}".rstrip()
         ax.plot(
-            cycle.time[shown], cycle.values[name][shown], color=COLOURS[number % len(COLOURS)], linewidth=1.3,
-            label=label(name, cycle.units.get(name)),
+            (cycle.time[shown] - begin) * cycle.frequency_hz, value, color=COLOURS[number % len(COLOURS)],
+            linewidth=1.3, label=text,
         )  # fmt: skip
-    if len(names) > 1:
-        ax.legend(**{**LEGEND, "loc": "best"})
-    else:
-        ax.set_ylabel(label(names[0], cycle.units.get(names[0])))
-    ax.set_title(f"simulated: {cycle.frequency_hz:.5g} Hz", loc="left")
+    ax.set(xlabel="time [periods]", ylabel="value over its amplitude", ylim=(-1.1, 1.2 + 0.28 * len(names)))
+    ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0])
+    ax.legend(**{**LEGEND, "loc": "upper left", "fontsize": 8.0})

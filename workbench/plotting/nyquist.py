@@ -9,7 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.interpolate import Akima1DInterpolator
 
+from workbench.analysis.describing.base import Complex
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import LEGEND, panels
 
@@ -19,11 +21,14 @@ if TYPE_CHECKING:
 __all__ = ["draw_plane", "plot_nyquist"]
 
 _ROWS = 10  # of the table
-_COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles below/above", "stable")
+_COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles below / above", "stable")
+_APART = 6.0  # a crossing so much nearer to the origin than the farthest gets a picture of its own
+_BETWEEN = 6  # points drawn between two of the curve
+_ARROWS = 2  # along the curve
 
 
 def plot_nyquist(result: NyquistResult, path: str | Path | None = None) -> Figure:
-    """Draw L(jω) with −1/N(A), whole and around the crossings, and the table of crossings.
+    """Draw L(jω) with −1/N(A): whole, around the crossings and around the nearest; and the table of crossings.
 
     Args:
         result: curve and crossings.
@@ -32,65 +37,117 @@ def plot_nyquist(result: NyquistResult, path: str | Path | None = None) -> Figur
     Raises:
         InputError: unknown suffix, file cannot be written.
     """
-    figure, grid = panels(2, 2, title=f"{result.name}: Nyquist curve", width=9.6, height=2.6, ratios=(1.5, 0.8))
-    whole, near = grid[0]
-    below = figure.add_gridspec(2, 1, height_ratios=(1.5, 0.8))[1]
-    for ax in grid[1]:
-        ax.remove()
-    draw_plane(whole, result, reach=None)
-    draw_plane(near, result, reach=_reach(result))
-    whole.legend(**{**LEGEND, "loc": "best"})
-    table = figure.add_subplot(below)
-    table.axis("off")
-    _table(table, result.crossings)
+    reaches = _reaches(result)
+    rows = min(max(len(result.crossings), 1), _ROWS)
+    ratios = (1.5, 0.24 + 0.085 * rows)
+    title = f"{result.name}: Nyquist curve"
+    figure, grid = panels(2, len(reaches), title=title, width=4.6 * len(reaches), height=2.5, ratios=ratios)
+    for ax, reach in zip(grid[0], reaches, strict=True):
+        draw_plane(ax, result, reach=reach)
+    words = ("whole curve", "around the crossings", "around the nearest crossing")
+    for ax, text in zip(grid[0], words, strict=False):
+        ax.set_title(text, loc="left", fontsize=9.0, color="#555555")
+    grid[0][0].legend(**{**LEGEND, "loc": "best"})
+    _table(_below(grid[1]), result.crossings)
     if path is not None:
         save(figure, path)
     return figure
 
 
-def _reach(result: NyquistResult) -> float:
-    """Return how far the close view goes: over all crossings, or over those ten times nearer than the farthest."""
+def _below(axes: list[Axes]) -> Axes:
+    """Return one panel in place of a row of them."""
+    first, *others = axes
+    for ax in others:
+        ax.remove()
+    spec = first.get_subplotspec()
+    if spec is not None:
+        first.set_subplotspec(spec.get_gridspec()[1, :])
+    first.axis("off")
+    return first
+
+
+def _reaches(result: NyquistResult) -> list[float | None]:
+    """Return how far each picture goes: the whole curve, all crossings, the nearest one where it is much nearer."""
     sizes = sorted(abs(complex(c.real, c.imag)) for c in result.crossings if np.isfinite(c.real))
-    return sizes[-1] if sizes else 1.0
+    if not sizes:
+        return [None, 1.0]
+    near = [sizes[0]] if sizes[-1] > _APART * sizes[0] > 0.0 else []
+    return [None, sizes[-1], *near]
 
 
 def draw_plane(ax: Axes, result: NyquistResult, *, reach: float | None) -> None:
-    """Draw the curve in the complex plane.
+    """Draw the curve in the complex plane; arrows show where frequency and amplitude rise.
 
     Args:
         ax: where.
         result: curve and crossings.
         reach: largest size shown; None: the whole curve, as far as 98 % of it go.
     """
-    value = np.asarray(result.response)
+    value = np.asarray(result.response, dtype=np.complex128)
     value = np.where(np.isfinite(value), value, np.nan)
-    ax.plot(value.real, value.imag, color=COLOURS[0], linewidth=1.2, label="L(jω)")
-    if result.block:
-        inverse = np.asarray(result.minus_inverse)
-        ax.plot(inverse.real, inverse.imag, color=COLOURS[1], linewidth=1.6, label="−1/N(A)", zorder=3)
-    for number, c in enumerate(result.crossings, 1):
-        _mark(ax, number, c, label=reach is not None)
+    curve = _smooth(value)
     ax.axhline(0.0, color="#888888", linewidth=0.7)
     ax.axvline(0.0, color="#888888", linewidth=0.7)
-    ax.set(xlabel="real part", ylabel="imaginary part")
-    ax.xaxis.set_major_locator(MaxNLocator(6))
+    ax.plot(curve.real, curve.imag, color=COLOURS[0], linewidth=1.2, label="L(jω)")
+    if result.block:
+        inverse = np.asarray(result.minus_inverse, dtype=np.complex128)
+        ax.plot(inverse.real, inverse.imag, color=COLOURS[1], linewidth=1.6, label="−1/N(A)", zorder=3)
     size = reach if reach is not None else float(np.nanquantile(np.abs(value), 0.98)) / 1.2
     if size > 0.0:
         ax.set_xlim(-1.25 * size, (0.35 if reach is not None else 1.25) * size)
         ax.set_ylim(-0.8 * size, 0.8 * size)
+    _directions(ax, curve, COLOURS[0], _ARROWS)
+    if result.block:
+        _directions(ax, np.asarray(result.minus_inverse, dtype=np.complex128), COLOURS[1], 1)
+    shown = [(n, c) for n, c in enumerate(result.crossings, 1) if np.isfinite(c.real)]
+    for place, (number, c) in enumerate(shown):
+        _mark(ax, number, c, label=reach is not None and abs(complex(c.real, c.imag)) > 0.12 * reach, up=place % 2 == 0)
+    ax.set(xlabel="real part", ylabel="imaginary part")
+    ax.xaxis.set_major_locator(MaxNLocator(6))
 
 
-def _mark(ax: Axes, number: int, c: Crossing, *, label: bool) -> None:
-    if not np.isfinite(c.real):
+def _smooth(value: Complex) -> Complex:
+    """Return a curve through all its points without corners; it is computed finely enough to have none."""
+    known = value[np.isfinite(value)]
+    apart = np.append(True, np.abs(np.diff(known)) > 0.0)
+    known = known[apart]
+    if len(known) < 5 or len(known) < int(np.isfinite(value).sum() // 2):
+        return value
+    # The square root of the chord keeps the interpolation from overshooting where points lie unevenly.
+    along = np.append(0.0, np.cumsum(np.sqrt(np.abs(np.diff(known)))))
+    fine = np.interp(np.arange((len(known) - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(len(known)), along)
+    parts = (Akima1DInterpolator(along, x)(fine) for x in (known.real, known.imag))
+    real, imag = parts
+    return np.asarray(real + 1j * imag, dtype=np.complex128)
+
+
+def _directions(ax: Axes, curve: Complex, colour: str, count: int) -> None:
+    """Draw arrows in the direction in which a curve runs, spread over the part that is shown."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    x, y = (curve.real - left) / (right - left), (curve.imag - low) / (high - low)
+    inside = (x > 0.04) & (x < 0.96) & (y > 0.04) & (y < 0.96)
+    step = np.where(inside[1:] & inside[:-1], np.hypot(np.diff(x), np.diff(y)), 0.0)
+    travelled = np.cumsum(step)
+    if not len(travelled) or travelled[-1] < 0.2:
         return
+    for share in (np.arange(count) + 0.5) / count:
+        k = int(np.searchsorted(travelled, share * travelled[-1]))
+        begin, end = curve[k], curve[min(k + 1, len(curve) - 1)]
+        if begin != end:
+            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "mutation_scale": 11.0}
+            ax.annotate("", (end.real, end.imag), (begin.real, begin.imag), arrowprops=arrow, zorder=4)
+
+
+def _mark(ax: Axes, number: int, c: Crossing, *, label: bool, up: bool) -> None:
     filled = COLOURS[2] if c.stable else "white"
     style: dict[str, Any] = {"color": COLOURS[2] if c.stable else "#444444", "markerfacecolor": filled}
     ax.plot(c.real, c.imag, "o", markersize=5.5, zorder=5, **style)
     if label:
-        up = 7 if number % 2 else -14
         ax.annotate(
-            str(number), (c.real, c.imag), xytext=(0, up), textcoords="offset points", fontsize=8.5, ha="center"
-        )
+            f"{number}: {c.frequency_hz:.4g} Hz", (c.real, c.imag), xytext=(0, 8 if up else -15),
+            textcoords="offset points", fontsize=8.0, ha="center", zorder=6,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
+        )  # fmt: skip
 
 
 def _table(ax: Axes, crossings: tuple[Crossing, ...]) -> None:
@@ -104,8 +161,10 @@ def _table(ax: Axes, crossings: tuple[Crossing, ...]) -> None:
     table.set_fontsize(8.5)
     table.auto_set_column_width(list(range(len(_COLUMNS))))
     table.scale(1.0, 1.15)
+    for cell in table.get_celld().values():
+        cell.set_edgecolor("#bbbbbb")
     if len(crossings) > _ROWS:
-        ax.text(0.0, 0.0, f"… and {len(crossings) - _ROWS} more", fontsize=8.5)
+        ax.text(1.0, 0.0, f"… and {len(crossings) - _ROWS} more", fontsize=8.5, ha="right")
 
 
 def _row(number: int, c: Crossing) -> list[str]:

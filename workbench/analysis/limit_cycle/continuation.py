@@ -21,6 +21,8 @@ Family = Callable[[float], tuple[LinearPart, Block]]
 _CLOSE = 1e-8
 _NEWTON = 8
 _FIRST, _SHORTEST, _LONGEST = 0.02, 1e-5, 0.08  # steps along the branch; the range of the parameter is 1
+_SHRINKS = 0.5  # the fundamental at most so much in a step
+_TURNS, _STRAIGHT = 0.94, 0.01  # cosine between directions of neighbouring points, unless they are so near
 _NUDGE = 1e-6
 _NUDGE_PARAMETER = 1e-4
 _VANISHED = 1e-3  # of the first fundamental
@@ -152,12 +154,16 @@ class _Track:
         length = _FIRST
         while len(points) < most:
             y = self._correct(place.y, place.direction, length)
-            if y is None:
+            # A step must not jump to the equilibrium, where the equations hold at every value of the parameter.
+            if y is None or y[1] < _SHRINKS * place.y[1]:
                 length *= 0.5
                 if length < _SHORTEST:
                     return points, folds, "the equations of harmonic balance could not be solved any further"
                 continue
             following = _Place(y, self._tangent(y, place.direction))
+            if length > _STRAIGHT and float(following.direction @ place.direction) < _TURNS:
+                length *= 0.5
+                continue
             if following.direction[-1] * place.direction[-1] < 0.0:
                 folds.append(self._fold(place, length))
                 points.append(folds[-1])

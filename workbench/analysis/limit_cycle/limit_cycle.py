@@ -17,6 +17,7 @@ from workbench.analysis.limit_cycle.continuation import Family, follow
 from workbench.analysis.limit_cycle.cut import Cut, cut, only_block
 from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
+from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
@@ -27,6 +28,7 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
+from workbench.signals import Signal
 from workbench.workers import Workers
 
 __all__ = ["METHODS", "limit_cycle"]
@@ -34,6 +36,7 @@ __all__ = ["METHODS", "limit_cycle"]
 METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
 _ON_BRANCH = 0.02  # interpolated
 _SAME = 1e-4  # relative difference of two cycles that are one
+_FASTEST = 10.0  # [Hz], where no crossing says what to expect
 _PHASES = 400  # at which the predicted states are looked at
 
 
@@ -49,6 +52,8 @@ def limit_cycle(
     methods: Sequence[str] = METHODS,
     periods: int = 400,
     vary: Mapping[str, tuple[float, float]] | None = None,
+    run_until: float | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     at: OperatingPoint | None = None,
     time: float = 0.0,
     workers: Workers | None = None,
@@ -79,6 +84,9 @@ def limit_cycle(
         periods: longest simulation.
         vary: parameter → (lowest, highest) value over which the cycles are followed by harmonic balance, around folds;
             "gain" is a factor on the linear part.
+        run_until: also simulate the system from its start until then [s], and follow frequency and amplitude of the
+            block's input from period to period.
+        inputs: signals that start the motion of that run.
         at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
         time: session time [s]; connections that close later are open.
         workers: where a block is measured.
@@ -95,6 +103,8 @@ def limit_cycle(
     for method in methods:
         if method not in METHODS:
             raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")
+    if inputs and run_until is None:
+        raise InputError("inputs force the run from rest; give its end, run_until")
     if harmonics < 1 or periods < 1:
         raise InputError("harmonics and periods must be 1 or more")
     names = _outputs(system, outputs)
@@ -104,7 +114,14 @@ def limit_cycle(
         work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time)
         result = work.run()
         branches = [b for name, limits in (vary or {}).items() for b in work.followed(name, limits, keep)]
-        return replace(result, branches=tuple(branches), notes=tuple(dict.fromkeys(work.notes)))
+        units = {v.name: v.unit for v in system.description.variables if v.name in (vary or {})}
+        return replace(
+            result,
+            branches=tuple(branches),
+            free_run=None if run_until is None else work.run_freely(run_until, inputs or {}),
+            units=units,
+            notes=tuple(dict.fromkeys(work.notes)),
+        )
 
 
 def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str, ...]:
@@ -193,6 +210,12 @@ class _Work:
         if block is not None:
             self._shot(number, states, sizes, cycle)
         self._confirmed(number, states)
+
+    def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> FreeRun:
+        """Return the run from rest."""
+        found = [c.frequency_hz for c in self.curve.crossings if c.amplitude is not None]
+        fastest = max(found) if found else _FASTEST
+        return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
 
     def followed(self, name: str, limits: tuple[float, float], keep: ExitStack) -> list[Branch]:
         """Return the branches over a parameter through the cycles of harmonic balance, each once."""

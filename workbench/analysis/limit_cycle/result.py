@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
+from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.origin import Reportable
 
@@ -104,6 +105,8 @@ class LimitCycleResult(Reportable):
         limit_cycles: by crossing and method.
         simulated: None: no stable cycle was predicted, or its simulation failed (see the notes).
         branches: the cycles followed over each parameter that was asked for.
+        free_run: the run from rest that was asked for, with frequency and amplitude of the block's input over time.
+        units: variable → unit, of what was varied.
         notes: what should be known, one line each.
     """
 
@@ -118,6 +121,8 @@ class LimitCycleResult(Reportable):
     limit_cycles: tuple[LimitCycle, ...]
     simulated: SimulatedCycle | None
     branches: tuple[Branch, ...] = ()
+    free_run: FreeRun | None = None
+    units: Mapping[str, str | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -151,6 +156,7 @@ class LimitCycleResult(Reportable):
             "limit_cycles": [c.to_dict() for c in self.limit_cycles],
             "simulated": None if self.simulated is None else self.simulated.to_dict(),
             "branches": [b.to_dict() for b in self.branches],
+            "free_run": None if self.free_run is None else self.free_run.to_dict(),
             "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},
             "notes": list(self.notes),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, eig
 
 from workbench.analysis.describing.base import Complex, Floats
@@ -12,6 +13,8 @@ __all__ = ["adaptive_grid"]
 
 _PER_DECADE = 40
 _TURN = np.radians(3.0)  # largest change of phase between neighbours
+_CORNER = np.radians(10.0)  # largest angle between neighbouring chords
+_SHORT = 5e-3  # of the distance from the origin: chords that may meet at any angle
 _NARROWEST = 1e-10  # relative distance of neighbours
 _ROUNDS = 40
 _MOST = 200_000
@@ -23,7 +26,7 @@ def adaptive_grid(part: LinearPart, band: tuple[float, float]) -> tuple[Floats, 
 
     The grid begins with the places that matter: around each pole in units of its damping, and on both sides of each
     zero of L(s) − L(−s), among which are all crossings of the real axis. Then it is halved wherever the phase
-    turns by more than 3°.
+    turns by more than 3°, and where the curve has a corner of more than 10°.
 
     Args:
         part: the linear part.
@@ -37,12 +40,25 @@ def adaptive_grid(part: LinearPart, band: tuple[float, float]) -> tuple[Floats, 
     for _ in range(_ROUNDS):
         with np.errstate(all="ignore"):
             turn = np.abs(np.angle(value[1:] / value[:-1]))
-        wide = ~(turn <= _TURN) & (np.diff(f) > _NARROWEST * f[1:])
+        wide = (~(turn <= _TURN) | _cornered(value)) & (np.diff(f) > _NARROWEST * f[1:])
         if not wide.any() or len(f) > _MOST:
             break
         between = 0.5 * (f[:-1] + f[1:])[wide]
         f, value = _merged(f, value, between, part.response(between))
     return f, value
+
+
+def _cornered(value: Complex) -> NDArray[np.bool_]:
+    """Return which chords meet a neighbour at an angle, shape (k − 1,)."""
+    with np.errstate(all="ignore"):
+        chord = np.diff(value)
+        angle = np.abs(np.angle(chord[1:] / chord[:-1]))
+        long = np.abs(chord) > _SHORT * np.abs(value[:-1])
+    corner = angle > _CORNER
+    found = np.zeros(len(chord), dtype=bool)
+    found[1:] |= corner
+    found[:-1] |= corner
+    return np.asarray(found & long)
 
 
 def _merged(f: Floats, value: Complex, more: Floats, there: Complex) -> tuple[Floats, Complex]:
