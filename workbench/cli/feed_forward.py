@@ -15,6 +15,7 @@ from workbench.cli.options import (
     Json,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -108,6 +109,7 @@ def feed_forward(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Design a filter F = H/G that makes a nonlinear block's output cancel itself, and try it.
 
@@ -125,7 +127,7 @@ def feed_forward(
     from workbench.plotting.feed_forward import FIGURES
     from workbench.signals import parse_signal
 
-    written = Output("feed-forward", json_path=json_path, csv_path=csv_path, plot=plot)
+    written = Output("feed-forward", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     if figure not in FIGURES:
         raise InputError(f"--figure: '{figure}' is unknown; {suggest(figure, FIGURES)}")
     _check_out(out)
@@ -157,7 +159,9 @@ def feed_forward(
     _show(result, written.console)
     for text in result.notes:
         note(text)
-    written.write(result.to_dict(), csv=result.to_csv, plot=lambda path: result.plot(path, figure=figure))
+    written.write(
+        result.to_dict(), csv=result.to_csv, plot=lambda path: result.plot(path, figure=figure), report=result
+    )
     if out is not None:
         _write_filter(result, out)
         written.console.print(f"wrote {out}", soft_wrap=True, markup=False)

@@ -16,6 +16,7 @@ from workbench.cli.options import (
     Json,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -114,6 +115,7 @@ def feedback(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
     plot_kind: Annotated[
         Literal["overview", "root-locus", "nyquist", "cycles", "settling", "run"],
         typer.Option("--plot-kind", help="Which picture --plot writes."),
@@ -136,7 +138,7 @@ def feedback(
     from workbench.cli.progress import Bar
     from workbench.signals import parse_signal
 
-    out = Output("feedback", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("feedback", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     _check_kind(plot_kind, plot, settle=settle, run=gain is not None)
     limits = _range("--gains", gains) if gains is not None else ALL
     chosen = _range("--settle-gains", settle_gains) if settle_gains is not None else None
@@ -183,6 +185,7 @@ def feedback(
         result.to_dict(),
         csv=lambda target: _write_csv(result, target),
         plot=lambda path: _draw(result, plot_kind, path),
+        report=result,
     )
     return 0
 

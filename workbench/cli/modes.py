@@ -15,6 +15,7 @@ from workbench.cli.options import (
     Json,
     ModelName,
     Plot,
+    Report,
     Set,
     Solver,
     Step,
@@ -71,6 +72,7 @@ def modes(
     json_path: Json = None,
     csv_path: Csv = None,
     plot: Plot = None,
+    report: Report = None,
 ) -> int:
     """Follow every mode over a parameter through crossings, and find where modes become unstable: a flutter diagram.
 
@@ -85,7 +87,7 @@ def modes(
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
 
-    out = Output("modes", json_path=json_path, csv_path=csv_path, plot=plot)
+    out = Output("modes", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     name, where = _range(vary, points)
     others = [_settings(text) for text in against or ()]
     point = OperatingPoint.read(at) if at is not None else None
@@ -109,7 +111,7 @@ def modes(
     _show(result, out.console)
     for text in result.notes:
         note(text)
-    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot)
+    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     return 0
 
 

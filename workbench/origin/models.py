@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from lxml import etree
 
-from workbench.errors import WorkbenchError
+from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.description import Description
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
@@ -132,6 +132,8 @@ def hash_of(path: Path) -> str:
     Raises:
         InputError: it cannot be read.
     """
+    if not path.exists():  # the hash of an absent folder would be that of an empty one
+        raise InputError(f"{path}: is not there")
     if not path.is_file():
         return content_hash(path)
     status = path.stat()

@@ -7,7 +7,7 @@ from pathlib import Path
 from workbench.build.export import ExportResult
 from workbench.build.fmu import BuildResult
 from workbench.errors import WorkbenchError
-from workbench.model.recipe import content_hash
+from workbench.origin.models import hash_of
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.system.container import ContainerResult
@@ -83,6 +83,6 @@ def _size(file: Path) -> str:
 
 def _hash(file: Path) -> str:
     try:
-        return content_hash(file)
+        return hash_of(file)
     except WorkbenchError:  # moved since it was written
         return "gone"

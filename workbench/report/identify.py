@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from workbench.analysis.identify import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
+from workbench.errors import InputError
 from workbench.report.data import advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["bootstrap_page", "estimate_page", "identify_page", "overlay_page", "validation_page"]
 
@@ -90,10 +96,18 @@ def _matrices(estimate: SubspaceEstimate) -> Section:
 def _of_validation(title: str, validation: Validation) -> Section:
     figures = [
         (validation.plot(), "Measured, simulated (from the input alone) and predicted (one step ahead) output."),
-        (validation.plot_residuals(), "Errors of the one-step prediction with 95 % bands."),
-        (validation.plot_residuals(kind="simulation"), "Errors of the simulation with 95 % bands."),
+        *_residuals(validation, "prediction", "Errors of the one-step prediction with 95 % bands."),
+        *_residuals(validation, "simulation", "Errors of the simulation with 95 % bands."),
     ]
     return Section(title, items=validation.words, figures=figures)
+
+
+def _residuals(validation: Validation, kind: str, words: str) -> list[tuple[Figure, str]]:
+    """Return the picture of residuals, none where they are rounding: the verdicts say so."""
+    try:
+        return [(validation.plot_residuals(kind=kind), words)]
+    except InputError:
+        return []
 
 
 def _of_overlay(overlay: Overlay) -> Section:

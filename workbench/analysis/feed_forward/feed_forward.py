@@ -19,6 +19,7 @@ from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
+from workbench.origin import with_origin
 from workbench.signals import Signal
 
 __all__ = ["feed_forward"]
@@ -27,6 +28,7 @@ _WIDER = 8.0  # times the band's edge: how far the curves are computed
 _SHORTEST = 4  # digits of a frequency in words
 
 
+@with_origin()
 def feed_forward(
     model: DescribedModel,
     *,

@@ -14,6 +14,7 @@ from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.csv_file import write_csv
+from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     import control
@@ -23,7 +24,7 @@ __all__ = ["FeedForwardResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedForwardResult:
+class FeedForwardResult(Reportable):
     """A filter from the nonlinear block's output to the control input, and how it came about.
 
     Attributes:
@@ -77,13 +78,12 @@ class FeedForwardResult:
 
     @property
     def filter(self) -> control.StateSpace:
-        """The filter, for python-control; its input and output are named as in the system."""
+        """The filter, for python-control; input and output are named as in the system, with _ for the dot."""
         import control as ct  # noqa: PLC0415  slow to import
 
         part = self.part
-        return ct.ss(
-            part.A, part.B[:, None], part.C[None, :], [[part.D]], inputs=[self.output], outputs=[self.target], name="F"
-        )
+        inputs, outputs = ([name.replace(".", "_")] for name in (self.output, self.target))
+        return ct.ss(part.A, part.B[:, None], part.C[None, :], [[part.D]], inputs=inputs, outputs=outputs, name="F")
 
     @property
     def exact(self) -> Complex:

@@ -15,6 +15,7 @@ from workbench.analysis.feedback.plant import Complex, Plant
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.csv_file import write_csv
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ CONVENTION = (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackResult:
+class FeedbackResult(Reportable):
     """A scalar feedback from an output to an input, over its gain.
 
     Attributes:

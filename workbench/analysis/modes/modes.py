@@ -17,6 +17,7 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
+from workbench.origin import with_origin
 
 __all__ = ["modes"]
 
@@ -26,6 +27,7 @@ _NAMED = 3  # states
 Settings = Mapping[str, Value]
 
 
+@with_origin()
 def modes(
     model: DescribedModel,
     *,

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.analysis.modes.poles import Complex
 from workbench.csv_file import write_csv
 from workbench.fmi.variable import Value
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ class ModeSet:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModesResult:
+class ModesResult(Reportable):
     """Frequency and damping of every mode over a parameter: a flutter diagram, where it is an airspeed.
 
     Attributes:

@@ -13,6 +13,7 @@ from scipy.linalg import matrix_balance
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.errors import InputError, SimulationError, suggest
+from workbench.origin import Reportable, with_origin
 
 if TYPE_CHECKING:
     import control
@@ -24,7 +25,7 @@ _KEPT = 1e-4  # Hankel singular values below this part of the largest are left o
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BalancedReduction:
+class BalancedReduction(Reportable):
     """A reduced system, and what was left out.
 
     Attributes:
@@ -60,6 +61,7 @@ class BalancedReduction:
         return {k: v for k, v in vars(self).items() if k not in {"part", "hankel"}} | {"hankel": self.hankel.tolist()}
 
 
+@with_origin()
 def balanced_reduction(
     part: LinearPart, *, order: int | None = None, tolerance: float | None = None, method: str = "match-dc"
 ) -> BalancedReduction:

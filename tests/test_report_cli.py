@@ -1,0 +1,165 @@
+"""`--report` of every command: a page that stands alone, says which FMU, and holds what `--json` holds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from tests.report_pages import PageReader, check_page_file, data_of, facts_of_page
+from tests.test_cli_limit_cycle import LOOP as CYCLE
+from tests.test_cli_systems import LOOP
+from workbench.build.fmu import BuildResult
+from workbench.cli import app as program
+from workbench.cli.app import run
+from workbench.fmi.archive import locate
+from workbench.report.build import built_page
+from workbench.report.page import write_page
+
+LAG = hashlib.sha256(locate("fmu:FirstOrderLag").read_bytes()).hexdigest()
+
+FEW = ["--freq", "0.1,1", "--amplitude", "1", "--in-process"]
+COMMANDS = {
+    "info": ["info", "fmu:FirstOrderLag"],
+    "info of a system": ["info", "loop.toml"],
+    "simulate": ["simulate", "fmu:FirstOrderLag", "--stop", "1", "--input", "u=sine:amplitude=1,frequency=2"],
+    "nfr": ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--offset", *FEW],
+    "trim": ["trim", "fmu:FirstOrderLag", "--u0", "u=2"],
+    "lin": ["lin", "loop.toml", "--inputs", "reference"],
+    "lin --compare": ["lin", "fmu:FirstOrderLag", "--compare", "--freq", "0.1,1"],
+    "lin --over": ["lin", "fmu:FirstOrderLag", "--over", "tau=0.5,2"],
+    "lin --snapshot": ["lin", "fmu:FirstOrderLag", "--snapshot", "0.5,1", "--input", "u=1"],
+    "loop": ["loop", "loop.toml", "--at", "plant.y", *FEW],
+    "delays": ["delays", "master.toml", "--stop", "1", "--input", "reference=1", "--step", "0.1"],
+    "delays of none": ["delays", "loop.toml"],
+    "limit-cycle": ["limit-cycle", "cycle.toml", "--block", "block", "--vary", "gain=0.9:1.2", "--in-process"],
+    "excite": ["excite", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--prbs", "amplitude=1", "--step", "0.1",
+               "--samples", "300", "--validation", "0", "--in-process"],
+    "identify": ["identify", "data.csv", "--input", "u", "--output", "y", "--order", "1"],
+    "export": ["export", "loop_of_fmus.toml", "--out", "out.fmu", "--step", "0.125"],
+}  # fmt: skip
+WITHOUT_FMU = {"identify", "export"}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("loop.toml").write_text(LOOP, encoding="utf-8")
+    Path("master.toml").write_text(
+        LOOP.replace('"fmu:FirstOrderLag"', '{model = "fmu:FirstOrderLag", interface = "cs"}'), encoding="utf-8"
+    )
+    Path("cycle.toml").write_text(CYCLE, encoding="utf-8")
+    two = '[components]\na = "fmu:FirstOrderLag"\nb = "fmu:FirstOrderLag"\n[connections]\n"b.u" = "a.y"\n'
+    Path("loop_of_fmus.toml").write_text(two + '[inputs]\nu = "a.u"\n[outputs]\ny = "b.y"\n', encoding="utf-8")
+    Path("data.csv").write_text("\n".join(["time,u,y", *lag_rows()]), encoding="utf-8")
+    return tmp_path
+
+
+def lag_rows() -> list[str]:
+    """A lag of 0.45 s under a binary sequence, sampled at 0.1 s."""
+    rows, y = [], 0.0
+    for k, u in enumerate(np.sign(np.random.default_rng(1).standard_normal(300)).tolist()):
+        rows.append(f"{0.1 * k:.6g},{u},{y!r}")
+        y = 0.8 * y + 0.2 * u
+    return rows
+
+
+def report(arguments: list[str]) -> tuple[PageReader, dict[str, object]]:
+    """Run a command with report and JSON; return the page and the JSON."""
+    assert run([*arguments, "--report", "page.html", "--json", "out.json"]) in (0, 1)
+    return check_page_file(Path("page.html")), json.loads(Path("out.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_writes_a_page(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = COMMANDS[name]
+    page, written = report(arguments)
+    assert data_of(page) == written
+    facts = facts_of_page(page)
+    assert facts["command"] == shlex.join(["workbench", *arguments, "--report", "page.html", "--json", "out.json"])
+    assert "numpy" in facts["versions"]
+    assert f"{written['seconds']:.3g} s, " in facts["run"]
+    text = " ".join(e.text for e in page.elements)
+    assert (LAG in text) == (name not in WITHOUT_FMU)
+    shown = capsys.readouterr()
+    assert "wrote page.html" in shown.out
+    # What the command remarked on standard error stands on the page.
+    remarks = [line.removeprefix("note: ") for line in shown.err.splitlines() if line.startswith("note: ")]
+    items = {e.text for e in page.elements if e.tag == "li"}
+    assert set(remarks) <= items
+
+
+def test_every_command_has_the_option() -> None:
+    commands = typer.main.get_command(program.app).commands  # type: ignore[attr-defined]
+    without = [n for n, c in commands.items() if not any("--report" in p.opts for p in c.params)]
+    assert without == []
+
+
+@pytest.mark.parametrize("name", ["simulate", "lin", "trim"])
+def test_the_command_on_the_page_gives_the_same_again(name: str) -> None:
+    page, first = report(COMMANDS[name])
+    Path("out.json").unlink()
+    again = shlex.split(facts_of_page(page)["command"])
+    assert again[0] == "workbench"
+    assert run(again[1:]) == 0
+    second = json.loads(Path("out.json").read_text(encoding="utf-8"))
+    assert {k: v for k, v in second.items() if k != "seconds"} == {k: v for k, v in first.items() if k != "seconds"}
+
+
+def test_arguments_with_blanks_are_quoted() -> None:
+    Path("my loop.toml").write_text(LOOP, encoding="utf-8")
+    page, _ = report(["info", "my loop.toml"])
+    assert facts_of_page(page)["command"].startswith("workbench info 'my loop.toml' --report")
+
+
+def test_a_path_is_given_as_it_was_typed_and_shown_without_its_folder(folder: Path) -> None:
+    (folder / "given.fmu").write_bytes(locate("fmu:FirstOrderLag").read_bytes())
+    page, _ = report(["info", str(folder / "given.fmu")])
+    facts = facts_of_page(page)
+    assert str(folder / "given.fmu") in facts["command"]
+    assert facts["FMU"] == "given.fmu"
+    assert facts["SHA-256"] == LAG
+
+
+def test_two_commands_of_one_process_do_not_mix() -> None:
+    report(COMMANDS["simulate"])
+    page, _ = report(COMMANDS["identify"])
+    assert not [e for e in page.elements if e.tag == "li" and "interface" in e.text]
+
+
+def test_failed_points_are_named_first() -> None:
+    page, _ = report(["nfr", "loop.toml", "--input", "reference", "--output", "y", "--freq", "0.1", "--amplitude", "1",
+                      "--in-process", "--max-periods", "2", "--errcrit", "1e-15"])  # fmt: skip
+    (strip,) = [e for e in page.elements if e.attributes.get("class", "").startswith("summary")]
+    words = [e.text for e in page.elements if e.attributes.get("class", "").startswith("word ")]
+    assert strip.attributes["class"] == "summary watch"
+    assert words[0] == "averaged"
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("page.txt", "--report: 'page.txt' must end in .html"),
+        ("none/page.html", "--report: the folder 'none' does not exist"),
+        (".", "--report: '.' is a folder; name a file in it"),
+    ],
+)
+@pytest.mark.parametrize("name", ["info", "simulate", "limit-cycle", "export"])
+def test_a_wrong_path_is_one_line(name: str, path: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*COMMANDS[name], "--report", path]) == 2
+    assert capsys.readouterr().err == f"workbench: {message}\n"
+
+
+def test_what_was_built_is_listed_with_hashes(folder: Path) -> None:
+    file = folder / "X.fmu"
+    file.write_bytes(b"fmu")
+    results = [BuildResult("X", (file, folder / "gone.fmu"), ("x86_64-linux",), stiff=False, n_states=2)]
+    write_page(built_page(results), folder / "p.html")
+    cells = [e.text for e in check_page_file(folder / "p.html").elements if e.tag == "td"]
+    assert hashlib.sha256(b"fmu").hexdigest() in cells
+    assert cells[-3:] == ["gone.fmu", "gone", "gone"]

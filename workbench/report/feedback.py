@@ -1,0 +1,137 @@
+"""The page of a scalar feedback over its gain."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.analysis.feedback.result import CONVENTION, FeedbackResult, interval_words
+from workbench.analysis.feedback.settling import GainRun, SettlingStudy
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, number
+from workbench.report.tones import Verdict
+
+__all__ = ["feedback_page"]
+
+_MANY = 30
+
+
+def feedback_page(result: FeedbackResult) -> Page:
+    """Return the page of a feedback: stable gains, crossings, limit cycles left, settling times, one simulation."""
+    return Page(
+        title=f"Feedback of {result.source} to {result.target}",
+        lead=f"{result.model}: {result.words}.",
+        facts={
+            "convention": CONVENTION,
+            "from": bracketed(result.source, result.source_unit),
+            "to": bracketed(result.target, result.target_unit),
+            "gains looked at": _limits(result.gains),
+            "open": f"{result.unstable_open} poles beyond the border of stability, linearised by {result.lin_method}",
+            **({"nonlinear block": result.block} if result.block else {}),
+        },
+        sections=[
+            Section("Overview", figures=[(result.plot(), "Poles over the gain, Nyquist curve, and what is left.")]),
+            _stability(result),
+            Section("Root locus", figures=[(result.plot_root_locus(), "Poles over the gain.")]),
+            Section("Nyquist curve", figures=[(result.plot_nyquist(), "G(jω), and around its crossings.")]),
+            *_cycles(result),
+            *([] if result.settling is None else [_settling(result.settling)]),
+            *_run(result),
+        ],
+        summary=_verdicts(result),
+        notes=result.notes,
+        kind="feedback",
+    )
+
+
+def _limits(pair: tuple[float, float]) -> str:
+    return interval_words(pair)
+
+
+def _verdicts(result: FeedbackResult) -> list[Verdict]:
+    if not result.stable_gains:
+        return [Verdict("unstable", result.words)]
+    found = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
+    if result.settling is not None and result.settling.optimum is not None:
+        best = result.settling.best
+        found.append(Verdict("best", f"gain {best.gain:.5g} settles in {best.seconds:.4g} s by the polynomial"))
+    return found
+
+
+def _stability(result: FeedbackResult) -> Section:
+    rows = [
+        (
+            f"{c.gain:.6g}",
+            "∞" if math.isinf(c.frequency_hz) else f"{c.frequency_hz:.5g}",
+            number(c.real, ".5g"),
+            str(c.unstable_below),
+            str(c.unstable_above),
+        )
+        for c in result.crossings
+    ]
+    headings = ("gain", "frequency [Hz]", "G there", "poles beyond, gain below", "gain above")
+    fastest = [
+        f"gain {f.gain:.5g}: the slowest oscillation decays with {f.growth:.4g} 1/s at {f.frequency_hz:.4g} Hz, the "
+        f"slowest pole of all with {f.slowest:.4g} 1/s"
+        for f in result.fastest
+        if f is not None
+    ]
+    return Section(
+        "Gains at the border of stability",
+        items=fastest,
+        tables=[Table(headings, rows, right=range(5))],
+        folded=len(rows) > _MANY,
+    )
+
+
+def _cycles(result: FeedbackResult) -> list[Section]:
+    if not result.cycles:
+        return []
+    rows = [(f"{c.gain:.5g}", str(c.unstable_small), str(c.unstable_large), c.words) for c in result.cycles]
+    headings = ("gain", "poles beyond, small amplitude", "large amplitude", "what is left")
+    return [
+        Section(
+            f"Limit cycles that {result.block} leaves",
+            figures=[(result.plot_cycles(), "Nyquist curves seen by the nonlinear block.")],
+            tables=[Table(headings, rows, right=(0, 1, 2))],
+        )
+    ]
+
+
+def _settling(study: SettlingStudy) -> Section:
+    levels = [o.threshold for o in study.optima]
+    unit = study.target_unit or "-"
+    headings = (
+        "gain",
+        *(f"settled to {100.0 * t:g} % [s]" for t in levels),
+        "left [%]",
+        f"peak [{unit}]",
+        f"[{unit}/s]",
+    )
+    optima = [
+        (f"{100.0 * o.threshold:g}", number(o.gain), number(o.seconds, ".4g"), str(o.unsettled)) for o in study.optima
+    ]
+    return Section(
+        "Settling",
+        paragraphs=[f"Magnitude of {study.variable}, from closing on, against that before."],
+        figures=[(study.plot(), "Settling times over the gain.")],
+        tables=[
+            Table(
+                ("settled to [%]", "best gain", "settles in [s]", "gains that did not settle"), optima, title="Optima"
+            ),
+            Table(headings, [_gain(r, levels) for r in study.runs], title="Runs", right=range(len(headings))),
+        ],
+    )
+
+
+def _gain(run: GainRun, levels: list[float]) -> tuple[str, ...]:
+    times = (number(run.settled[t], ".4g") for t in levels)
+    rest = (f"{100.0 * run.left:.3g}", f"{run.peak_deflection:.4g}", f"{run.peak_rate:.4g}")
+    return (f"{run.gain:.5g}", *times, *rest)
+
+
+def _run(result: FeedbackResult) -> list[Section]:
+    run = result.run
+    if run is None:
+        return []
+    words = f"Gain {run.gain:g} closes at {run.closes_at:.6g} s."
+    return [Section("Simulation", paragraphs=[words], figures=[(run.plot(), "The motion before and after closing.")])]

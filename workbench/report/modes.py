@@ -1,0 +1,103 @@
+"""The page of modes over a parameter: a flutter diagram."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesResult
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, counted, number
+from workbench.report.tones import Verdict
+
+__all__ = ["modes_page"]
+
+_KINDS = {
+    "real axis": "meet on the real axis (a pair becomes two real poles, or the reverse)",
+    "unclear": "come so near to each other that it is not certain which goes on as which",
+}
+
+
+def modes_page(result: ModesResult) -> Page:
+    """Return the page of modes: where they become unstable, the diagram, each mode at the ends of the range."""
+    parameter = bracketed(result.parameter, result.unit)
+    words = "Damping and frequency of the modes that matter; critical values are marked."
+    return Page(
+        title=f"Modes of {result.model} over {result.parameter}",
+        lead=_lead(result),
+        facts={
+            "parameter": f"{parameter}, {_range(result.sets[0])}",
+            "configurations": ", ".join(_name(s) for s in result.sets),
+            "critical values": f"to {result.tolerance:.2g} {result.unit or ''}".strip(),
+        },
+        sections=[
+            Section("Diagram", paragraphs=[_sentence(result.criterion)], figures=[(result.plot(), words)]),
+            *(_configuration(result, s, parameter) for s in result.sets),
+        ],
+        summary=[v for s in result.sets for v in _verdicts(result, s)],
+        notes=result.notes,
+        kind="modes",
+    )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _name(modes: ModeSet) -> str:
+    return modes.label or "as it is"
+
+
+def _range(modes: ModeSet) -> str:
+    return f"{counted(len(modes.value), 'value')} from {modes.value[0]:g} to {modes.value[-1]:g}"
+
+
+def _lead(result: ModesResult) -> str:
+    found = [(s, s.first_unstable) for s in result.sets]
+    return " ".join(
+        f"{_sentence(_name(s))[:-1]}: {_critical_words(result, c) if c else 'no mode becomes unstable in the range'}."
+        for s, c in found
+    )
+
+
+def _critical_words(result: ModesResult, c: Critical) -> str:
+    where = f"{result.parameter} = {c.value:.6g} {result.unit or ''}".strip()
+    at = f" at {c.frequency_hz:.4g} Hz" if c.frequency_hz > 0.0 else ""
+    return f"mode {c.mode} becomes {c.becomes} at {where} ({c.kind}{at})"
+
+
+def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
+    name = _name(modes)
+    found = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
+    found += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
+    found += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    return found or [Verdict("stable", f"{name}: every mode, at every value")]
+
+
+def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:
+    rows = [(str(c.mode), f"{c.value:.8g}", number(c.frequency_hz), c.kind, c.becomes) for c in modes.critical]
+    headings = ("mode", f"critical {parameter}", "frequency [Hz]", "kind", "becomes")
+    tables = [Table(headings, rows, verdict=4)] if rows else []
+    meetings = [
+        f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
+        for m in modes.meetings
+    ]
+    return Section(_sentence(_name(modes))[:-1], items=meetings, tables=tables, parts=[_modes(modes, parameter)])
+
+
+def _modes(modes: ModeSet, parameter: str) -> Section:
+    """Return every mode at both ends of the range, and where its damping is smallest."""
+    headings = (
+        "mode", "frequency first [Hz]", "last [Hz]", "damping first", "last", "smallest", f"at {parameter}",
+        "states that take part",
+    )  # fmt: skip
+    rows = [_mode(m, modes) for m in modes.modes]
+    title = f"All {counted(len(rows), 'mode')}"
+    return Section(title, tables=[Table(headings, rows, right=range(7))], folded=len(rows) > 12)
+
+
+def _mode(mode: Mode, modes: ModeSet) -> tuple[str, ...]:
+    f, damping = mode.frequency_hz, mode.damping
+    known = [(float(d), float(v)) for d, v in zip(damping, modes.value, strict=True) if not math.isnan(d)]
+    least, where = min(known, default=(math.nan, math.nan))
+    numbers = (f[0], f[-1], damping[0], damping[-1], least, where)
+    return (str(mode.number), *(number(float(x), ".4g") for x in numbers), ", ".join(mode.states))
