@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
-from workbench.signals import Constant, Sine
+from workbench.signals import Constant, Signal, Sine
 from workbench.system.load import load
 from workbench.workers import Workers
 
-__all__ = ["EXPERIMENTS", "draw_widths", "steady"]
+__all__ = ["EXPERIMENTS", "draw_widths"]
 
 HERE = Workers(in_process=True)
 FLAPS = range(5)
@@ -37,31 +38,26 @@ SEVEN = {
 }
 
 
-def steady(fmu: str = LAW, *, interface: str = "me", **inputs: float) -> float:
-    """Return the elevator after a minute of constant inputs [deg].
-
-    Args:
-        fmu: which version of the law.
-        interface: "me" or "cs".
-        inputs: by name; the others keep their start values.
-    """
-    signals = {name: Constant(value) for name, value in inputs.items()}
-    with load(fmu, interface) as law:
+def _steady(stick: float = 0.0, **inputs: float) -> float:
+    """Return the elevator after a minute of constant inputs [deg]; those not named keep their start values."""
+    signals: dict[str, Signal] = {name: Constant(value) for name, value in {**inputs, STICK: stick}.items()}
+    with load(LAW, "me") as law:
         result = simulate(law, stop=60.0, inputs=signals, outputs=[ELEVATOR], verify_step=False)
     return float(result.signals[ELEVATOR][-1])
 
 
-def _factors(*, stick: float = HALF, **settings: float) -> tuple[float, float]:
+def _factors(**settings: float) -> tuple[float, float]:
     """Return block 5's factors for negative and positive deflection [deg]; the shape of the stick's curve taken out."""
-    neutral = steady(**settings)
-    shaped = _shaped(stick)
-    return tuple(abs(steady(side_stick=s, **settings) - neutral) / shaped for s in (-stick, stick))  # type: ignore[return-value]
+    neutral, shaped = _steady(**settings), _shaped()
+    aft, forward = (abs(_steady(s, **settings) - neutral) / shaped for s in (-HALF, HALF))
+    return aft, forward
 
 
-def _shaped(stick: float) -> float:
-    """Return what block 8 makes of a stick deflection: its share of what the full stick gives."""
-    neutral, full = steady(), steady(side_stick=-1.0)
-    return (steady(side_stick=-stick) - neutral) / (full - neutral)
+@cache
+def _shaped() -> float:
+    """Return what block 8 makes of half a stick: its share of what the full stick gives."""
+    neutral = _steady()
+    return (_steady(-HALF) - neutral) / (_steady(-1.0) - neutral)
 
 
 def _configurations() -> Measurement:
@@ -73,7 +69,7 @@ def _configurations() -> Measurement:
             "law-positive": by_flap[:, 1] / by_flap[:, 0],
             "law-ground": _factors(on_ground=1.0),
             "law-failed": one[1] / both[1],
-            "law-never-limited": [steady(side_stick=s) for s in (-1.0, 1.0)],
+            "law-never-limited": [_steady(s) for s in (-1.0, 1.0)],
         }
     )
 

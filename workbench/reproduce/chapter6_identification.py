@@ -80,7 +80,7 @@ def _range(values: np.ndarray) -> str:
 
 
 def _pictures(data: ExciteResult, model: IdentifyResult) -> list[Picture]:
-    record, plain = data.identification, {"segments": SEGMENTS, "overlap": 0.0}
+    record = data.identification
     return [
         Picture(
             (32, 33),
@@ -97,7 +97,9 @@ def _pictures(data: ExciteResult, model: IdentifyResult) -> list[Picture]:
         Picture(
             (35,),
             f"Coherence of stick and elevator, {SEGMENTS} segments without taper, as in the source report.",
-            lambda: titled(coherence(record, window="boxcar", **plain).plot(), "Figure 35: coherence"),
+            lambda: titled(
+                coherence(record, segments=SEGMENTS, overlap=0.0, window="boxcar").plot(), "Figure 35: coherence"
+            ),
         ),
         Picture(
             (36,), "Singular values: one stands out.", lambda: titled(model.plot_order(), "Figure 36: singular values")

@@ -42,6 +42,8 @@ def _cycle() -> Measurement:
     late = run.time > STOP - 40.0
     size = {name: peak(values[late]) for name, values in run.signals.items()}
     told = _frequencies(run.time, run.signals[RATE])
+    cockpit = "z_front_fuselage_acceleration"
+    comfort = _run("failed_aileron_comfort", [cockpit])
     return Measurement(
         {
             "cycle-frequency": frequency(run.time[late], run.signals[RATE][late]),
@@ -54,6 +56,7 @@ def _cycle() -> Measurement:
             "cycle-cockpit-acceleration": size["z_front_fuselage_acceleration"] / GRAVITY,
             "cycle-start": [_between(run, 10.0, 20.0), _between(run, 50.0, 60.0)],
             "cycle-onset": float(next(t for t, f in told if f < BETWEEN)),
+            "comfort-control": peak(comfort.signals[cockpit][comfort.time > STOP - 40.0]) / size[cockpit],
         },
         {"cycle-start": "at 10 to 20 s and at 50 to 60 s"},
         [Picture((49,), "Rate and position of the outer aileron after a pulse on it.", lambda: _draw_cycle(run, told))],
@@ -137,9 +140,10 @@ EXPERIMENTS = (
             "cycle-cockpit-acceleration",
             "cycle-start",
             "cycle-onset",
+            "comfort-control",
         ),
         _cycle,
-        3.5,
+        6.0,
     ),
     Experiment("feedback closed", ("feedback-left", "feedback-deflection", "feedback-rate"), _feedback, 3.5),
 )

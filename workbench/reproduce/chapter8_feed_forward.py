@@ -1,0 +1,109 @@
+"""Nonlinear feed-forward: chapter 8.6 of the source report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from workbench.analysis.feed_forward.feed_forward import feed_forward
+from workbench.analysis.feed_forward.result import FeedForwardResult
+from workbench.analysis.feed_forward.step import FilterStep
+from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
+from workbench.reproduce.drawings import titled
+from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.systems import system_file
+from workbench.system.load import load
+
+__all__ = ["EXPERIMENTS"]
+
+ORDERS = (36, 29)  # of the reduced G and H
+STOP = 220.0  # [s]
+PARTS = (0.1, 0.05, 0.01)  # of the limit cycle, to which it settles
+
+_PICTURES: Mapping[str, tuple[tuple[int, ...], str, str]] = {
+    "reduced": ((55,), "Figure 55: filter before and after the reduction", "H/G and the reduced filter."),
+    "compensation": ((56,), "Figure 56: G F and H", "What the filter makes of the control, and what it is to cancel."),
+    "mirrored": (
+        (57,),
+        "Figure 57: filter before and after mirroring",
+        "Mirroring keeps the gain and turns the phase.",
+    ),
+    "simulated": ((58,), "Figure 58: filter and scalar feedback in simulation", "Both closed at 140 s."),
+    "error": ((59,), "Figure 59: error of the filter", "G F/H − 1."),
+}
+
+
+def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForwardResult:
+    with load(system_file("failed_aileron")) as system:
+        return feed_forward(
+            system,
+            block="damper",
+            target="aircraft.inner_aileron",
+            feedback=("aircraft.outer_aileron_position", -1.0),
+            orders=orders,
+            inputs={"pulse": PULSE} if simulated else None,
+            closes_at=CLOSES,
+            stop=STOP,
+            crude=simulated,
+        )
+
+
+def _feed_forward() -> Measurement:
+    free = _designed(orders=None, simulated=False)
+    result = _designed(orders=ORDERS, simulated=True)
+    steps = {step.name: step for step in result.steps}
+    scalar, filtered, crude = result.trials
+    return Measurement(
+        {
+            "feed-forward-orders": [float(r.order) for r in (free.design.G, free.design.H)],
+            "feed-forward-joined": float(steps["joined"].order),
+            "feed-forward-compensation": steps["joined"].residual,
+            "feed-forward-cancelled": float(steps["cancelled"].order),
+            "feed-forward-mirrored": float(_mirrored(steps["cancelled"])),
+            "feed-forward-sign": float(steps["sign"].remark.startswith("changed")),
+            "feed-forward-left": float("nan") if filtered.rest is None else filtered.rest,
+            "feed-forward-slower": [_ratio(filtered.settling_seconds[p], scalar.settling_seconds[p]) for p in PARTS],
+            "feed-forward-escape": float(crude.divergence is not None and crude.divergence.kind == "finite escape"),
+        },
+        {
+            "feed-forward-cancelled": steps["cancelled"].remark,
+            "feed-forward-mirrored": steps["mirrored"].remark,
+            "feed-forward-sign": steps["sign"].remark,
+            "feed-forward-slower": "; ".join(result.notes[:1]),
+            "feed-forward-escape": crude.failure,
+        },
+        [_picture(result, name) for name in _PICTURES],
+    )
+
+
+def _mirrored(step: FilterStep) -> int:
+    """Return how many poles are right of the imaginary axis before they are mirrored."""
+    return len(step.unstable_poles)
+
+
+def _ratio(one: float | None, other: float | None) -> float:
+    return float("nan") if one is None or other is None else one / other
+
+
+def _picture(result: FeedForwardResult, name: str) -> Picture:
+    figures, title, words = _PICTURES[name]
+    return Picture(figures, words, lambda: titled(result.plot(figure=name), title))
+
+
+EXPERIMENTS = (
+    Experiment(
+        "feed-forward",
+        (
+            "feed-forward-orders",
+            "feed-forward-joined",
+            "feed-forward-compensation",
+            "feed-forward-cancelled",
+            "feed-forward-mirrored",
+            "feed-forward-sign",
+            "feed-forward-left",
+            "feed-forward-slower",
+            "feed-forward-escape",
+        ),
+        _feed_forward,
+        9.0,
+    ),
+)

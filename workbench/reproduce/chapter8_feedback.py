@@ -1,0 +1,101 @@
+"""Scalar feedback over its gain: chapter 8.5 of the source report."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from workbench.analysis.feedback.feedback import feedback
+from workbench.analysis.feedback.result import FeedbackResult
+from workbench.analysis.feedback.settling import SettlingStudy
+from workbench.reproduce.drawings import titled
+from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.systems import system_file
+from workbench.system.load import load
+
+__all__ = ["EXPERIMENTS"]
+
+POSITION, RATE = "aircraft.outer_aileron_position", "aircraft.outer_aileron_rate"
+TARGET = "aircraft.inner_aileron"
+GAINS = 15  # of the settling study
+
+
+def _over_gains(source: str, *, settle: bool = False) -> FeedbackResult:
+    with load(system_file("failed_aileron")) as system:
+        return feedback(system, source=source, target=TARGET, settle=settle, count=GAINS)
+
+
+def _position() -> Measurement:
+    result = _over_gains(POSITION)
+    (low, high), *others = result.stable_gains or ((float("nan"), float("nan")),)
+    left = [cycle for at in result.cycles for cycle in at.cycles]
+    several = {"position-gains": f"and {len(others)} further intervals"} if others else {}
+    crossings = sorted(1.0 / c.gain for c in result.crossings if low <= c.gain <= high)
+    return Measurement(
+        {
+            "position-gains": [low, high],
+            "position-crossings": crossings,
+            "position-cycles": float(sum(bool(cycle.stable) for cycle in left)),
+        },
+        {**several, "position-cycles": f"at {len(result.cycles)} gains; unstable ones: {len(left)}"},
+        [
+            Picture(
+                (52,),
+                "Outer aileron's position over the inner aileron: all, and around its crossings of the real axis.",
+                lambda: titled(result.plot_nyquist(), "Figure 52: outer aileron's position over inner aileron"),
+            ),
+            Picture(
+                (53,),
+                "What the damper sees with four feedback gains.",
+                lambda: titled(result.plot_cycles(), "Figure 53: linear part with four feedback gains"),
+            ),
+        ],
+    )
+
+
+def _rate() -> Measurement:
+    result = _over_gains(RATE)
+    negative = [pair for pair in result.stable_gains if pair[0] < 0.0]
+    positive = [pair for pair in result.stable_gains if pair[1] > 0.0]
+    gains = [c.gain for c in result.crossings if c.gain < 0.0]
+    return Measurement(
+        {
+            "rate-crossings": float(len(gains)),
+            "rate-gains-negative": float(len(negative)),
+            "rate-gains-positive": float(len(positive)),
+        },
+        {"rate-crossings": "at gains " + ", ".join(f"{g:.4g}" for g in gains), "rate-gains-positive": result.words},
+        [
+            Picture(
+                (51,),
+                "Outer aileron's rate over the inner aileron: all, and around its crossings of the real axis.",
+                lambda: titled(result.plot_nyquist(), "Figure 51: outer aileron's rate over inner aileron"),
+            )
+        ],
+    )
+
+
+def _settling() -> Measurement:
+    study = _over_gains(POSITION, settle=True).settling
+    if study is None or study.optimum is None:
+        return Measurement({})
+    return Measurement(
+        {"settling-optimum": study.optimum},
+        {"settling-optimum": f"optimum by what is left: {_optima(study)}"},
+        [Picture((), "Time until the motion has settled, over the feedback gain.", lambda: _draw(study))],
+    )
+
+
+def _optima(study: SettlingStudy) -> str:
+    found = (f"{o.threshold:g}: {o.gain:.3f}" for o in study.optima if o.gain is not None)
+    return "; ".join(found)
+
+
+def _draw(study: SettlingStudy) -> Figure:
+    return titled(study.plot(), "Chapter 8.5: settling time over the feedback gain")
+
+
+EXPERIMENTS = (
+    Experiment("position feedback", ("position-gains", "position-crossings", "position-cycles"), _position, 2.5),
+    Experiment("rate feedback", ("rate-crossings", "rate-gains-negative", "rate-gains-positive"), _rate, 1.5),
+    Experiment("settling study", ("settling-optimum",), _settling, 12.0),
+)

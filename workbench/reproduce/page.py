@@ -1,0 +1,116 @@
+"""The reproduction page: every figure of the source report, target and measured, with the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO, TYPE_CHECKING, cast
+
+from workbench.report.page import Page, Section, Table
+from workbench.report.tones import Verdict
+from workbench.reproduce.result import MISSED, NOT_REACHABLE, Drawing, Outcome, ReproduceResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["TITLES", "reproduce_page"]
+
+# Chapters of the source report.
+TITLES: Mapping[str, str] = {
+    "3": "Linearisation of single blocks",
+    "4": "Frequency response",
+    "6": "Elevator flight control law",
+    "7": "Rudder actuator",
+    "8": "Aeroelastic aircraft with a failed outer aileron",
+}
+_HEADINGS = ("target", "figures", "what", "published", "tolerance", "measured", "verdict")
+
+
+def reproduce_page(result: ReproduceResult) -> Page:
+    """Return the page.
+
+    Args:
+        result: what to report.
+    """
+    chapters = sorted({_chapter(o.target.chapter) for o in result.outcomes})
+    return Page(
+        title="The source report, measured now",
+        lead=f"{result.words[:1].upper()}{result.words[1:]}.",
+        facts={"asked for": ", ".join(result.selection) or "everything"},
+        summary=[Verdict(o.verdict, _line(o)) for o in result.outcomes if not o.passed],
+        sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_time(result)],
+        data=result.to_dict(),
+    )
+
+
+def _chapter(text: str) -> str:
+    return text.split(".", maxsplit=1)[0]
+
+
+def _line(outcome: Outcome) -> str:
+    return f"{outcome.target.name}: {outcome.target.text} published, {outcome.text} measured"
+
+
+def _not_met(result: ReproduceResult) -> Iterator[Section]:
+    """Say of each target that is not met why."""
+    for verdict, title in ((MISSED, "Missed"), (NOT_REACHABLE, "Not reachable, and why")):
+        lines = [f"{_line(o)}: {o.reason}." for o in result.outcomes if o.verdict == verdict]
+        if lines:
+            yield Section(title, items=lines)
+
+
+def _section(chapter: str, result: ReproduceResult) -> Section:
+    outcomes = [o for o in result.outcomes if _chapter(o.target.chapter) == chapter]
+    return Section(
+        f"{chapter} {TITLES.get(chapter, '')}".strip(),
+        tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=6, right=())],
+        figures=[(_figure(d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter],
+        parts=list(_remarks(outcomes)),
+    )
+
+
+def _row(outcome: Outcome) -> tuple[str, ...]:
+    t = outcome.target
+    origin = "" if t.origin == "printed" else f" ({t.origin})"
+    figures = ", ".join(str(n) for n in t.figures)
+    return (t.name, figures, f"{t.chapter}: {t.what}", f"{t.text}{origin}", t.tolerance, outcome.text, outcome.verdict)
+
+
+def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:
+    """Yield how targets are read, and what else was seen."""
+    lines = []
+    for o in outcomes:
+        said = [text for text in (o.target.note, o.remark) if text]
+        if said:
+            lines.append(f"{o.target.name}: {'. '.join(said)}.")
+    if lines:
+        yield Section("How the targets are read, and what else was seen", items=lines, folded=True)
+
+
+def _caption(drawing: Drawing) -> str:
+    plural = "s" if len(drawing.figures) > 1 else ""
+    numbers = ", ".join(str(n) for n in drawing.figures)
+    place = f"Figure{plural} {numbers}" if numbers else f"Chapter {drawing.chapter}"
+    return f"{place} of the source report. {drawing.words}"
+
+
+def _of_time(result: ReproduceResult) -> Section:
+    longest = sorted(result.processor_seconds.items(), key=lambda item: -item[1])
+    table = Table(("experiment", "processor time [s]"), [(name, f"{s:.2f}") for name, s in longest])
+    total = sum(result.processor_seconds.values())
+    words = f"{result.seconds:.1f} s with {result.jobs} processes at a time, {total:.1f} s of processor time."
+    return Section("How long it took", paragraphs=[words], tables=[table], folded=True)
+
+
+class _Drawn:
+    """A picture that was drawn in another process, as a page takes it."""
+
+    def __init__(self, svg: str) -> None:
+        self._svg = svg
+
+    def savefig(self, target: IO[str], *, format: str, metadata: object = None) -> None:  # noqa: A002 - matplotlib's name
+        """Write it, whatever the metadata; it was drawn as SVG."""
+        target.write(self._svg)
+
+
+def _figure(drawing: Drawing) -> Figure:
+    return cast("Figure", _Drawn(drawing.svg))

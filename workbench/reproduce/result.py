@@ -1,0 +1,222 @@
+"""What came of measuring the targets."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from workbench.csv_file import write_csv
+from workbench.reproduce.targets import Target
+
+__all__ = ["MET", "MISSED", "NOT_REACHABLE", "Drawing", "Outcome", "ReproduceResult", "plain"]
+
+MET, MISSED, NOT_REACHABLE = "met", "missed", "not reachable"
+_MOST = 4  # numbers shown one by one; more as a range
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One target and what was measured.
+
+    Attributes:
+        target: from the data file.
+        experiment: that measured it.
+        measured: one number or several; None: nothing was measured.
+        remark: what else was seen.
+        problem: why nothing was measured; "": it was.
+    """
+
+    target: Target
+    experiment: str
+    measured: float | tuple[float, ...] | None
+    remark: str = ""
+    problem: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it was measured and is within the tolerance."""
+        return self.measured is not None and self.target.accepts(self.measured)
+
+    @property
+    def verdict(self) -> str:
+        """One of "met", "missed", "not reachable"; a failed measurement is a miss, whatever the target's reason."""
+        if self.passed:
+            return MET
+        return MISSED if self.measured is None or self.target.reason is None else NOT_REACHABLE
+
+    @property
+    def reason(self) -> str | None:
+        """Why it is not met; None: it is."""
+        if self.passed:
+            return None
+        return (
+            self.problem or self.target.reason or f"{self.text} is outside {self.target.text} ({self.target.tolerance})"
+        )
+
+    @property
+    def text(self) -> str:
+        """What was measured, in words; many numbers as a range."""
+        if self.measured is None:
+            return "–"
+        found = [self.measured] if isinstance(self.measured, float) else list(self.measured)
+        if len(found) > _MOST and not isinstance(self.target.value, list):
+            shown = f"{min(found):.6g} … {max(found):.6g}" if min(found) != max(found) else f"{found[0]:.6g}"
+        else:
+            shown = ", ".join(f"{x:.7g}" for x in found)
+        return f"{shown} {self.target.unit}".strip()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        t = self.target
+        return {
+            "name": t.name,
+            "chapter": t.chapter,
+            "figures": list(t.figures),
+            "what": t.what,
+            "unit": t.unit,
+            "origin": t.origin,
+            "target": t.value if t.value is not None else t.text,
+            "tolerance": {k: v for k in ("absolute", "relative", "low", "high") if (v := getattr(t, k)) is not None},
+            "measured": list(self.measured) if isinstance(self.measured, tuple) else self.measured,
+            "passed": self.passed,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "note": t.note,
+            "remark": self.remark or None,
+        }
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture that was drawn where it was measured.
+
+    Attributes:
+        figures: numbers in the source report.
+        words: what it shows.
+        chapter: of the source report.
+        svg: the picture; empty: only files were written.
+        files: that were written.
+    """
+
+    figures: tuple[int, ...]
+    words: str
+    chapter: str
+    svg: str = ""
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReproduceResult:
+    """The source report's figures beside what was measured now.
+
+    Attributes:
+        outcomes: of the targets that were chosen, in the order of the source report.
+        drawings: pictures that correspond to its figures.
+        seconds: that all of it took [s].
+        processor_seconds: experiment → time that it kept a processor busy, pictures included [s].
+        jobs: processes at a time.
+        selection: what was asked for; empty: all.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    drawings: tuple[Drawing, ...]
+    seconds: float
+    processor_seconds: Mapping[str, float]
+    jobs: int
+    selection: tuple[str, ...] = ()
+
+    @property
+    def missed(self) -> tuple[Outcome, ...]:
+        """Targets that are missed without a reason in the source report."""
+        return tuple(o for o in self.outcomes if o.verdict == MISSED)
+
+    @property
+    def words(self) -> str:
+        """The whole in one line."""
+        count = Counter(o.verdict for o in self.outcomes)
+        parts = [f"{count[v]} {v}" for v in (MET, MISSED, NOT_REACHABLE) if count[v]]
+        return f"{len(self.outcomes)} targets: {', '.join(parts)}; {self.seconds:.1f} s with {self.jobs} processes"
+
+    def outcome(self, name: str) -> Outcome:
+        """Return what came of one target.
+
+        Args:
+            name: of the target.
+
+        Raises:
+            KeyError: it was not asked for.
+        """
+        for found in self.outcomes:
+            if found.target.name == name:
+                return found
+        raise KeyError(name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return {
+            "selection": list(self.selection),
+            "jobs": self.jobs,
+            "words": self.words,
+            "passed": not self.missed,
+            "targets": [o.to_dict() for o in self.outcomes],
+            "pictures": [
+                {"figures": list(d.figures), "chapter": d.chapter, "words": d.words, "files": list(d.files)}
+                for d in self.drawings
+            ],
+            "experiments": {name: round(s, 3) for name, s in self.processor_seconds.items()},
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each target.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        head = ["name", "chapter", "figures", "what", "target", "tolerance", "measured", "verdict", "reason"]
+        rows = [
+            [
+                o.target.name,
+                o.target.chapter,
+                " ".join(str(n) for n in o.target.figures),
+                o.target.what,
+                o.target.text,
+                o.target.tolerance,
+                o.text,
+                o.verdict,
+                o.reason or "",
+            ]
+            for o in self.outcomes
+        ]
+        write_csv(path, [head, *rows])
+
+    def report(self, path: str | Path) -> None:
+        """Write a page: every target, verdict and reason, and the pictures.
+
+        Args:
+            path: of the page, .html.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        from workbench.report.results import write_report  # noqa: PLC0415  only pages need it
+        from workbench.reproduce.page import reproduce_page  # noqa: PLC0415
+
+        write_report(reproduce_page(self), path)
+
+
+def plain(value: object) -> float | tuple[float, ...]:
+    """Return what an experiment found as one number or a tuple of them.
+
+    Args:
+        value: number, sequence or array.
+    """
+    found = np.asarray(value, dtype=np.float64)
+    return float(found) if found.ndim == 0 else tuple(float(x) for x in found.ravel())
