@@ -12,7 +12,9 @@ from matplotlib.ticker import FuncFormatter
 
 from workbench.plotting.figure import COLOURS, label, rows, save
 
-__all__ = ["plot_between_masks", "plot_step"]
+__all__ = ["LIMIT", "plot_between_masks", "plot_step"]
+
+LIMIT = "limit"
 
 _FORBIDDEN = "#b3261e"
 _Line = tuple[Sequence[float], Sequence[float]]
@@ -29,7 +31,7 @@ def plot_between_masks(
     worst: tuple[float, float] | None = None,
     path: str | Path | None = None,
 ) -> Figure:
-    """Draw frequency responses and the masks they must keep; what is forbidden is hatched.
+    """Draw frequency responses and the masks they must keep; what is forbidden is shaded.
 
     Args:
         curves: label → (frequencies [Hz], values).
@@ -84,7 +86,7 @@ def _minor(x: float, _position: int) -> str:
 
 
 def _masks(ax: Axes, upper: Sequence[Sequence[float]], lower: Sequence[Sequence[float]]) -> None:
-    """Draw masks and hatch what lies beyond; the picture keeps some space there."""
+    """Draw masks and shade what lies beyond; the picture keeps some space there."""
     drawn = [float(y) for line in ax.lines for y in np.asarray(line.get_ydata(), dtype=np.float64)]
     every = [c[1] for c in (*upper, *lower)] + drawn
     room = 0.12 * (max(every) - min(every) or 1.0)
@@ -96,7 +98,7 @@ def _masks(ax: Axes, upper: Sequence[Sequence[float]], lower: Sequence[Sequence[
         ax.plot(
             x, y, "-", color=_FORBIDDEN, linewidth=1.6, label="limits" if name == "upper mask" or not upper else "_"
         )
-        ax.fill_between(x, y, edge, facecolor="#b3261e14", edgecolor="#b3261e55", hatch="///", linewidth=0.0)
+        ax.fill_between(x, y, edge, color="#b3261e14", linewidth=0.0)
     ax.set_ylim(bottom, top)
 
 
@@ -120,7 +122,7 @@ def plot_step(
         name: of the signal.
         unit: of the signal.
         lines: label → level.
-        times: label → instant [s].
+        times: label → instant [s]; `LIMIT` is drawn as one.
         path: also write the picture here; png, svg or pdf by suffix.
 
     Raises:
@@ -132,7 +134,9 @@ def plot_step(
     for text, level in (lines or {}).items():
         ax.axhline(level, color=_FORBIDDEN, linewidth=1.1, linestyle="--", label=text)
     for text, instant in (times or {}).items():
-        ax.axvline(instant, color="#444444", linewidth=1.1, linestyle=":", label=text)
+        limit = text == LIMIT
+        style = "--" if limit else ":"
+        ax.axvline(instant, color=_FORBIDDEN if limit else "#444444", linewidth=1.2, linestyle=style, label=text)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(label(name, unit))
     _legend(figure, ax)

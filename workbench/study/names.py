@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from workbench.errors import InputError, suggest
 from workbench.fmi.bundled import is_bundled
+from workbench.model.described import DescribedModel
 from workbench.study.description import Change, Study
 from workbench.study.place import place
 from workbench.study.plan import Run
@@ -31,39 +33,66 @@ def check_names(study: Study, runs: Sequence[Run]) -> None:
         InputError: no such parameter, input or output; near names in the message.
         FmuError: a model cannot be opened.
     """
-    known: dict[tuple[str, str], frozenset[str]] = {}
+    opened: dict[tuple[str, str], _Names] = {}
     for run in runs:
         if run.model is None:
             continue
         # Which parameters are set counts, not their values: a grid opens its models once.
         key = (str(run.model.model), repr([sorted(run.model.options.get(o, ())) for o in _VALUES]))
-        with place(_where(study, run)):
-            if key not in known:
-                known[key] = _variables(study, run.model)
+        if key not in opened:
+            opened[key] = _open(study, run, run.model)
         with place(f"[analyses.{run.analysis.name}]"):
-            _check(run, known[key])
+            _check(run, opened[key])
 
 
-def _where(study: Study, run: Run) -> str:
-    """Return the tables that may be wrong where a model cannot be opened."""
-    grid = any(name.partition(".")[0] == run.analysis.model for name in study.grid)
-    return f"[models] {run.analysis.model}{' or [grid]' if grid else ''}"
+@dataclass(frozen=True)
+class _Names:
+    """The variables of a model.
+
+    Attributes:
+        every: all of them.
+        inputs: what can be forced, for suggestions.
+        outputs: what is usually recorded, for suggestions.
+    """
+
+    every: frozenset[str]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
 
 
-def _variables(study: Study, model: Change) -> frozenset[str]:
+def _open(study: Study, run: Run, model: Change) -> _Names:
     file = str(model.model)
     path = file if is_bundled(file) else str(study.folder / Path(file).expanduser())
     values = {option: dict(model.options.get(option, {})) for option in _VALUES}
-    with load(path, start_values=values["set"], bias=values["bias"]) as opened:
-        every = (opened.description.variables, opened.inputs, opened.outputs, opened.parameters, opened.states)
-        return frozenset(v.name for group in every for v in group)
+    try:
+        with load(path, start_values=values["set"], bias=values["bias"]) as opened:
+            return _names(opened)
+    except InputError as error:
+        raise InputError(f"{_where(study, run, str(error))}: {error}") from None
 
 
-def _check(run: Run, known: frozenset[str]) -> None:
+def _names(model: DescribedModel) -> _Names:
+    groups = (model.description.variables, model.inputs, model.outputs, model.parameters, model.states)
+    every = frozenset(v.name for group in groups for v in group)
+    outputs = tuple(v.name for v in (*model.outputs, *model.states))
+    return _Names(every, tuple(v.name for v in model.inputs), outputs)
+
+
+def _where(study: Study, run: Run, message: str) -> str:
+    """Return the table that names what the model complains about."""
+    for name in study.grid:
+        model, _, parameter = name.partition(".")
+        if model == run.analysis.model and parameter in message:
+            return f'[grid] "{name}"'
+    return f"[models] {run.analysis.model}"
+
+
+def _check(run: Run, names: _Names) -> None:
     for key, name in _named(run.analysis.options):
-        if name not in known:
+        if name not in names.every:
+            near = suggest(name, names.inputs if key.startswith("in") else names.outputs)
             file = run.model.model if run.model is not None else ""
-            raise InputError(f"{key} '{name}' is no variable of {file}; {suggest(name, known)}")
+            raise InputError(f"{key} '{name}' is no variable of {file}; {near}")
 
 
 def _named(options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

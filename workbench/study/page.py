@@ -61,7 +61,7 @@ def _line(checked: Checked) -> str:
     found = checked.finding
     if found.reason:
         return f"{checked.name}: {found.reason}"
-    where = f" at {found.where}" if found.where else ""
+    where = f", at {found.where}" if found.where else ""
     return f"{checked.name}: {value_words(found)}, limit {limit_words(found)}{where}"
 
 

@@ -40,7 +40,7 @@ def pictures(result: StudyResult) -> Iterator[Section]:
 
 def _words(checked: Checked) -> str:
     found = checked.finding
-    where = f" at {found.where}" if found.where else ""
+    where = f", at {found.where}" if found.where else ""
     return f"{checked.name}: {found.reason or value_words(found)}, limit {limit_words(found)}{where}."
 
 
@@ -79,7 +79,7 @@ def _place(found: Finding) -> tuple[float, float] | None:
 
 
 def _step(requirement: Requirement, result: Result, title: str, found: Finding) -> Figure | None:
-    from workbench.plotting.study import plot_step  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.plotting.study import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
 
     if not isinstance(requirement, SettlingTime | Overshoot):
         return None
@@ -94,7 +94,7 @@ def _step(requirement: Requirement, result: Result, title: str, found: Finding) 
         if isinstance(found.value, float):
             times["settled"] = requirement.after + found.value
         if requirement.max is not None:
-            times["limit"] = requirement.after + requirement.max
+            times[LIMIT] = requirement.after + requirement.max
     elif requirement.max is not None:
         lines["limit"] = final + requirement.max / 100.0 * (final - begin)
     name = requirement.signal(result)

@@ -113,7 +113,7 @@ def existing(model: str, folder: Path, where: str) -> Path:
     path = (folder / Path(model).expanduser()).resolve()
     if path.exists():
         return path
-    near = [p.name for p in path.parent.glob("*") if p.suffix.lower() in _FILES] if path.parent.is_dir() else []
+    near = [p.name for p in path.parent.glob(f"*{path.suffix}")] if path.parent.is_dir() else []
     raise InputError(f"{where}: no such file: {path}; {suggest(path.name, near)}{'' if near else ' in that folder'}")
 
 

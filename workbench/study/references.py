@@ -55,7 +55,7 @@ def _check(analysis: Analysis, reference: Reference, study: Study, commands: Com
     if reference.kind == "json":
         return
     if "csv" not in commands.get(source.command).options:
-        raise InputError(f"{where}: '{source.name}' is a '{source.command}', which writes no CSV")
+        raise InputError(f"{where}: [analyses.{source.name}] runs {source.command}, which writes no CSV")
     if "csv" in source.options:
         raise InputError(
             f"[analyses.{source.name}]: leave 'csv' out: [analyses.{analysis.name}] takes it from the store"

@@ -111,7 +111,7 @@ class Requirement(Table):
             if self.commands and command not in self.commands:
                 wanted = ", ".join(self.commands)
                 raise InputError(
-                    f"{where}: '{self.kind}' reads results of {wanted}; [analyses.{analysis}] is a {command}"
+                    f"{where}: '{self.kind}' reads results of {wanted}; [analyses.{analysis}] runs {command}"
                 )
 
     @abstractmethod

@@ -39,7 +39,7 @@ class Mask(OfResponse):
     def check(self, where: str, commands: Sequence[str]) -> None:
         super().check(where, commands)
         if self.quantity == "offset" and commands[0] != "nfr":
-            raise InputError(f"{where}: only nfr measures an offset; [analyses.{self.analysis}] is a {commands[0]}")
+            raise InputError(f"{where}: only nfr measures an offset; [analyses.{self.analysis}] runs {commands[0]}")
         if not self.upper and not self.lower:
             raise InputError(f"{where}: has no limit; give upper or lower, as in upper = [[1, 3], [10, -6]]")
         for side in ("upper", "lower"):

@@ -46,7 +46,7 @@ def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
     """Return what stands at a path, each with the place in words.
 
     A key with a dot is written in quotes: simulated.amplitude."damper.rate". [*] stands for every item of a list, and
-    [key=text] for every item whose key has that value.
+    [key=text] for every item whose key has that value; [key=text][0] is the first of those.
 
     Args:
         result: as JSON has it.
@@ -56,8 +56,14 @@ def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
         InputError: nothing stands there; near keys in the message.
     """
     found: list[tuple[str, Any]] = [("", result)]
+    chosen = False
     for step in _steps(path):
-        found = [pair for place, value in found for pair in _into(place, value, step, path)]
+        groups = step.groupdict()
+        if chosen and groups.get("index") not in (None, "*"):
+            found = [_of_index(found, int(groups["index"]), path)]
+        else:
+            found = [pair for place, value in found for pair in _into(place, value, step, path)]
+        chosen = groups.get("name") is not None
     return found
 
 
