@@ -194,6 +194,44 @@ def test_a_measured_block_gives_the_closed_form_of_backlash() -> None:
         assert stable == same
 
 
+def test_harmonic_balance_drives_a_block_that_can_only_be_measured() -> None:
+    """The same backlash: balanced with its closed form; the FMU driven by the motion; shooting and simulation."""
+    plant = control.tf([6.0], [1.0, 1.5, 1.0, 0.0])
+    with connect(
+        {"block": "fmu:Hysteresis", "a": control.ss(plant)},
+        [("a.y", "block.u", {"gain": -0.5}), ("block.y", "a.u", {"gain": 0.2})],
+        outputs={"y": "a.y"},
+        start_values={"block.halfWidth": 0.05, "block.k": 2.0, "block.omegaC": 5e4},
+    ) as system:
+        result = limit_cycle(
+            system, block="block", band=(0.03, 0.5), amplitudes=(0.06, 1.0), workers=Workers(in_process=True)
+        )
+    plain = control.ss(0.1 * plant)
+    part, block = (
+        LinearPart(plain.A, plain.B[:, 0], plain.C[0]),
+        standard_block("backlash", {"half_width": 0.05, "slope": 2.0}),
+    )
+    table = {(c.crossing, c.method): c for c in result.limit_cycles}
+    for number, stable in ((0, False), (1, True)):
+        first, found = table[number, "describing function"], table[number, "harmonic balance"]
+        exact = balance(part, block, frequency=first.frequency_hz, amplitude=first.amplitude)
+        assert exact is not None
+        # The FMU's cut-off of 5000 rad/s is what they differ in.
+        assert found.frequency_hz == pytest.approx(exact.frequency, rel=1e-3)
+        assert found.fundamental == pytest.approx(exact.fundamental, rel=1e-3)
+        assert (found.residual or 0.0) < 1e-6
+        assert found.stable is None
+        orbit = table[number, "shooting"]
+        assert orbit.stable is stable
+        # Seven harmonics against all.
+        assert found.frequency_hz == pytest.approx(orbit.frequency_hz, rel=2e-3)
+        assert abs(found.frequency_hz - orbit.frequency_hz) < 0.1 * abs(first.frequency_hz - orbit.frequency_hz)
+    assert table[1, "simulation"].frequency_hz == pytest.approx(table[1, "shooting"].frequency_hz, rel=1e-6)
+    assert (0, "simulation") not in table
+    assert result.simulated is not None
+    assert result.simulated.steady
+
+
 # -- an FMU that is not ours -------------------------------------------------------------------
 
 

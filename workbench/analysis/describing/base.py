@@ -30,11 +30,13 @@ class Block(ABC):
         name: for tables and pictures.
         real: see 2.
         frequency_dependent: see 3.
+        accuracy: relative accuracy of an answer; 0: rounding.
     """
 
     name: str
     real: bool = True
     frequency_dependent: bool = False
+    accuracy: float = 0.0
 
     @abstractmethod
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:

@@ -16,7 +16,8 @@ class MeasuredBlock(Block):
     """N(A, f) interpolated in a measured frequency response; outside the grid it has no value.
 
     Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. The
-    harmonics are unknown: neither harmonic balance nor a judgement of the filter hypothesis is possible.
+    harmonics are unknown: no judgement of the filter hypothesis is possible with it. Harmonic balance drives the block
+    itself instead (`workbench.analysis.limit_cycle.driven`).
 
     Args:
         response: over a grid of amplitudes and frequencies.

@@ -21,11 +21,18 @@ from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.session.point import Point
 from workbench.signals import Table
-from workbench.system.description import Component, FunctionComponent, LinearComponent, SystemDescription
+from workbench.system.description import (
+    Component,
+    Connection,
+    FunctionComponent,
+    LinearComponent,
+    SumComponent,
+    SystemDescription,
+)
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Cut", "Ports", "cut", "find_ports", "only_block", "reblock", "recut"]
+__all__ = ["Cut", "Ports", "cut", "driven_block", "find_ports", "only_block", "reblock", "recut"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -307,6 +314,31 @@ def only_block(model: DescribedModel, ports: Ports, starts: Mapping[str, Value] 
         )
 
     return _with_system(model, alone, ports.component, inside=True, more=starts)
+
+
+def driven_block(model: DescribedModel, ports: Ports, count: int) -> DescribedModel:
+    """Return the block alone, driven by the sum of the inputs v0 … v(count), with the output `w`; the caller closes it.
+
+    Args:
+        model: the system.
+        ports: of the block.
+        count: number of inputs besides v0.
+    """
+    unit = next((v.unit for v in model.description.variables if v.name == ports.v), None)
+    name = f"{ports.component}_drive"
+
+    def alone(system: SystemDescription) -> SystemDescription:
+        return replace(
+            system,
+            components=(
+                _component(system, ports.component), SumComponent(name=name, signs=(1.0,) * (count + 1), unit=unit),
+            ),
+            connections=(Connection(source=f"{name}.y", destination=ports.v),),
+            inputs={f"v{k}": (f"{name}.u{k + 1}",) for k in range(count + 1)},
+            outputs={"w": ports.w},
+        )  # fmt: skip
+
+    return _with_system(model, alone, ports.component, inside=True)
 
 
 def _static(  # noqa: PLR0917 - what a block is looked up by

@@ -119,9 +119,11 @@ def balance(
     guess[:2] = 0.0, -1j * amplitude
     starts = [equations.pack(guess, frequency), begin] if np.isfinite(guess).all() else [begin]
     for start in starts:
-        solved = root(equations, start, method="hybr", options={"xtol": 1e-12})
+        # The differences of the Jacobian are wide enough for what a measured answer leaves uncertain.
+        options = {"xtol": max(1e-12, 1e-2 * block.accuracy), **({"eps": block.accuracy} if block.accuracy else {})}
+        solved = root(equations, start, method="hybr", options=options)
         z = np.asarray(solved.x, dtype=np.float64)
-        if float(np.abs(equations(z)).max()) < _CLOSE and z[1] > 1e-3:
+        if float(np.abs(equations(z)).max()) < max(_CLOSE, 10.0 * block.accuracy) and z[1] > 1e-3:
             return equations.cycle(z)
     return None
 

@@ -10,18 +10,27 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.blas import one_thread
-from workbench.analysis.describing.base import HARMONICS, Block, Floats
+from workbench.analysis.describing.base import HARMONICS, Block
 from workbench.analysis.limit_cycle.branch import Branch
-from workbench.analysis.limit_cycle.confirm import Simulated, confirm
+from workbench.analysis.limit_cycle.confirm import confirm
 from workbench.analysis.limit_cycle.continuation import Family, follow
-from workbench.analysis.limit_cycle.cut import Cut, cut, only_block
+from workbench.analysis.limit_cycle.cut import Cut, cut, driven_block, only_block
+from workbench.analysis.limit_cycle.driven import DrivenBlock
+from workbench.analysis.limit_cycle.entries import (
+    METHODS,
+    from_orbit,
+    from_run,
+    largest_multiplier,
+    same_cycle,
+    simulated_cycle,
+)
 from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
 from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
-from workbench.analysis.limit_cycle.shooting import Orbit, shoot
+from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.analysis.operating_point import OperatingPoint
@@ -33,9 +42,8 @@ from workbench.workers import Workers
 
 __all__ = ["METHODS", "limit_cycle"]
 
-METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
 _ON_BRANCH = 0.02  # interpolated
-_SAME = 1e-4  # relative difference of two cycles that are one
+_FAR = 0.2  # logarithm of a ratio of frequencies
 _FASTEST = 10.0  # [Hz], where no crossing says what to expect
 _PHASES = 400  # at which the predicted states are looked at
 
@@ -61,11 +69,13 @@ def limit_cycle(
     """Find the limit cycles of a system with one nonlinear block, by several methods side by side.
 
     The system is cut at the block. What lies between the block's output and its input is linearised (`workbench.lin`);
-    the block's describing function comes from quadrature if it is static, else it is measured. Then, for each
+    the block's describing function comes from quadrature if it is static, else it is measured; harmonic balance then
+    drives the block with the very motion, all its harmonics, and measures those of the answer. Then, for each
     crossing of L(jω) with −1/N(A) in the band:
 
     - describing function: frequency, amplitude, stability by counting poles on both sides;
-    - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block;
+    - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block
+      (not for a measured block, whose inside is not known: shooting tells it);
     - shooting on the simulated system itself (unstable cycles too), stability by its Floquet multipliers;
     - simulation from the predicted state, for those that are stable.
 
@@ -111,7 +121,7 @@ def limit_cycle(
     with ExitStack() as keep, one_thread():
         loop = cut(system, block, at=at, time=time, keep=keep)
         curve = _crossings(system, loop, band, amplitudes, workers)
-        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time)
+        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time, keep)
         result = work.run()
         branches = [b for name, limits in (vary or {}).items() for b in work.followed(name, limits, keep)]
         units = {v.name: v.unit for v in system.description.variables if v.name in (vary or {})}
@@ -165,9 +175,11 @@ class _Work:
     methods: tuple[str, ...]
     periods: int
     time: float
+    keep: ExitStack
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
+    driven: DrivenBlock | None = None
     cycles: list[Cycle] = field(default_factory=list)
 
     def run(self) -> LimitCycleResult:
@@ -201,15 +213,29 @@ class _Work:
                 f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % comes back to the block; "
                 "the describing function is a rough estimate there"
             )
-        block = self.loop.block
-        cycle = self._balanced(number, first, block) if block is not None else None
+        block = self.loop.block if self.loop.block is not None else self._driven(number)
+        cycle = None if block is None else self._balanced(number, first, block)
         if block is not None and cycle is None:
             return
         cycle = cycle or self._sine(first)
         states, sizes = self._predicted(cycle)
-        if block is not None:
+        if isinstance(block, DrivenBlock) and self.found[-1].method == METHODS[1]:
+            own, moved = block.states()
+            states, sizes = {**states, **own}, {**sizes, **moved}
+        if self.loop.block is not None or len(states) > len(self.loop.rest.state_names):
             self._shot(number, states, sizes, cycle)
-        self._confirmed(number, states)
+        self._confirmed(number, states, expected=c.stable)
+
+    def _driven(self, number: int) -> DrivenBlock | None:
+        """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
+        if set(self.methods) <= {METHODS[0]}:
+            return None
+        if self.driven is None:
+            alone = self.keep.enter_context(driven_block(self.system, self.loop.ports, self.harmonics))
+            name = self.loop.ports.component
+            self.driven = DrivenBlock(alone, count=self.harmonics, name=name, time=self.time)
+            self.keep.callback(self.driven.close)
+        return self.driven
 
     def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> FreeRun:
         """Return the run from rest."""
@@ -253,13 +279,22 @@ class _Work:
             self.notes.append(f"crossing {number + 1}: harmonic balance finds no cycle near it")
             return self._sine(first)
         for other in self.found:
-            if other.method == METHODS[1] and _same(other, cycle):
+            if other.method == METHODS[1] and same_cycle(other, cycle):
                 self.notes.append(
                     f"crossing {number + 1}: harmonic balance leads to the cycle of crossing {other.crossing + 1}"
                 )
                 return None
-        self.cycles.append(cycle)
-        floquet = multipliers(part, block, cycle)
+        if abs(np.log(cycle.frequency / first.frequency_hz)) > _FAR:
+            self.notes.append(
+                f"crossing {number + 1}: harmonic balance leads from {first.frequency_hz:.4g} to "
+                f"{cycle.frequency:.4g} Hz, far from the describing function"
+            )
+        driven = isinstance(block, DrivenBlock)
+        if isinstance(block, DrivenBlock) and not block.settled:
+            self.notes.append(f"block {block.name}: it did not repeat itself under a periodic input")
+        if not driven:
+            self.cycles.append(cycle)
+        floquet = None if driven else multipliers(part, block, cycle)
         self.found.append(
             LimitCycle(
                 method=METHODS[1],
@@ -268,10 +303,10 @@ class _Work:
                 amplitude=cycle.amplitude,
                 fundamental=cycle.fundamental,
                 mean=float(cycle.v[0].real),
-                stable=is_stable(floquet),
-                multiplier=_largest(floquet),
+                stable=None if floquet is None else is_stable(floquet),
+                multiplier=None if floquet is None else largest_multiplier(floquet),
                 residual=cycle.residual,
-                states=self._predicted(cycle)[0],
+                states={**self._predicted(cycle)[0], **(block.states()[0] if isinstance(block, DrivenBlock) else {})},
             )
         )
         return cycle
@@ -297,11 +332,12 @@ class _Work:
         if isinstance(orbit, str):
             self.notes.append(f"crossing {number + 1}: {orbit}")
             return
-        self.found.append(_from_orbit(number, orbit, self.loop.centre))
+        self.found.append(from_orbit(number, orbit, self.loop.centre))
 
-    def _confirmed(self, number: int, states: Mapping[str, float]) -> None:
+    def _confirmed(self, number: int, states: Mapping[str, float], *, expected: bool | None) -> None:
         last = self.found[-1]
-        if METHODS[3] not in self.methods or last.stable is False:
+        stable = expected if last.stable is None else last.stable
+        if METHODS[3] not in self.methods or stable is False:
             return
         run = confirm(
             self.system,
@@ -319,26 +355,9 @@ class _Work:
             return
         if run.note:
             self.notes.append(f"crossing {number + 1}: simulation {run.note}")
-        self.found.append(_from_run(number, run, self.loop.ports.v, self.loop.centre))
+        self.found.append(from_run(number, run, self.loop.ports.v, self.loop.centre))
         if self.simulated is None:
-            self.simulated = self._simulated(number, run, last)
-
-    def _simulated(self, number: int, run: Simulated, last: LimitCycle) -> SimulatedCycle:
-        units = {v.name: v.unit for v in self.system.description.variables}
-        return SimulatedCycle(
-            crossing=number,
-            frequency_hz=run.frequency,
-            amplitude=run.amplitude,
-            fundamental=run.fundamental,
-            mean=run.mean,
-            units={n: units.get(n) for n in run.amplitude},
-            steady=run.steady,
-            periods=run.periods,
-            time=run.time,
-            values=run.values,
-            predicted_frequency_hz=last.frequency_hz,
-            predicted_amplitude=last.amplitude,
-        )
+            self.simulated = simulated_cycle(self.system, number, run, last)
 
 
 def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:
@@ -350,41 +369,3 @@ def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:
             if abs(size / cycle.fundamental - 1.0) < _ON_BRANCH:
                 return True
     return False
-
-
-def _same(other: LimitCycle, cycle: Cycle) -> bool:
-    near = abs(other.frequency_hz / cycle.frequency - 1.0) < _SAME
-    return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
-
-
-def _largest(found: Floats | np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> float | None:
-    """Return the size of the largest multiplier besides the one at 1."""
-    others = np.delete(found, int(np.argmin(np.abs(found - 1.0))))
-    return float(np.abs(others).max()) if len(others) else None
-
-
-def _from_orbit(number: int, orbit: Orbit, centre: float) -> LimitCycle:
-    return LimitCycle(
-        method=METHODS[2],
-        crossing=number,
-        frequency_hz=orbit.frequency,
-        amplitude=orbit.amplitude,
-        fundamental=orbit.fundamental,
-        mean=orbit.mean - centre,
-        stable=is_stable(orbit.multipliers),
-        multiplier=_largest(orbit.multipliers),
-        residual=orbit.residual,
-        states=orbit.states,
-    )
-
-
-def _from_run(number: int, run: Simulated, watch: str, centre: float) -> LimitCycle:
-    return LimitCycle(
-        method=METHODS[3],
-        crossing=number,
-        frequency_hz=run.frequency,
-        amplitude=run.amplitude[watch],
-        fundamental=run.fundamental[watch],
-        mean=run.mean[watch] - centre,
-        stable=True if run.steady else None,
-    )

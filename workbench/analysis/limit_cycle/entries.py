@@ -1,0 +1,107 @@
+"""Limit cycles as the methods found them, turned into entries of the result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.analysis.describing.base import Complex
+from workbench.analysis.limit_cycle.confirm import Simulated
+from workbench.analysis.limit_cycle.floquet import is_stable
+from workbench.analysis.limit_cycle.harmonic_balance import Cycle
+from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
+from workbench.analysis.limit_cycle.shooting import Orbit
+from workbench.model.described import DescribedModel
+
+__all__ = ["METHODS", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle"]
+
+METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
+_SAME = 1e-4  # relative difference of two cycles that are one
+
+
+def same_cycle(other: LimitCycle, cycle: Cycle) -> bool:
+    """Whether a cycle has been found before.
+
+    Args:
+        other: an entry.
+        cycle: by harmonic balance.
+    """
+    near = abs(other.frequency_hz / cycle.frequency - 1.0) < _SAME
+    return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
+
+
+def largest_multiplier(found: Complex) -> float | None:
+    """Return the size of the largest multiplier besides the one at 1.
+
+    Args:
+        found: Floquet multipliers.
+    """
+    others = np.delete(found, int(np.argmin(np.abs(found - 1.0))))
+    return float(np.abs(others).max()) if len(others) else None
+
+
+def from_orbit(number: int, orbit: Orbit, centre: float) -> LimitCycle:
+    """Return the entry of a closed orbit.
+
+    Args:
+        number: of its crossing.
+        orbit: by shooting.
+        centre: of the block's input at the operating point.
+    """
+    return LimitCycle(
+        method=METHODS[2],
+        crossing=number,
+        frequency_hz=orbit.frequency,
+        amplitude=orbit.amplitude,
+        fundamental=orbit.fundamental,
+        mean=orbit.mean - centre,
+        stable=is_stable(orbit.multipliers),
+        multiplier=largest_multiplier(orbit.multipliers),
+        residual=orbit.residual,
+        states=orbit.states,
+    )
+
+
+def from_run(number: int, run: Simulated, watch: str, centre: float) -> LimitCycle:
+    """Return the entry of a simulation.
+
+    Args:
+        number: of its crossing.
+        run: what it showed.
+        watch: the block's input.
+        centre: of the block's input at the operating point.
+    """
+    return LimitCycle(
+        method=METHODS[3],
+        crossing=number,
+        frequency_hz=run.frequency,
+        amplitude=run.amplitude[watch],
+        fundamental=run.fundamental[watch],
+        mean=run.mean[watch] - centre,
+        stable=True if run.steady else None,
+    )
+
+
+def simulated_cycle(system: DescribedModel, number: int, run: Simulated, begun: LimitCycle) -> SimulatedCycle:
+    """Return what a simulation ended in.
+
+    Args:
+        system: what was simulated.
+        number: of the crossing.
+        run: what it showed.
+        begun: the cycle at whose state it began.
+    """
+    units = {v.name: v.unit for v in system.description.variables}
+    return SimulatedCycle(
+        crossing=number,
+        frequency_hz=run.frequency,
+        amplitude=run.amplitude,
+        fundamental=run.fundamental,
+        mean=run.mean,
+        units={n: units.get(n) for n in run.amplitude},
+        steady=run.steady,
+        periods=run.periods,
+        time=run.time,
+        values=run.values,
+        predicted_frequency_hz=begun.frequency_hz,
+        predicted_amplitude=begun.amplitude,
+    )
