@@ -14,11 +14,11 @@ from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
 from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
 from workbench.analysis.feedback.curve import curve
 from workbench.analysis.feedback.fixed import fixed_modes
-from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
+from workbench.analysis.feedback.gains import Interval, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
 from workbench.analysis.feedback.place import Place, find_place
 from workbench.analysis.feedback.plant import Plant
-from workbench.analysis.feedback.result import FeedbackResult
+from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
 from workbench.analysis.feedback.settling import THRESHOLDS, Settings, SettlingStudy, settling_study
 from workbench.analysis.feedback.standing import Standing, linear, standing
@@ -28,6 +28,7 @@ from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
+from workbench.origin import with_origin
 from workbench.signals import Signal
 
 __all__ = ["feedback"]
@@ -39,6 +40,7 @@ Range = tuple[float, float]
 ALL: Range = (-math.inf, math.inf)
 
 
+@with_origin()
 def feedback(
     system: DescribedModel,
     *,
@@ -209,7 +211,7 @@ class _Work:
             locus=locus(plant, low, high, also=[c.gain for c in every]),
             frequency_hz=frequency,
             response=response,
-            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator)])),
+            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator), *_doubts(parts)])),
         )
 
     def two_ports(self, block: str | None) -> TwoPorts | None:
@@ -341,6 +343,16 @@ def _notes(plant: Plant, found: LinResult, actuator: Actuator | None) -> list[st
     if not np.any(plant.B) or not np.any(plant.C):
         notes.append("the target does not act on the source at this point (G is constant)")
     return notes
+
+
+def _doubts(parts: Sequence[Interval]) -> list[str]:
+    """Return a note for each interval in which not all places have as many unstable poles."""
+    return [
+        f"gains {interval_words((i.low, i.high))}: the number of unstable poles is not the same throughout; rounding "
+        "hides a crossing"
+        for i in parts
+        if not i.certain
+    ]
 
 
 def _study_notes(study: SettlingStudy) -> list[str]:

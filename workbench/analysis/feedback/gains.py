@@ -56,12 +56,14 @@ class Interval:
         low, high: the ends; infinite: no crossing beyond.
         unstable: poles beyond the border of stability for each gain in it.
         border: poles on the border for each gain in it.
+        certain: the same poles were counted at several places in it.
     """
 
     low: float
     high: float
     unstable: int
     border: int
+    certain: bool = True
 
     @property
     def stable(self) -> bool:
@@ -194,7 +196,7 @@ def _counted(plant: Plant, low: float, high: float) -> Interval:
     counts = [plant.count(g) for g in _inside(low, high) if plant.solvable(g)]
     # Near the ends a pole may count as on the border; the count that most places give is that of the interval.
     unstable, border = max(counts, key=lambda c: (counts.count(c), -c[1]))
-    return Interval(low, high, unstable, border)
+    return Interval(low, high, unstable, border, all(c[0] <= unstable <= sum(c) for c in counts))
 
 
 def _inside(low: float, high: float) -> list[float]:

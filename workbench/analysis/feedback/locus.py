@@ -146,8 +146,9 @@ def fastest(plant: Plant, low: float, high: float) -> Fastest | None:
     if not np.isfinite(growth[best]):
         return None
     step = float(scan[1] - scan[0])
+    none = 1.0 + max(g for g in growth if np.isfinite(g))
     found = minimize_scalar(
-        lambda g: _oscillation(plant, g)[0],
+        lambda g: min(_oscillation(plant, g)[0], none),
         bounds=(float(scan[best]) - step, float(scan[best]) + step),
         method="bounded",
         options={"xatol": 1e-9 * (high - low)},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import Any
 
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.errors import InputError, article, suggest
@@ -28,6 +29,7 @@ __all__ = ["DRIVE", "SEEN", "Place", "Wish", "find_place", "free_name"]
 
 DRIVE = "feedback.drive"  # input of the opened system
 SEEN = "feedback.seen"  # its output
+_OTHER = "feedback.other"  # input that drives the target besides
 LAW = "feedback"  # the component that holds the gain, where its name is free
 _PLANT = "model"  # the component's name where the model is one FMU
 
@@ -109,6 +111,19 @@ class Place:
         """
         return name if isinstance(self.model.recipe, SystemRecipe) else name.removeprefix(f"{_PLANT}.")
 
+    def inputs(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names that inputs of the model have in the systems with feedback.
+
+        A system's input may bear the name of the target, which then is driven by a sum.
+
+        Args:
+            values: by input of the model.
+        """
+        return {self._input(n): v for n, v in values.items()}
+
+    def _input(self, name: str) -> str:
+        return _OTHER if name == self.target else name
+
     def opened(self, system: SystemDescription | None = None, *, tolerance: float | None = None) -> DescribedModel:
         """Open the system; the caller closes it before `model`.
 
@@ -119,7 +134,7 @@ class Place:
         changed = system or self.system
         kept = {c.name for c in changed.components}
         starts = {n: v for n, v in self.recipe.start_values.items() if _owner(n, kept)}
-        bias = {n: b for n, b in self.recipe.bias.items() if n in changed.inputs}
+        bias = {n: b for n, b in self.inputs(self.recipe.bias).items() if n in changed.inputs}
         parts = {n: p for n, p in self.recipe.parts.items() if n in kept}
         fresh = replace(self.recipe, system=changed, start_values=starts, bias=bias, parts=parts)
         return (fresh if tolerance is None else replace(fresh, tolerance=tolerance)).open()
@@ -193,7 +208,8 @@ class Place:
         if before is not None:
             ways.append(replace(before, destination=f"{name}.u1"))
         elif forced is not None:
-            inputs[forced] = tuple(f"{name}.u1" if e == self.target else e for e in inputs[forced])
+            ends = tuple(f"{name}.u1" if e == self.target else e for e in inputs.pop(forced))
+            inputs[self._input(forced)] = ends
         ways += [
             replace(wire, destination=f"{name}.u2"),
             Connection(source=f"{name}.y", destination=self.target),

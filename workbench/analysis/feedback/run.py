@@ -162,11 +162,11 @@ def feedback_run(
     count = min(_MOST, round((stop - opens) * start.frequency * PER_CYCLE))
     points = np.append(opens + (stop - opens) * np.arange(1, count) / count, stop)
     with place.opened(place.closed(wish)) as model:
-        inputs = {n: v for n, v in values.items() if n in {i.name for i in model.inputs}}
+        inputs = place.inputs({n: v for n, v in values.items() if n in {i.name for i in place.model.inputs}})
         states = {place.full(n): v for n, v in values.items()}
         with model.open_at(time=opens, values={**states, **inputs}, tolerance=_TOLERANCE) as session:
             record = session.advance(
-                stop, signals=start.signals, record=[*shown.values(), command, handed], points=points
+                stop, signals=place.inputs(start.signals), record=[*shown.values(), command, handed], points=points
             )
     keep = np.append(record.time[1:] > record.time[:-1], True)
     known = {v.name: v.unit for v in place.model.description.variables}

@@ -17,6 +17,7 @@ from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats, Record, Session
+from workbench.signals import Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -270,16 +271,17 @@ def _run(  # noqa: PLR0917 - one run of the study
     command, handed, scale = place.command(wish)
     names = list(dict.fromkeys([place.full(watch), command, handed]))
     values = {place.full(n): v for n, v in start.values.items()}
-    inputs = {n: v for n, v in start.values.items() if n in {i.name for i in model.inputs}}
+    inputs = place.inputs({n: v for n, v in start.values.items() if n in {i.name for i in place.model.inputs}})
+    signals = place.inputs(start.signals)
     with model.open_at(time=start.opens, values={**values, **inputs}, tolerance=settings.tolerance) as session:
         if start.opens < start.closes:
-            session.advance(start.closes, signals=start.signals)
-        time, columns, why = _watched(session, start, names, settings)
-    x = columns[names[0]] - start.centre
-    size = mean_magnitude(time, x, 1.0 / start.frequency) / start.magnitude
-    # Before the first cycle is over, the cycle before the feedback closed counts along.
-    early = time < 1.0 / start.frequency
-    size[early] = np.maximum(size[early], 1.0 - time[early] * start.frequency)
+            session.advance(start.closes, signals=signals)
+        time, columns, why = _watched(session, start, names, signals, settings)
+    # In the first cycle the motion before the feedback closed counts along.
+    earlier = start.time < start.closes - 1e-9
+    every = np.concatenate([start.time[earlier] - start.closes, time])
+    x = np.concatenate([start.motion[earlier], columns[names[0]]]) - start.centre
+    size = (mean_magnitude(every, x, 1.0 / start.frequency) / start.magnitude)[-len(time) :]
     deflection, limited_d, limited_r, rate = _effort(time, scale * columns[handed], wish.actuator)
     thin = np.unique(np.linspace(0, len(time) - 1, _DRAWN).astype(int))
     return GainRun(
@@ -298,7 +300,7 @@ def _run(  # noqa: PLR0917 - one run of the study
 
 
 def _watched(
-    session: Session, start: Start, names: Sequence[str], settings: Settings
+    session: Session, start: Start, names: Sequence[str], signals: Mapping[str, Signal], settings: Settings
 ) -> tuple[Floats, dict[str, Floats], str]:
     """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
     period = 1.0 / start.frequency
@@ -310,7 +312,7 @@ def _watched(
         until = min(session.time + _CHUNK * period, begin + longest)
         points = _points(session.time, until, period, first=not pieces)
         try:
-            pieces.append(session.advance(until, signals=start.signals, record=names, points=points))
+            pieces.append(session.advance(until, signals=signals, record=names, points=points))
         except SimulationError as error:
             why = f"the simulation failed: {error}"
             break

@@ -120,7 +120,7 @@ def linear(
         return lin(
             opened,
             x0={**{n: x for n, x in full.items() if n in states}, **_discrete(place, where)},
-            u0={**{n: u for n, u in where.point.u.items() if n in inputs}, **more[0], DRIVE: 0.0},
+            u0={**{n: u for n, u in place.inputs(where.point.u).items() if n in inputs}, **more[0], DRIVE: 0.0},
             inputs=[*more[0], DRIVE],
             outputs=[*more[1], SEEN],
             time=time,
