@@ -10,9 +10,9 @@ __all__ = ["TONES", "Verdict", "counted", "tone", "worst_first"]
 
 # Tone → the words that have it. The order is that of the summary: what is violated comes first.
 TONES: dict[str, tuple[str, ...]] = {
-    "poor": ("poor", "fail", "failed", "violated", "broken", "error", "differs", "unstable", "no"),
-    "watch": ("watch", "warn", "warning", "unknown", "averaged", "doubtful", "partly", "skipped"),
-    "good": ("good", "pass", "passed", "ok", "kept", "agrees", "stable", "settled", "converged", "yes"),
+    "poor": ("poor", "fail", "failed", "violated", "broken", "error", "differs", "unstable", "missed", "no"),
+    "watch": ("watch", "warn", "warning", "unknown", "averaged", "doubtful", "partly", "not reachable", "skipped"),
+    "good": ("good", "pass", "passed", "met", "ok", "kept", "agrees", "stable", "settled", "converged", "yes"),
 }
 _TONE_OF = {word: tone for tone, words in TONES.items() for word in words}
 _ORDER = [*TONES, ""]
