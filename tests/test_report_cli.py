@@ -128,7 +128,7 @@ def test_a_path_is_given_as_it_was_typed_and_shown_without_its_folder(folder: Pa
 
 def test_two_commands_of_one_process_do_not_mix() -> None:
     report(COMMANDS["simulate"])
-    page, _ = report(COMMANDS["identify"])
+    page, _ = report(COMMANDS["info"])
     assert not [e for e in page.elements if e.tag == "li" and "interface" in e.text]
 
 

@@ -44,7 +44,7 @@ def _sentence(text: str) -> str:
 
 
 def _name(modes: ModeSet) -> str:
-    return modes.label or "as it is"
+    return modes.label or "the model as it is"
 
 
 def _range(modes: ModeSet) -> str:
@@ -54,7 +54,7 @@ def _range(modes: ModeSet) -> str:
 def _lead(result: ModesResult) -> str:
     found = [(s, s.first_unstable) for s in result.sets]
     return " ".join(
-        f"{_sentence(_name(s))[:-1]}: {_critical_words(result, c) if c else 'no mode becomes unstable in the range'}."
+        f"With {_name(s)}: {_critical_words(result, c) if c else 'no mode becomes unstable in the range'}."
         for s, c in found
     )
 
@@ -81,7 +81,7 @@ def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Secti
         f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
         for m in modes.meetings
     ]
-    return Section(_sentence(_name(modes))[:-1], items=meetings, tables=tables, parts=[_modes(modes, parameter)])
+    return Section(f"With {_name(modes)}", items=meetings, tables=tables, parts=[_modes(modes, parameter)])
 
 
 def _modes(modes: ModeSet, parameter: str) -> Section:
