@@ -19,7 +19,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.system.description import (
@@ -173,14 +173,16 @@ class TwoPorts:
 def find_block(model: DescribedModel) -> tuple[str | None, str]:
     """Return the only component that may be a nonlinear block, and in words why there is none.
 
-    Candidates are FMUs without states and Python functions with one input and one output connected.
+    Candidates are Python functions and FMUs, with one input and one output connected, without a memory of their own.
 
     Args:
         model: a system; of one FMU there is no block.
     """
     if not isinstance(model, SystemModel):
         return None, "no system of model exchange parts, and so no block to look for limit cycles with"
-    found = [c.name for c in model.system.components if _may_be_block(model, c)]
+    connected = [c for c in model.system.components if _connected(model, c)]
+    found = [c.name for c in connected if not _has_states(model, c)]
+    found = found or [c.name for c in connected if _is_static(model, c)]
     if len(found) == 1:
         return found[0], ""
     if not found:
@@ -188,16 +190,27 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
     return None, f"{', '.join(found)} may each be the nonlinear block; name one to look for limit cycles (block)"
 
 
-def _may_be_block(model: SystemModel, component: Component) -> bool:
+def _connected(model: SystemModel, component: Component) -> bool:
     if not isinstance(component, FunctionComponent | FmuComponent):
-        return False
-    if any(v.name.startswith(f"{component.name}.") for v in model.states):
         return False
     try:
         find_ports(model, component.name)
     except InputError:
         return False
     return True
+
+
+def _has_states(model: SystemModel, component: Component) -> bool:
+    return any(v.name.startswith(f"{component.name}.") for v in model.states)
+
+
+def _is_static(model: SystemModel, component: Component) -> bool:
+    """Whether the states of a component lead nowhere."""
+    with ExitStack() as keep:
+        try:
+            return cut(model, component.name, at=None, time=0.0, keep=keep).block is not None
+        except WorkbenchError:
+            return False
 
 
 def cut_at(

@@ -1,0 +1,161 @@
+"""The command `feedback`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+import typer
+
+from workbench.cli.feedback import feedback
+from workbench.errors import InputError, WorkbenchError
+
+LAGS = """
+[components]
+a = "fmu:FirstOrderLag"
+b = "fmu:FirstOrderLag"
+c = "fmu:FirstOrderLag"
+[connections]
+"b.u" = "a.y"
+"c.u" = "b.y"
+[inputs]
+u = "a.u"
+[outputs]
+y = "c.y"
+"""
+# The same lags in a loop with a saturation, whose gain of 10 is more than the 8 that they bear.
+LOOP = """
+[components]
+block = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
+a = "fmu:FirstOrderLag"
+b = "fmu:FirstOrderLag"
+c = "fmu:FirstOrderLag"
+[connections]
+"block.u" = {from = "c.y", gain = -10.0}
+"a.u" = "block.y"
+"b.u" = "a.y"
+"c.u" = "b.y"
+[outputs]
+y = "c.y"
+"""
+ENDS = ("--from", "c.y", "--to", "a.u")
+
+
+def run(*arguments: str) -> object:
+    app = typer.Typer()
+    app.command()(feedback)
+    return typer.main.get_command(app).main(list(arguments), "workbench feedback", standalone_mode=False)
+
+
+@pytest.fixture
+def lags(tmp_path: Path) -> str:
+    path = tmp_path / "lags.toml"
+    path.write_text(LAGS, encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> str:
+    path = tmp_path / "loop.toml"
+    path.write_text(LOOP, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("ends", [ENDS, ("--from", "y", "--to", "u")])
+def test_json_csv_and_picture(lags: str, tmp_path: Path, ends: tuple[str, ...]) -> None:
+    out, table, picture = (tmp_path / name for name in ("out.json", "out.csv", "out.png"))
+    assert run(lags, *ends, "--json", str(out), "--csv", str(table), "--plot", str(picture)) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["stable_gains"] == [pytest.approx([-8.0, 1.0], rel=1e-6)]
+    assert [c["gain"] for c in found["crossings"]] == pytest.approx([-8.0, 1.0], rel=1e-6)
+    assert [c["frequency_hz"] for c in found["crossings"]] == pytest.approx([math.sqrt(3.0) / 2.0 / math.pi, 0.0])
+    assert "optimum" not in found
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [float(r["gain"]) for r in rows] == pytest.approx([-8.0, 1.0], rel=1e-6)
+    assert picture.stat().st_size > 20_000
+
+
+def test_settling_of_a_saturated_loop(loop: str, tmp_path: Path) -> None:
+    """With u = g·y added behind the block, (s + 1)³ + 10 − g is stable for 2 < g < 11, small motions."""
+    out, table, picture = (tmp_path / name for name in ("out.json", "out.csv", "out.svg"))
+    options = ["--settle", "--settle-gains", "2.5:6", "--count", "5", "--thresholds", "0.1", "--longest", "300"]
+    options += ["--json", str(out), "--csv", str(table), "--plot", str(picture), "--plot-kind", "settling"]
+    assert run(loop, *ENDS, "--gains=-20:20", *options) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["stable_gains"] == [pytest.approx([2.0, 11.0], rel=1e-6)]
+    assert found["block"] == "block"
+    assert found["gains"] == pytest.approx([2.5, 3.375, 4.25, 5.125, 6.0])
+    assert len(found["settling_seconds"]) == 5
+    assert found["frequency_hz"] == pytest.approx(0.275, rel=0.01)  # the cycle that the saturation holds
+    assert found["threshold"] == 0.01
+    assert {o["threshold"] for o in found["thresholds"]} == {0.1, 0.01}
+    assert table.read_text(encoding="utf-8").startswith("gain,settling_seconds_0.1,settling_seconds_0.01,left")
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("kind", ["root-locus", "nyquist", "cycles"])
+def test_other_pictures(loop: str, tmp_path: Path, kind: str) -> None:
+    picture = tmp_path / "picture.png"
+    assert run(loop, *ENDS, "--count", "2", "--plot", str(picture), "--plot-kind", kind) == 0
+    assert picture.stat().st_size > 20_000
+
+
+def test_one_gain_is_simulated(loop: str, tmp_path: Path) -> None:
+    out, table, picture = (tmp_path / name for name in ("out.json", "out.csv", "out.png"))
+    options = ["--gain", "4", "--count", "1", "--stop", "300", "--output", "b.y"]
+    options += ["--json", str(out), "--csv", str(table), "--plot", str(picture), "--plot-kind", "run"]
+    assert run(loop, *ENDS, *options) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))["run"]
+    assert found["gain"] == 4.0
+    assert found["left_at_end"] < 1e-3
+    assert table.read_text(encoding="utf-8").startswith("time,c.y,block.u,b.y,handed to the target")
+    assert picture.stat().st_size > 20_000
+
+
+def test_limits_with_units(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    arguments = ["fmu:Rudder", "--from", "del", "--to", "delC", "--limit", "0.2rad", "--rate-limit", "20deg/s"]
+    assert run(*arguments, "--json", str(out)) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["target_unit"] == "deg"
+    assert any(low is None or low < 0.0 for low, _ in found["stable_gains"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--from", "c.z", "--to", "a.u"], "did you mean c.y"),
+        (["--from", "a.u", "--to", "a.u"], "is an input, but the source of a feedback must be an output"),
+        (["--from", "c.y", "--to", "b.y"], "is an output, but the target of a feedback must be an input"),
+        (["--from", "c.y", "--to", "d.u"], "--to 'd.u' is unknown"),
+        ([*ENDS, "--gains", "3"], "LO:HI"),
+        ([*ENDS, "--gains", "3:1"], "LO < HI"),
+        ([*ENDS, "--settle"], "no nonlinear block is known"),
+        ([*ENDS, "--settle", "--gains", "2:5"], "no gain within 2 … 5 stabilises"),
+        ([*ENDS, "--settle", "--block", "bloc"], "there is no component 'bloc'"),
+        ([*ENDS, "--settle", "--threshold", "2"], "between 0 and 1"),
+        ([*ENDS, "--settle", "--order", "1"], "needs 2 or more"),
+        ([*ENDS, "--settle", "--watch", "c.q"], "variable 'c.q' is unknown"),
+        ([*ENDS, "--pulse", "u=1"], "go together"),
+        ([*ENDS, "--gain", "1", "--pulse", "w=1", "--start-after", "20"], "'w'"),
+        ([*ENDS, "--count", "0"], "1 or more"),
+        ([*ENDS, "--limit", "25parsnips"], "cannot be converted"),
+        ([*ENDS, "--limit=-3"], "must be positive"),
+        ([*ENDS, "--limit", "1", "--actuator", "fmu:LimitedActuator"], "has its own limits"),
+        ([*ENDS, "--actuator", "fmu:Aircraft"], "must have one"),
+        ([*ENDS, "--plot-kind", "nyquist"], "there is no --plot"),
+        ([*ENDS, "--plot", "x.png", "--plot-kind", "settling"], "needs --settle"),
+    ],
+)
+def test_mistakes_are_one_line(lags: str, arguments: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        run(lags, *arguments)
+    assert "\n" not in str(error.value)
+
+
+def test_cycles_without_a_block_cannot_be_drawn(lags: str, tmp_path: Path) -> None:
+    with pytest.raises(WorkbenchError, match="no nonlinear block"):
+        run(lags, *ENDS, "--plot", str(tmp_path / "x.png"), "--plot-kind", "cycles")
