@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -12,11 +13,14 @@ from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from workbench.reproduce.result import ReproduceResult
     from workbench.reproduce.targets import Target
 
 __all__ = ["reproduce"]
+
+_T = TypeVar("_T")
 
 _LONGEST = 600.0  # [s], of one experiment
 
@@ -75,33 +79,48 @@ def reproduce(
 
 
 def _list(chosen: tuple[Target, ...], console: Console) -> None:
-    from rich import box
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("target", "chapter", "figures", "what", "published", "tolerance"):
-        table.add_column(heading, overflow="fold")
-    for t in chosen:
-        cells = (t.name, t.chapter, ", ".join(str(n) for n in t.figures), t.what, t.text, t.tolerance)
-        table.add_row(*(escape(cell) for cell in cells))
-    console.print(table)
+    for title, targets in _by_chapter([(t.chapter, t) for t in chosen]):
+        table = _table(title, "target", "figures", "what", "published", "tolerance")
+        for t in targets:
+            cells = (t.name, ", ".join(str(n) for n in t.figures), t.what, t.text, t.tolerance)
+            table.add_row(*(escape(cell) for cell in cells))
+        console.print(table)
 
 
 def _show(result: ReproduceResult, console: Console) -> None:
-    from rich import box
     from rich.markup import escape
-    from rich.table import Table
 
     colours = {"met": "green", "missed": "bold red", "not reachable": "yellow"}
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for heading in ("target", "chapter", "published", "tolerance", "measured", "verdict"):
-        table.add_column(heading, overflow="fold")
-    for o in result.outcomes:
-        cells = (o.target.name, o.target.chapter, o.target.text, o.target.tolerance, o.text)
-        table.add_row(*(escape(cell) for cell in cells), f"[{colours[o.verdict]}]{o.verdict}[/]")
-    console.print(table)
+    for title, outcomes in _by_chapter([(o.target.chapter, o) for o in result.outcomes]):
+        table = _table(title, "target", "published", "tolerance", "measured", "verdict")
+        for o in outcomes:
+            cells = (o.target.name, o.target.text, o.target.tolerance, o.text)
+            table.add_row(*(escape(cell) for cell in cells), f"[{colours[o.verdict]}]{o.verdict}[/]")
+        console.print(table)
     for o in result.outcomes:
         if not o.passed:
             console.print(f"{o.target.name}: {o.verdict}: {o.reason}", soft_wrap=True, markup=False)
     console.print(result.words, soft_wrap=True, markup=False)
+
+
+def _by_chapter(chapters: Sequence[tuple[str, _T]]) -> list[tuple[str, list[_T]]]:
+    """Return (title, members) of each main chapter."""
+    from workbench.reproduce.page import TITLES
+
+    found: dict[str, list[_T]] = {}
+    for chapter, member in chapters:
+        found.setdefault(chapter.split(".", maxsplit=1)[0], []).append(member)
+    return [(f"{number} {TITLES.get(number, '')}".strip(), members) for number, members in found.items()]
+
+
+def _table(title: str, name: str, *headings: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=title, title_justify="left")
+    table.add_column(name, no_wrap=True)
+    for heading in headings:
+        table.add_column(heading)
+    return table

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.analysis.excite import ExciteResult
+from workbench.analysis.experiment import Experiment as Record
 from workbench.analysis.identify import IdentifyResult, identify
-from workbench.analysis.spectra import coherence, sdf
+from workbench.analysis.spectra import Coherence, coherence, sdf
 from workbench.analysis.validate import ERROR_FIGURES, error_figure
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.identification import (
@@ -117,6 +118,11 @@ def _pictures(data: ExciteResult, model: IdentifyResult) -> list[Picture]:
             ),
         ),
     ]
+
+
+def _plain(record: Record) -> Coherence:
+    """Return the coherence as the source report has it."""
+    return coherence(record, segments=SEGMENTS, overlap=0.0, window="boxcar")
 
 
 def _other_inputs() -> Measurement:

@@ -156,7 +156,8 @@ def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResul
         values.append(float((model.C @ state + HEIGHT * model.D[:, 0])[0]))
         state = model.A @ state + HEIGHT * model.B[:, 0]
     held = np.minimum((time / dt + 1e-9).astype(int), count - 1)
-    return np.array(values, dtype=np.float64)[held]
+    outputs: NDArray[np.float64] = np.array(values, dtype=np.float64)[held]
+    return outputs
 
 
 EXPERIMENTS = (

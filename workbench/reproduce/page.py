@@ -53,7 +53,7 @@ def _line(outcome: Outcome) -> str:
 def _not_met(result: ReproduceResult) -> Iterator[Section]:
     """Say of each target that is not met why."""
     for verdict, title in ((MISSED, "Missed"), (NOT_REACHABLE, "Not reachable, and why")):
-        lines = [f"{_line(o)}: {o.reason}." for o in result.outcomes if o.verdict == verdict]
+        lines = [f"{o.target.name}: {o.target.text}: {o.reason}." for o in result.outcomes if o.verdict == verdict]
         if lines:
             yield Section(title, items=lines)
 
@@ -79,7 +79,7 @@ def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:
     """Yield how targets are read, and what else was seen."""
     lines = []
     for o in outcomes:
-        said = [text for text in (o.target.note, o.remark) if text]
+        said = [text for text in (o.target.note, o.remark if o.passed else "") if text]
         if said:
             lines.append(f"{o.target.name}: {'. '.join(said)}.")
     if lines:

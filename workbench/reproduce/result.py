@@ -54,9 +54,10 @@ class Outcome:
         """Why it is not met; None: it is."""
         if self.passed:
             return None
-        return (
-            self.problem or self.target.reason or f"{self.text} is outside {self.target.text} ({self.target.tolerance})"
-        )
+        if self.problem or self.target.reason is None:
+            return self.problem or f"{self.text} measured, outside {self.target.text} ({self.target.tolerance})"
+        seen = f"; {self.remark}" if self.remark else ""
+        return f"{self.text} measured; {self.target.reason}{seen}"
 
     @property
     def text(self) -> str:
@@ -65,7 +66,7 @@ class Outcome:
             return "–"
         found = [self.measured] if isinstance(self.measured, float) else list(self.measured)
         if len(found) > _MOST and not isinstance(self.target.value, list):
-            shown = f"{min(found):.6g} … {max(found):.6g}" if min(found) != max(found) else f"{found[0]:.6g}"
+            shown = " … ".join(dict.fromkeys(f"{x:.6g}" for x in (min(found), max(found))))
         else:
             shown = ", ".join(f"{x:.7g}" for x in found)
         return f"{shown} {self.target.unit}".strip()
