@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,9 @@ _LONGEST = 120  # an argument whose text is longer is called by its name
 _WRITTEN = ("out", "path", "store")  # arguments that name what is written, not what is read
 
 
+_signature = lru_cache(maxsize=256)(inspect.signature)
+
+
 def origin_of_call(
     function: Callable[..., object], args: Iterable[Any], kwargs: Mapping[str, Any], *, seconds: float
 ) -> Origin:
@@ -35,7 +39,7 @@ def origin_of_call(
         kwargs: those by name.
         seconds: that it took.
     """
-    given = inspect.signature(function).bind(*args, **kwargs).arguments
+    given = _signature(function).bind(*args, **kwargs).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
     models = [v for v in values if isinstance(v, Model)]
     earlier = [found for v in values if (found := _earlier(v)) is not None]
@@ -100,7 +104,7 @@ def _call(function: Callable[..., object], given: Mapping[str, Any], models: lis
     names = {id(m): "model" if len(models) == 1 else f"model_{i}" for i, m in enumerate(models, start=1)}
     owner = "wb" if "self" not in given else names.get(id(given["self"]), type(given["self"]).__name__.lower())
     texts, positional = [], True
-    for name, parameter in inspect.signature(function).parameters.items():
+    for name, parameter in _signature(function).parameters.items():
         value = given.get(name)
         # Behind one that was left out, names are needed.
         positional = positional and value is not None and parameter.kind is not inspect.Parameter.KEYWORD_ONLY
