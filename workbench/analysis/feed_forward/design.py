@@ -53,10 +53,12 @@ class Settings:
         """Refuse what makes no sense.
 
         Raises:
-            InputError: unknown sign, a band out of order.
+            InputError: unknown sign, a corner that is not positive, a band out of order.
         """
         if self.sign not in SIGNS:
             raise InputError(f"sign: '{self.sign}' is unknown; {suggest(self.sign, SIGNS)}")
+        if not 0.0 < self.low_pass < float("inf"):
+            raise InputError(f"the low-pass frequency must be positive, not {self.low_pass:g} Hz")
         low, high = self.band
         if not 0.0 < low < high < float("inf"):
             raise InputError(f"band: {low:g}:{high:g} Hz is no band; write the lower frequency first, above 0")
@@ -82,6 +84,11 @@ class Design:
     part: LinearPart
     mirrored: Complex
     notes: tuple[str, ...]
+
+    @property
+    def reductions(self) -> tuple[BalancedReduction, BalancedReduction]:
+        """Those of G and of H."""
+        return self.G, self.H
 
 
 def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> Design:

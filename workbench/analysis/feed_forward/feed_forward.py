@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.design import Design, Settings, design, grid
 from workbench.analysis.feed_forward.plant import Plant, linear_plant
@@ -104,10 +105,11 @@ def feed_forward(
     )  # fmt: skip
     settings.check()
     run = _run(model, inputs, outputs, closes_at, stop)
-    plant = linear_plant(model, loops, at=at, time=time)
-    frequency = grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
-    judge = Judge(frequency, settings.band, plant.G.response(frequency), plant.H.response(frequency))
-    made = design(plant.G, plant.H, settings, judge)
+    with one_thread():
+        plant = linear_plant(model, loops, at=at, time=time)
+        frequency = grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
+        judge = Judge(frequency, settings.band, plant.G.response(frequency), plant.H.response(frequency))
+        made = design(plant.G, plant.H, settings, judge)
     trials = () if run is None else _trials(model, loops, made, judge, run, crude=crude)
     units = tuple(variable_of(model, name, "variable").unit for name in (loops.ports.w, target))
     return FeedForwardResult(

@@ -1,0 +1,251 @@
+"""Nonlinear feed-forward: closed forms of small systems, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.analysis.feed_forward.plant import linear_plant
+from workbench.analysis.feed_forward.trial import Run, run_trial
+from workbench.analysis.feed_forward.wiring import Loops
+from workbench.analysis.limit_cycle.cut import find_ports
+from workbench.analysis.nyquist.linear_part import LinearPart
+
+Numbers = list[float]
+
+
+def plant(g: Numbers, h: Numbers, poles: Numbers, *, x0: Numbers | None = None) -> wb.LinearComponent:
+    """y = (g u + h w)/poles, polynomials with the highest power first; `poles` is monic."""
+    n = len(poles) - 1
+    A = np.zeros((n, n))
+    A[:, 0] = -np.array(poles[1:])
+    A[:-1, 1:] = np.eye(n - 1)
+    B = np.array([g, h], dtype=float).T
+    start = np.zeros(n) if x0 is None else np.array(x0)
+    return wb.LinearComponent(
+        name="plant", A=A, B=B, C=np.eye(1, n), D=np.zeros((1, 2)), dt=0.0, input_names=("u", "w"), output_names=("y",),
+        state_names=tuple(f"x{k + 1}" for k in range(n)), x0=start, units={"u": "rad", "w": "N.m", "y": "rad/s"},
+    )  # fmt: skip
+
+
+def drag(v: np.ndarray) -> float:
+    return float(v[0] * abs(v[0]))
+
+
+def system(part: wb.LinearComponent) -> wb.DescribedModel:
+    """The plant with a quadratic block that brakes: w = −y·|y|."""
+    block = wb.FunctionComponent(name="block", function=drag, units={"u": "rad/s", "y": "N.m"})
+    brake = wb.Connection(source="block.y", destination="plant.w", gain=-1.0)
+    wires = [wb.Connection(source="plant.y", destination="block.u"), brake]
+    return wb.connect({"plant": part, "block": block}, wires, inputs={"u": "plant.u"}, outputs={"y": "plant.y"})
+
+
+def design(model: wb.DescribedModel, **options: object) -> wb.FeedForwardResult:
+    settings = {"block": "block", "target": "plant.u", "low_pass_order": 0, "band": (0.01, 10.0), **options}
+    return wb.feed_forward(model, **settings)  # type: ignore[arg-type]
+
+
+# (s + 2)(s + 8) and (s + 5)(s + 1)/2 over lightly damped modes at 4 and 1 rad/s.
+POLES = list(np.polymul([1.0, 0.4, 16.0], [1.0, 0.3, 1.0]))
+G = [0.0, *np.polymul([1.0, 2.0], [1.0, 8.0])]
+H = [0.0, *(0.5 * np.polymul([1.0, 5.0], [1.0, 1.0]))]
+
+
+def test_the_filter_is_the_quotient() -> None:
+    with system(plant(G, H, POLES)) as model:
+        found = design(model, orders=(4, 4))
+    s = 2j * np.pi * found.frequency_hz
+    exact = 0.5 * (s + 5.0) * (s + 1.0) / ((s + 2.0) * (s + 8.0))
+    assert found.exact == pytest.approx(exact, rel=1e-6)
+    assert [(step.name, step.order) for step in found.steps] == [
+        ("reduced", 8), ("joined", 6), ("cancelled", 2), ("mirrored", 2), ("sign", 2),
+    ]  # fmt: skip
+    for step in found.steps:
+        assert step.response == pytest.approx(exact, rel=1e-6)
+        assert step.gain_error_db < 1e-5
+        assert step.phase_error_deg < 1e-4
+        assert step.residual < 1e-6
+    assert np.sort(np.array(found.filter.poles()).real) == pytest.approx([-8.0, -2.0])
+    assert np.sort(np.array(found.filter.zeros()).real) == pytest.approx([-5.0, -1.0])
+    assert float(found.filter.D[0, 0]) == pytest.approx(0.5)
+    assert (found.filter.input_labels, found.filter.output_labels) == (["block_y"], ["plant_u"])
+
+
+def test_an_exact_filter_takes_the_block_out_of_the_motion() -> None:
+    # With it the plant swings as if the block were not there: exp(−0.2 t) and exp(−0.15 t) modes, from x0.
+    x0 = [1.0, 0.3, -0.2, 0.1]
+    part = plant(G, H, POLES, x0=x0)
+    with system(part) as model:
+        found = design(model, orders=(4, 4), inputs={}, stop=20.0)
+    (trial,) = found.trials
+    w, V = np.linalg.eig(part.A)
+    free = (V[0] * np.linalg.solve(V, np.array(x0, dtype=complex)) @ np.exp(np.outer(w, trial.time))).real
+    assert trial.signals["block.u"] == pytest.approx(free, abs=2e-5)
+    assert trial.units["block.u"] == "rad/s"
+    # Without it the block brakes visibly.
+    with system(part) as model:
+        braked = wb.simulate(model, stop=20.0, points=trial.time[1:]).signals["y"]
+    assert np.max(np.abs(braked - free)) > 0.1
+
+
+def test_unstable_poles_are_mirrored_and_the_sign_changed() -> None:
+    # G has a zero at +2: F = 0.5 (s + 5)(s + 1)/((s − 2)(s + 8)).
+    g = [0.0, *np.polymul([1.0, -2.0], [1.0, 8.0])]
+    with system(plant(g, H, POLES)) as model:
+        found = design(model, orders=(4, 4))
+        kept = design(model, orders=(4, 4), sign="keep")
+    s = 2j * np.pi * found.frequency_hz
+    mirrored = 0.5 * (s + 5.0) * (s + 1.0) / ((s + 2.0) * (s + 8.0))
+    steps = {step.name: step for step in found.steps}
+    assert steps["cancelled"].unstable_poles == pytest.approx([2.0])
+    assert found.design.mirrored == pytest.approx([2.0])
+    assert steps["mirrored"].response == pytest.approx(mirrored, rel=1e-6)
+    assert steps["mirrored"].gain_error_db < 1e-5
+    assert steps["sign"].response == pytest.approx(-mirrored, rel=1e-6)
+    assert kept.steps[-1].response == pytest.approx(mirrored, rel=1e-6)
+    # At frequency 0 the filter with the sign changed is exact; the all-pass takes it to −1 far above 2 rad/s.
+    assert steps["sign"].response[0] == pytest.approx(found.exact[0], rel=0.1)
+    assert steps["sign"].phase_error_deg == pytest.approx(
+        180.0 - 2.0 * math.degrees(math.atan(2.0 / (20.0 * math.pi))), abs=0.1
+    )
+    assert any("mirrored at 0.318 Hz" in note for note in found.notes)
+
+
+def test_a_low_pass_lies_behind() -> None:
+    with system(plant(G, H, POLES)) as model:
+        found = design(model, orders=(4, 4), low_pass=3.0, low_pass_order=2)
+    last, before = found.steps[-1], found.steps[-2]
+    assert (last.name, last.order) == ("low-pass", before.order + 2)
+    assert np.abs(last.response / before.response) == pytest.approx(
+        1.0 / np.sqrt(1.0 + (found.frequency_hz / 3.0) ** 4), rel=1e-9
+    )
+
+
+def test_feedback_of_the_integral_leaves_the_quotient_as_it_is() -> None:
+    # v is the rate of the position that is fed back: v = 0 makes the feedback nothing, so H/G cannot change.
+    A = np.array([[0.0, 1.0, 0.0], [2.0, 0.1, 1.0], [0.0, 0.0, -3.0]])  # unstable; u drives through a lag
+    B = np.array([[0.0, 0.0], [0.2, 1.0], [3.0, 0.0]])
+    part = wb.LinearComponent(
+        name="plant", A=A, B=B, C=np.eye(2, 3), D=np.zeros((2, 2)), dt=0.0, input_names=("u", "w"),
+        output_names=("position", "y"), state_names=("a", "b", "c"), x0=np.zeros(3),
+        units={"u": "rad", "w": "N.m", "y": "rad/s", "position": "rad"},
+    )  # fmt: skip
+    with system(part) as model:
+        ports = find_ports(model, "block")
+        plain, fed = (
+            linear_plant(model, Loops(ports=ports, target="plant.u", source=source, gain=gain), at=None, time=0.0)
+            for source, gain in ((None, 0.0), ("plant.position", -9.0))
+        )
+    f = np.geomspace(0.01, 10.0, 50)
+    s = 2j * np.pi * f
+    by_hand = np.linalg.eigvals(A - 9.0 * np.outer(B[:, 0], [1.0, 0.0, 0.0]))
+    assert np.sort_complex(fed.poles) == pytest.approx(np.sort_complex(by_hand))
+    assert fed.open_poles == pytest.approx(np.linalg.eigvals(A))
+    # By hand: y = s/(s² − 0.1 s − 2) · ((0.2 + 3/(s + 3)) u − w)
+    assert plain.H.response(f) == pytest.approx(s / (s**2 - 0.1 * s - 2.0), rel=1e-9)
+    assert plain.G.response(f) == pytest.approx((0.2 + 3.0 / (s + 3.0)) * s / (s**2 - 0.1 * s - 2.0), rel=1e-9)
+    assert fed.H.response(f) / fed.G.response(f) == pytest.approx(plain.H.response(f) / plain.G.response(f), rel=1e-9)
+    assert np.max(np.abs(fed.G.response(f) / plain.G.response(f) - 1.0)) > 0.5
+
+
+def scalar(x0: float, *, size: float = 1.0) -> wb.DescribedModel:
+    """dv/dt = −v + size·u − v·|v|: F = 1/size."""
+    return system(plant([size], [1.0], [1.0, 1.0], x0=[x0]))
+
+
+def test_a_filter_too_strong_escapes_in_finite_time_and_says_when() -> None:
+    # The crude gain is 1 = exact here; a sign that is wrong doubles the brake, twice the gain turns it:
+    # dv/dt = −v + v·|v| escapes from v > 1 at ln(v/(v − 1)).
+    twice = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 2.0)
+    with scalar(1.5) as model:
+        loops = Loops(ports=find_ports(model, "block"), target="plant.u")
+        run = Run(inputs={}, outputs=(), stop=10.0, closes_at=0.0)
+        trial = run_trial(model, loops, twice, run, name="twice")
+        tame = run_trial(model, loops, LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0), run, name="exact")
+    assert trial.divergence is not None
+    assert trial.divergence.kind == "finite escape"
+    assert trial.divergence.escape_time == pytest.approx(math.log(3.0), rel=1e-4)
+    assert "finite time" in trial.failure
+    assert trial.rest is None
+    assert trial.settling_seconds[0.1] is None
+    # The record ends just before: 1/v = 1 − e^t/3, which the solver's tolerance shifts in time
+    assert trial.time[-1] == pytest.approx(math.log(3.0), rel=1e-3)
+    assert 1.0 / trial.signals["block.u"] == pytest.approx(1.0 - np.exp(trial.time) / 3.0, abs=1e-4)
+    assert tame.failure == ""
+    assert tame.signals["block.u"] == pytest.approx(1.5 * np.exp(-tame.time), abs=1e-5)
+    assert tame.settling_seconds[0.1] == pytest.approx(math.log(10.0), abs=1e-3)
+
+
+def test_the_feedback_that_closes_late() -> None:
+    # Until 2 s the block brakes, from then on it is compensated: dv/dt = −v.
+    with scalar(1.5, size=4.0) as model:
+        found = design(model, orders=(1, 1), inputs={}, stop=8.0, closes_at=2.0)
+    (trial,) = found.trials
+    assert float(found.filter.D[0, 0]) == pytest.approx(0.25)
+    t, v = trial.time, trial.signals["block.u"]
+    alone = 1.5 * np.exp(-t) / (1.0 + 1.5 * (1.0 - np.exp(-t)))
+    before, after = t < 2.0, t > 2.0
+    assert v[before] == pytest.approx(alone[before], abs=1e-5)
+    at_two = 1.5 * math.exp(-2.0) / (1.0 + 1.5 * (1.0 - math.exp(-2.0)))
+    assert v[after] == pytest.approx(at_two * np.exp(-(t[after] - 2.0)), abs=1e-5)
+    assert trial.closes_at == 2.0
+
+
+def test_results_are_written(tmp_path: Path) -> None:
+    folder = tmp_path
+    with scalar(1.5) as model:
+        found = design(model, orders=(1, 1), inputs={}, stop=2.0, crude=True)
+    assert [t.name for t in found.trials] == ["feed-forward", "plain gain, no limits"]
+    assert found.trial("feed-forward").rest is not None
+    with pytest.raises(KeyError):
+        found.trial("feed forward")
+    for name in ("overview", "reduced", "compensation", "mirrored", "simulated", "error", "poles"):
+        found.plot(folder / f"{name}.png", figure=name)
+        assert (folder / f"{name}.png").stat().st_size > 5_000
+    with pytest.raises(wb.InputError, match="did you mean error"):
+        found.plot(figure="eror")
+    found.to_csv(folder / "bode.csv")
+    lines = (folder / "bode.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("frequency_hz,G gain,G phase_deg,H gain")
+    assert len(lines) == len(found.frequency_hz) + 1
+    data = found.to_dict()
+    assert [s["name"] for s in data["steps"]][:3] == ["reduced", "joined", "cancelled"]
+    assert data["trials"][0]["settling_seconds"].keys() == {"0.5", "0.1", "0.05", "0.01"}
+    assert data["filter"]["input_names"] == ["u"]
+    assert data["filter"]["units"] == {"u": "N.m", "y": "rad"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"block": "blok"}, "did you mean block"),
+        ({"target": "plant.v"}, "'plant.v' is no variable of a component; did you mean .*plant.u"),
+        ({"target": "plant.w"}, "plant.w is driven by block.y"),
+        ({"feedback": ("plant.z", -1.0)}, "feedback 'plant.z' is no variable"),
+        ({"feedback": ("plant.y", math.inf)}, "finite number"),
+        ({"orders": (9, 1)}, "between 1 and 4"),
+        ({"hankel": 2.0}, "between 0 and 1"),
+        ({"cancel": -1.0}, "between 0 and 1"),
+        ({"low_pass": -5.0, "low_pass_order": 1}, "must be positive"),
+        ({"sign": "chang"}, "did you mean change"),
+        ({"method": "matchdc"}, "did you mean match-dc"),
+        ({"band": (5.0, 1.0)}, "lower frequency first"),
+        ({"inputs": {"q": wb.Constant(1.0)}, "stop": 1.0}, "'q' is no input"),
+        ({"inputs": {}}, "give stop"),
+        ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
+        ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),
+        ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "not one"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options: dict[str, object], words: str) -> None:
+    with system(plant(G, H, POLES)) as model, pytest.raises(wb.InputError, match=words):
+        design(model, **options)
+
+
+def test_a_single_fmu_is_no_system() -> None:
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(wb.InputError, match="no system"):
+        wb.feed_forward(model, block="a", target="a.u")
