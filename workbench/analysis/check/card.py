@@ -34,6 +34,7 @@ Progress = Callable[[float, str], None]
 
 _V = TypeVar("_V")
 
+_HANG = "such points are lost after --timeout; chattering or a solver in trouble shows in simulate, too"
 _CRASH = "it takes its process with it: leave the worker processes on (never --in-process); such points are lost"
 
 
@@ -243,7 +244,8 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
     lost = names.pop(0)
-    yield _line(job.interface, Done(lost, Finding("broken", event.reason, _CRASH), 0.0))
+    consequence = _HANG if event.reason.startswith("time limit") else _CRASH
+    yield _line(job.interface, Done(lost, Finding("broken", event.reason, consequence), 0.0))
     again = job.after_loss(lost)
     if again is None:
         return

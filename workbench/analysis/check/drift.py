@@ -43,8 +43,8 @@ def drift(subject: Subject) -> Finding:
 
 
 def _kind(time: Floats, y: Floats, first: float, last: float) -> str:
-    if last > _GROWTH * first:
-        return f"grows by itself, {last / max(first, 1e-300):.3g} times from the first to the last quarter"
+    if last > _GROWTH * first > _GROWTH * _NOTHING * last:
+        return f"grows by itself, {last / first:.3g} times from the first to the last quarter"
     slope, level = np.polyfit(time - time[0], y, 1)
     rest = y - level - slope * (time - time[0])
     if abs(slope) * (time[-1] - time[0]) > 0.5 * float(np.ptp(y)):

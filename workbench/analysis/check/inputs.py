@@ -16,7 +16,7 @@ from workbench.session.fmu import FmuSession
 
 __all__ = ["inputs"]
 
-_AT = 0.37  # of a test run: no special instant
+_AT = 0.3713  # of a test run: no special instant
 _FINE = 16  # steps for one natural step, for the reference
 _WORSE = 2.0
 _SHARES = (1.0, 20.0)  # of the usual amplitude: a twentieth of an input's size, and all of it
@@ -40,10 +40,14 @@ def inputs(subject: Subject) -> Finding:
     if not subject.inputs:
         return Finding("not applicable", "no continuous inputs")
     share = _acting(subject)
-    if share is None:
-        names = ", ".join(subject.inputs)
-        return Finding("watch", f"no observed variable answers to {names} in {subject.span:.4g} s", _DEAF)
-    return _co_simulation(subject, share) if subject.is_cs else _model_exchange(subject, share)
+    if not subject.is_cs:
+        return _model_exchange(subject, share)
+    return _idle(subject) if share is None else _co_simulation(subject, share)
+
+
+def _idle(subject: Subject) -> Finding:
+    names = ", ".join(subject.inputs)
+    return Finding("watch", f"no observed variable answers to {names} in {subject.span:.4g} s", _DEAF)
 
 
 _DEAF = "responses from here are zero; another operating point, a larger amplitude or a longer run may show more"
@@ -64,18 +68,21 @@ def _acting(subject: Subject) -> float | None:
 # -- model exchange -----------------------------------------------------------------------------
 
 
-def _model_exchange(subject: Subject, share: float) -> Finding:
+def _model_exchange(subject: Subject, share: float | None) -> Finding:
     answered, silent, deaf = list[str](), list[str](), list[str]()
     with subject.model.open_session(start_time=subject.start) as session:
         session.advance(subject.start + _AT * subject.span, signals=subject.constants(0.0))
+        _event(session)  # one that is due here belongs to no input
         for name, (middle, _) in subject.inputs.items():
-            amplitude = subject.sines(share)[name].amplitude
+            amplitude = subject.sines(share or 1.0)[name].amplitude
             quick, slow = _answers(session, session.inputs[name], middle, amplitude)
             (answered if quick else deaf if slow else silent).append(name)
     numbers = {"answered": answered, "silent": silent, "deaf": deaf}
     if deaf:
         text = f"{', '.join(deaf)}: declared continuous, but only an event lets it act"
         return Finding("broken", text, "responses see a staircase: declare it discrete, or force it by steps", numbers)
+    if share is None and not answered:
+        return _idle(subject)
     rest = f"; {len(silent)} not between events" if silent else ""
     return Finding("good", f"{len(answered)} of {len(subject.inputs)} act in continuous time{rest}", numbers=numbers)
 

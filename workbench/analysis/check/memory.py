@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,7 +20,10 @@ __all__ = ["memory", "resident"]
 _SESSIONS = 100
 _BEFORE = 20  # sessions until allocator and caches have what they need
 _ADVANCED = 10  # steps in each session
+_FEWEST = 20
+_BUDGET = 20.0  # [s]
 _EVERY = 5  # sessions between two looks
+_SWEEP = 10_000  # sessions of a long sweep
 
 # Of growth per session [bytes]: below the first nobody runs out, beyond the second a sweep of ten thousand does.
 _WATCH, _BROKEN = 16e3, 1e6
@@ -43,29 +48,34 @@ def memory(subject: Subject) -> Finding:
         "sessions": [k for k, _ in looks],
         "resident_bytes": [b for _, b in looks],
     }
-    text = f"{slope / 1e3:.3g} kB per session over {_SESSIONS} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
+    text = f"{slope / 1e3:.3g} kB per session over {looks[-1][0]} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
     if slope <= _WATCH:
         return Finding("good", text, numbers=numbers)
-    advice = (
-        f"{_BEFORE * 500} sessions take {slope * 1e4 / 1e9:.2g} GB: cut sweeps into parts, or use --store and go on"
-    )
+    advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: cut sweeps into parts, or use --store and go on"
     return Finding("broken" if slope > _BROKEN else "watch", text, advice, numbers)
 
 
 def _looks(subject: Subject) -> list[tuple[int, float]]:
     """Return (sessions since the caches are full, resident bytes)."""
-    looks: list[tuple[int, float]] = []
     gc.collect()
     gc.freeze()  # what lives already need not be looked through again
     try:
-        for k in range(_BEFORE + _SESSIONS + 1):
-            if k >= _BEFORE and (k - _BEFORE) % _EVERY == 0:
-                gc.collect()
-                looks.append((k - _BEFORE, resident() or 0.0))
+        begin = time.monotonic()
+        for _ in range(_BEFORE):
             _session(subject)
+        # Of FMUs that take seconds to open fewer sessions must do, with a coarser slope.
+        affordable = _BEFORE * _BUDGET / max(time.monotonic() - begin, 1e-9)
+        return list(_watched(subject, int(min(_SESSIONS, max(_FEWEST, affordable)))))
     finally:
         gc.unfreeze()
-    return looks
+
+
+def _watched(subject: Subject, sessions: int) -> Iterator[tuple[int, float]]:
+    for k in range(sessions + 1):
+        if k % _EVERY == 0:
+            gc.collect()
+            yield k, resident() or 0.0
+        _session(subject)
 
 
 def _session(subject: Subject) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import ExitStack
 
-import numpy as np
-
 from workbench.analysis.check.compare import largest_gap
 from workbench.analysis.check.result import Finding
 from workbench.analysis.check.subject import Subject, Trajectory, same_bits
@@ -29,7 +27,8 @@ def reset(subject: Subject) -> Finding:
     """Run, reset, run again in the same instance: both runs must be the same.
 
     Broken: the second run differs, or the FMU fails after a reset that it called good. Watch: it refuses to reset, or
-    differs by rounding. Not applicable: FMI 1.0 model exchange, which knows no reset.
+    differs by rounding. Not applicable: FMI 1.0 model exchange, which knows no reset, and FMUs that do not repeat their
+    own runs (see determinism).
     """
     name = _FUNCTIONS[subject.model.description.major].get(subject.model.interface)
     if name is None:
@@ -47,6 +46,8 @@ def reset(subject: Subject) -> Finding:
             second = _run(subject, instance, stack)
         except (FmuError, SimulationError) as error:
             return Finding("broken", f"after a reset it fails: {error}", _ELSEWHERE)
+    if not same_bits(first, second) and not same_bits(first, subject.run(subject.sines())):
+        return Finding("not applicable", "not even a new instance repeats its run (see determinism)")
     return _judge(subject, first, second)
 
 
@@ -61,8 +62,4 @@ def _judge(subject: Subject, first: Trajectory, second: Trajectory) -> Finding:
         return Finding("good", f"{first.values.size} values are the same to the last bit after a reset")
     gap = largest_gap(first, second, subject.names)
     verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Finding(verdict, f"after a reset {gap.words}", _ELSEWHERE, {"relative": _finite(gap.relative)})
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return Finding(verdict, f"after a reset {gap.words}", _ELSEWHERE, {"relative": gap.relative})

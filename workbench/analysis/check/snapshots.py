@@ -18,7 +18,7 @@ def snapshots(subject: Subject) -> Finding:
     First the probe that every session makes (`session/probe.py`: values after the restore, and one step from there).
     Then over the whole test run, where a variable that was forgotten in the state has time to show: half the run,
     save, and twice the second half from the saved state with another run between them, equal to the last bit.
-    Broken: claimed, but wrong. Not applicable: not claimed, or (see determinism) the FMU does not repeat its own runs.
+    Broken: claimed, but wrong. Not applicable: not claimed.
     """
     model = subject.model
     if not model.description.interfaces[model.interface].state:

@@ -91,11 +91,10 @@ def _verdict(subject: Subject, near: _Convergence, far: float, reached: float) -
 
 
 def _order_words(near: _Convergence) -> str:
-    if math.isnan(near.order):
-        steady = max(near.changes[-2:], default=0.0) <= _EXACT
-        return "the step changes next to nothing" if steady else "no order seen"
-    if near.order < _NO_ORDER:
-        return f"no convergence (order {near.order:.2g})"
+    if not near.order >= _NO_ORDER and near.error <= _EXACT:
+        return "the step changes next to nothing"
+    if not near.order >= _NO_ORDER:
+        return "no convergence" if math.isnan(near.order) else f"no convergence (order {round(near.order, 1) + 0.0:g})"
     names = {1: "first", 2: "second", 3: "third", 4: "fourth"}
     return f"{names.get(round(near.order), 'higher')} order ({near.order:.2f})"
 
