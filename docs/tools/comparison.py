@@ -1,7 +1,7 @@
 """Compare what an example shows with what its page says: words exactly, numbers to the digits printed.
 
 A number agrees within two units of the last digit that the page prints, a whole number up to 20 only with itself.
-Numbers below 1e-7 are what rounding leaves, and agree with each other. Blanks and rules of tables do not count.
+Numbers below 1e-5 are what rounding leaves, and agree with each other. Blanks and rules of tables do not count.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ __all__ = ["difference"]
 _NUMBER = re.compile(r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
 _RULE = re.compile(r"[─━═-]{3,}|[▁▂▃▄▅▆▇█░]+")
 _UNITS = 2.0
-_ROUNDING = 1e-7
+_ROUNDING = 1e-5
 _COUNTS = 20
 _ANY = "…"
 _REST = " …"

@@ -12,7 +12,7 @@ __all__ = ["grouped_names", "python_page", "python_pages"]
 # The first prefix that fits a name's home decides; what fits none is under "Further names".
 _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("models", "Models, sessions, signals", ("model", "session", "signals", "system.load", "workers", "fmi")),
-    ("errors", "Errors", ("errors",)),
+    ("errors", "Errors", ("errors", "analysis.divergence")),
     (
         "response",
         "Time histories and frequency response",
