@@ -14,23 +14,13 @@ from typing import Any
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.model.recipe import content_hash
 
-__all__ = ["code_hash", "file_in", "hash_of", "hashes_of_model"]
+__all__ = ["Hashes", "code_hash", "file_in"]
 
 _SYSTEM, _STRUCTURE = ".toml", ".ssd"
 # Where a system structure names the files of its components.
 _SOURCE = re.compile(r'\ssource\s*=\s*"([^"]*)"')
 
 _LONGEST = 1000  # a longer text is no name of a file
-
-
-@cache
-def hash_of(path: Path) -> str:
-    """Return the SHA-256 of a file or folder, read once in a process.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    return content_hash(path)
 
 
 @cache
@@ -64,30 +54,49 @@ def file_in(text: str, folder: Path) -> Path | None:
         return None
 
 
-def hashes_of_model(model: str, folder: Path) -> dict[str, str]:
-    """Return name → SHA-256 of every file that a model consists of: the FMU, or a system with its FMUs.
+class Hashes:
+    """SHA-256 of files, each read once by one object: what changes on disk is seen by the next one.
 
     Args:
-        model: as the study names it.
-        folder: that relative paths begin at.
-
-    Raises:
-        InputError: a file cannot be read.
+        folder: of the study, that relative paths begin at.
     """
-    return dict(_files(model, folder, ()))
 
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._known: dict[Path, str] = {}
 
-def _files(model: str, folder: Path, before: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
-    if is_bundled(model):
-        yield model, hash_of(bundled_path(model))
-        return
-    path = (folder / Path(model).expanduser()).resolve()
-    if path in before:
-        return
-    yield model, hash_of(path)
-    for name in _named_in(path):
-        if is_bundled(name) or (path.parent / name).exists():
-            yield from _files(name, path.parent, (*before, path))
+    def of_file(self, path: Path) -> str:
+        """Return the hash of a file or folder.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        if path not in self._known:
+            self._known[path] = content_hash(path)
+        return self._known[path]
+
+    def of_model(self, model: str) -> dict[str, str]:
+        """Return name → hash of every file that a model consists of: the FMU, or a system with its FMUs.
+
+        Args:
+            model: as the study names it.
+
+        Raises:
+            InputError: a file cannot be read.
+        """
+        return dict(self._files(model, self._folder, ()))
+
+    def _files(self, model: str, folder: Path, before: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
+        if is_bundled(model):
+            yield model, self.of_file(bundled_path(model))
+            return
+        path = (folder / Path(model).expanduser()).resolve()
+        if path in before:
+            return
+        yield model, self.of_file(path)
+        for name in _named_in(path):
+            if is_bundled(name) or (path.parent / name).exists():
+                yield from self._files(name, path.parent, (*before, path))
 
 
 def _named_in(path: Path) -> Iterator[str]:

@@ -57,7 +57,7 @@ def _mask(requirement: Requirement, result: Result, title: str, found: Finding) 
 
     if not isinstance(requirement, Mask):
         return None
-    curves = requirement.responses(result, requirement.band)
+    curves = requirement.responses(result, requirement.corners)
     units = {"gain": "dB", "phase": "deg"}
     unit = units.get(requirement.quantity, curves[0].unit)
     return plot_between_masks(

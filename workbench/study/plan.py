@@ -13,7 +13,7 @@ from workbench import __version__
 from workbench.study.arguments import arguments
 from workbench.study.commands import Command, Commands
 from workbench.study.description import Analysis, Change, Point, Reference, Study, Word
-from workbench.study.fingerprint import code_hash, file_in, hash_of, hashes_of_model
+from workbench.study.fingerprint import Hashes, code_hash, file_in
 from workbench.study.place import place
 from workbench.study.points import model_at, part_of, points
 from workbench.study.references import words_of
@@ -113,6 +113,7 @@ class _Planner:
         self._references = {n: [w for w in words if isinstance(w, Reference)] for n, words in self._words.items()}
         self._runs: dict[str, Run] = {}
         self._notes: dict[str, None] = {}
+        self._files = Hashes(study.folder)
         self._common = {"study": _LAYOUT, "workbench": __version__, "code": code_hash()}
 
     def plan(self) -> Plan:
@@ -200,10 +201,10 @@ class _Planner:
 
     def _hashes(self, model: Change | None, words: Sequence[Word]) -> dict[str, str]:
         folder = self._study.folder
-        found = hashes_of_model(str(model.model), folder) if model is not None else {}
+        found = self._files.of_model(str(model.model)) if model is not None else {}
         for word in words:
             if isinstance(word, str) and not _writes(word) and (path := file_in(word, folder)) is not None:
-                found[word] = hash_of(path)
+                found[word] = self._files.of_file(path)
         return found
 
 

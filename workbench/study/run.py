@@ -93,7 +93,7 @@ class StudyRun:
             checked = evaluate(self.study, self.plan, execution.outcomes)
         return StudyResult(
             study=self.study,
-            runs=execution.outcomes,
+            runs={run: execution.outcomes[run] for run in self.plan.runs if run in execution.outcomes},
             checked=checked,
             measured=execution.measured,
             reused=reused,

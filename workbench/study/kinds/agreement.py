@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
@@ -17,6 +18,8 @@ from workbench.study.kinds.value import numbers_at
 from workbench.study.place import place
 
 __all__ = ["Agreement", "ResponseAgreement"]
+
+_MODELS = ("lin", "identify")
 
 _Limit = Annotated[float, Field(ge=0.0)]
 
@@ -82,8 +85,8 @@ class ResponseAgreement(_Pair, OfResponse):
         db: largest difference of the gain [dB].
         deg: largest difference of the phase [deg], whole turns apart.
         band: frequencies that count [Hz]; None: all.
-        with_amplitude: likewise, of the other response.
-        with_source: likewise.
+        with_amplitude: `amplitude` of the other response.
+        with_source: `source` of the other response.
     """
 
     db: _Limit | None = None
@@ -100,26 +103,26 @@ class ResponseAgreement(_Pair, OfResponse):
             raise InputError(f"{where}: band {self.band[0]:g} to {self.band[1]:g} Hz falls; write it rising")
 
     def find(self, results: Sequence[Result]) -> Finding:
-        mine = self._curve(results[0], self.amplitude, self.source, None)
-        low, high = self.band or (0.0, float("inf"))
-        frequencies = [f for f in mine.frequency if low * (1 - 1e-9) <= f <= high * (1 + 1e-9)]
-        if not frequencies:
-            raise NotMeasured("nothing was measured in the band")
+        mine, theirs = self._pair(results)
+        low, high = self.band or (0.0, math.inf)
         mine.check_failed(low, high)
-        span = (frequencies[0], frequencies[-1])
-        theirs = self._curve(results[1], self.with_amplitude, self.with_source, span)
-        shared = [f for f in frequencies if theirs.frequency[0] * (1 - 1e-9) <= f <= theirs.frequency[-1] * (1 + 1e-9)]
+        shared = [f for f in mine.frequency if theirs.reaches(f) and low * (1.0 - 1e-9) <= f <= high * (1.0 + 1e-9)]
         if not shared:
-            raise NotMeasured("the two responses share no frequency")
+            raise NotMeasured("the two responses share no frequency in the band")
         return worst([f for frequency in shared for f in self._at(mine, theirs, frequency)])
 
-    def _curve(
-        self, result: Result, amplitude: float | None, source: str | None, band: tuple[float, float] | None
-    ) -> Curve:
-        model = result["command"] in ("lin", "identify")
-        names = {"input": self.input, "output": self.output} if model else {}
-        wanted = band if band is not None else (self.band[0], self.band[1]) if self.band else None
-        found = curves(result, band=wanted, amplitude=amplitude, source=source, plant=self.plant, **names)
+    def _pair(self, results: Sequence[Result]) -> tuple[Curve, Curve]:
+        """Return both responses; a linear model is evaluated where the other one was measured."""
+        first = self._curve(results[0], self.amplitude, self.source, ())
+        second = self._curve(results[1], self.with_amplitude, self.with_source, first.frequency)
+        if results[0]["command"] in _MODELS and results[1]["command"] not in _MODELS:
+            first = self._curve(results[0], None, None, second.frequency)
+            return first.only(second.frequency), second
+        return first, second
+
+    def _curve(self, result: Result, amplitude: float | None, source: str | None, at: Sequence[float]) -> Curve:
+        names = {"input": self.input, "output": self.output} if result["command"] in _MODELS else {}
+        found = curves(result, at=at, amplitude=amplitude, source=source, plant=self.plant, **names)
         if len(found) != 1:
             had = ", ".join(c.label for c in found)
             raise InputError(f"{self.name}: the {result['command']} has several responses ({had}); name one amplitude")

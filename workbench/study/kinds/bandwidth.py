@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
-from pydantic import Field
-
 from workbench.study.kinds.base import Limited, NotMeasured, Result, Value
 from workbench.study.kinds.curve import Curve
 from workbench.study.kinds.response import UNITS, OfResponse, Positive
@@ -23,7 +21,6 @@ class Bandwidth(OfResponse, Limited):
         drop: how far the gain falls [dB].
         reference: gain [dB] from which it falls; None: that at the lowest frequency.
         angle: the phase [deg].
-        band: where a linear model is looked at [Hz]; None: around its poles.
     """
 
     units = ("Hz",)
@@ -32,11 +29,9 @@ class Bandwidth(OfResponse, Limited):
     drop: Positive = 3.0
     reference: float | None = None
     angle: float = -90.0
-    band: list[Positive] | None = Field(default=None, min_length=2, max_length=2)
 
     def values(self, result: Result) -> list[Value]:
-        band = (self.band[0], self.band[1]) if self.band else None
-        return [self._value(curve) for curve in self.responses(result, band)]
+        return [self._value(curve) for curve in self.responses(result)]
 
     def _value(self, curve: Curve) -> Value:
         values = curve.values(self.criterion)

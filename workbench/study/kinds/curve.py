@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from workbench.study.kinds.base import NotMeasured
 
@@ -67,9 +67,23 @@ class Curve:
         values = self.values(quantity)
         self.check_failed(frequency, frequency)
         low, high = self.frequency[0], self.frequency[-1]
-        if not low * (1.0 - _SAME) <= frequency <= high * (1.0 + _SAME):
+        if not self.reaches(frequency):
             raise NotMeasured(f"{frequency:g} Hz is outside of the measured {low:g} to {high:g} Hz{self.told}")
         return interpolate(frequency, self.frequency, values)
+
+    def reaches(self, frequency: float) -> bool:
+        """Whether a frequency [Hz] lies between the first and the last one."""
+        return self.frequency[0] * (1.0 - _SAME) <= frequency <= self.frequency[-1] * (1.0 + _SAME)
+
+    def only(self, frequencies: Sequence[float]) -> Curve:
+        """Return the curve at some of its frequencies [Hz]."""
+        kept = [k for k, f in enumerate(self.frequency) if f in set(frequencies)]
+        return replace(
+            self,
+            frequency=[self.frequency[k] for k in kept],
+            gain=[self.gain[k] for k in kept],
+            phase=[self.phase[k] for k in kept],
+        )
 
     def check_failed(self, low: float, high: float) -> None:
         """Raise where a point between two frequencies [Hz] failed.

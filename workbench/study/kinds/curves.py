@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from workbench.errors import InputError
@@ -17,7 +17,7 @@ __all__ = ["READERS", "curves"]
 def curves(
     result: Result,
     *,
-    band: tuple[float, float] | None = None,
+    at: Sequence[float] = (),
     amplitude: float | None = None,
     source: str | None = None,
     input: str | None = None,
@@ -28,7 +28,7 @@ def curves(
 
     Args:
         result: of a command in `READERS`.
-        band: where a linear model is evaluated [Hz]; None: around its poles.
+        at: frequencies at which a linear model is evaluated [Hz], besides those around its poles.
         amplitude: only the curve of this amplitude; None: all.
         source: "linear" or "measured", of a result that holds both; None: the measured ones where there are any.
         input: of a model with several.
@@ -40,7 +40,7 @@ def curves(
         NotMeasured: the result holds none.
     """
     read = READERS[str(result["command"])]
-    found = read(result, {"band": band, "source": source, "input": input, "output": output, "plant": plant})
+    found = read(result, {"at": at, "source": source, "input": input, "output": output, "plant": plant})
     if amplitude is None:
         return found
     chosen = [c for c in found if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
@@ -83,7 +83,7 @@ def _reasons(result: Result, amplitude: float) -> dict[float, str]:
 
 
 def _of_model(result: Result, options: Mapping[str, Any]) -> list[Curve]:
-    wanted = {name: options[name] for name in ("band", "input", "output", "plant")}
+    wanted = {name: options[name] for name in ("at", "input", "output", "plant")}
     return [linear_curve(result, **wanted)]
 
 

@@ -34,14 +34,13 @@ def poles(result: Result) -> list[complex]:
     return [cmath.log(z) / dt for z in found if z != 0.0] if dt > 0.0 else found
 
 
-def linear_curve(
-    result: Result, *, band: tuple[float, float] | None, input: str | None, output: str | None, plant: str
-) -> Curve:
+def linear_curve(result: Result, *, at: Sequence[float], input: str | None, output: str | None, plant: str) -> Curve:
     """Return the frequency response of a linear model, as sines would show it.
 
     Args:
         result: of `lin` or `identify`.
-        band: where it is evaluated [Hz]; None: around its poles. A discrete model ends below half its sampling rate.
+        at: frequencies at which it is evaluated [Hz], besides those around its poles; a discrete model ends below half
+            its sampling rate.
         input: its name; None: the model has one.
         output: likewise.
         plant: what an identified model stands for, as in `workbench.analysis.validate.overlay`: "continuous" takes the
@@ -49,13 +48,13 @@ def linear_curve(
 
     Raises:
         InputError: no such input or output.
-        NotMeasured: the band lies above half the sampling rate.
+        NotMeasured: there is no frequency below half the sampling rate.
     """
     column = _index("input", input, result["input_names"])
     row = _index("output", output, result["output_names"])
-    frequency = _frequencies(result, band)
+    frequency = _frequencies(result, at)
     if not frequency:
-        raise NotMeasured("the band lies above half the sampling rate of the model")
+        raise NotMeasured("the frequencies lie above half the sampling rate of the model")
     respond = _maker(result, plant)(result, row, column)
     response = [respond(f) for f in frequency]
     return Curve(
@@ -75,16 +74,16 @@ def _index(what: str, name: str | None, names: Sequence[str]) -> int:
     return list(names).index(name)
 
 
-def _frequencies(result: Result, band: tuple[float, float] | None) -> list[float]:
-    """Return frequencies of a band [Hz], rising, below half the sampling rate."""
+def _frequencies(result: Result, at: Sequence[float]) -> list[float]:
+    """Return frequencies around the poles as far as those asked for, and these exactly [Hz]; rising."""
     dt = float(result["dt"])
-    low, high = band if band is not None else _around(result)
-    if dt > 0.0:
-        high = min(high, 0.5 / dt * (1.0 - 1e-6))
-    if low > high:
-        return []
-    count = max(2, math.ceil(_DENSE * math.log10(high / low)) + 1) if high > low else 1
-    return [low * (high / low) ** (k / max(count - 1, 1)) for k in range(count)]
+    low, high = _around(result)
+    low, high = min([low, *at]), max([high, *at])
+    last = 0.5 / dt * (1.0 - 1e-6) if dt > 0.0 else math.inf
+    high = min(high, last)
+    count = max(2, math.ceil(_DENSE * math.log10(high / low)) + 1) if high > low else 0
+    every = {low * (high / low) ** (k / (count - 1)) for k in range(count)} | set(at)
+    return sorted(f for f in every if f <= last)
 
 
 def _around(result: Result) -> tuple[float, float]:

@@ -57,15 +57,14 @@ class Mask(OfResponse):
                 raise InputError(text)
 
     @property
-    def band(self) -> tuple[float, float]:
-        """From the first to the last corner [Hz]."""
-        every = [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
-        return min(every), max(every)
+    def corners(self) -> list[float]:
+        """Frequencies of all corners [Hz]."""
+        return [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
 
     def find(self, results: Sequence[Result]) -> Finding:
         found = [
             self._side(curve, name, corners)
-            for curve in self.responses(results[0], self.band)
+            for curve in self.responses(results[0], self.corners)
             for name, corners in (("max", self.upper), ("min", self.lower))
             if corners
         ]

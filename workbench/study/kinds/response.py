@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -37,15 +38,15 @@ class OfResponse(Requirement):
     output: str | None = None
     plant: Literal["continuous", "sampled", "held"] = "continuous"
 
-    def responses(self, result: Result, band: tuple[float, float] | None) -> list[Curve]:
+    def responses(self, result: Result, at: Sequence[float] = ()) -> list[Curve]:
         """Return the responses that count.
 
         Args:
             result: of the analysis.
-            band: where a linear model is evaluated [Hz]; None: around its poles.
+            at: frequencies at which a linear model is evaluated [Hz], besides those around its poles.
         """
         return curves(
-            result, band=band, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output,
+            result, at=at, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output,
             plant=self.plant,
         )  # fmt: skip
 
@@ -62,7 +63,7 @@ class _AtFrequency(OfResponse, Limited):
     frequency: Positive
 
     def values(self, result: Result) -> list[Value]:
-        return [self._value(curve) for curve in self.responses(result, (self.frequency, self.frequency))]
+        return [self._value(curve) for curve in self.responses(result, (self.frequency,))]
 
     def _value(self, curve: Curve) -> Value:
         value = curve.at(self.quantity, self.frequency)

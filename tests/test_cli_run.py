@@ -1,0 +1,173 @@
+"""`workbench run`: options, exit codes, the bundled studies."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+import typer
+
+from workbench.cli.app import app, run
+from workbench.cli.run_commands import AppCommands, run_command
+from workbench.errors import InputError
+from workbench.study.arguments import arguments
+from workbench.study.bundled import bundled_studies
+from workbench.study.plan import make_plan
+from workbench.study.read import read_study
+
+FACTS = """
+[analyses.facts]
+command = "info"
+model = "fmu:FirstOrderLag"
+probe = false
+[[requirements]]
+name = "inputs"
+analysis = "facts"
+kind = "value"
+path = "inputs"
+count = true
+equal = 1
+tolerance = 0
+"""
+
+
+@pytest.fixture
+def commands() -> AppCommands:
+    return AppCommands(typer.main.get_command(app))
+
+
+@pytest.fixture
+def facts(tmp_path: Path) -> Path:
+    path = tmp_path / "facts.toml"
+    path.write_text(FACTS, encoding="utf-8")
+    return path
+
+
+def test_every_command_with_a_result_can_be_an_analysis(commands: AppCommands) -> None:
+    expected = {"info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "excite", "identify"}
+    assert expected <= set(commands.names())
+    assert "run" not in commands.names()
+    assert all(commands.get(name).options for name in commands.names())
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "expected"),
+    [
+        ("nfr", {"amplitude": [1, 2.5], "band": [0.5, 20]}, ["--amplitude=1,2.5", "--band=0.5:20"]),
+        ("nfr", {"carry": True, "offset": False}, ["--carry"]),
+        ("nfr", {"drift-check": False}, ["--no-drift-check"]),
+        ("nfr", {"max_periods": 5, "set": {"k": 2, "on": True}}, ["--max-periods=5", "--set=k=2", "--set=on=true"]),
+        ("simulate", {"input": {"u": "step:value=2"}}, ["--input=u=step:value=2"]),
+        ("simulate", {"output": ["a", "b"]}, ["--output=a", "--output=b"]),
+        ("lin", {"over": {"k": [1, 2]}, "dx": [1, 2]}, ["--over=k=1,2", "--dx=1", "--dx=2"]),
+        ("trim", {"bound": {"x": [-1, 1]}}, ["--bound=x=-1:1"]),
+        ("excite", {"prbs": {"amplitude": [1, 2], "seed": 3}}, ["--prbs=amplitude=1:2,seed=3"]),
+        ("identify", {"data": "a.csv", "order": 3}, ["a.csv", "--order=3"]),
+    ],
+)  # fmt: skip
+def test_options_become_arguments(
+    commands: AppCommands, command: str, options: dict[str, object], expected: list[str]
+) -> None:
+    assert arguments(commands.get(command), options) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"carry": 1}, "key 'carry' is true or false, not 1"),
+        ({"input": True}, "key 'input' takes a value"),
+        ({"ratio": [1, 2]}, "key 'ratio' takes one value"),
+        ({"input": [["a"]]}, "neither a number nor a string|takes one value"),
+        ({"freq": {"from": "a", "of": "b"}}, "'of' is unknown beside 'from'"),
+    ],
+)
+def test_values_that_an_option_cannot_take(commands: AppCommands, options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        arguments(commands.get("nfr"), options)
+
+
+def test_a_command_runs_silently(capfd: pytest.CaptureFixture[str]) -> None:
+    ended = run_command(["trim", "fmu:FirstOrderLag"])
+    assert (ended.code, ended.reason) == (0, "")
+    assert any("interface: me" in note for note in ended.notes)
+    missing = run_command(["trim", "fmu:FirstOrderLog"])
+    assert missing.bad_input
+    assert "did you mean FirstOrderLag" in missing.reason
+    captured = capfd.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_json_goes_to_standard_output_alone(facts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["run", str(facts), "--json", "-", "--no-store", "--jobs", "1"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["requirements"][0]["value"] == 1
+    assert not (facts.parent / ".workbench-store").exists()
+
+
+def test_the_store_can_lie_elsewhere_and_be_passed_over(
+    facts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = ["--store", str(tmp_path / "kept"), "--json", "-", "--jobs", "1"]
+    counts = []
+    for more in ([], [], ["--fresh"]):
+        assert run(["run", str(facts), *store, *more]) == 0
+        found = json.loads(capsys.readouterr().out)
+        counts.append((found["measured"], found["reused"]))
+    assert counts == [(1, 0), (0, 1), (1, 0)]
+    assert not (facts.parent / ".workbench-store").exists()
+
+
+def test_the_table_tells_value_limit_and_margin(facts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    facts.write_text(FACTS.replace("equal = 1", "equal = 3"), encoding="utf-8")
+    assert run(["run", str(facts), "--jobs", "1"]) == 1
+    out = capsys.readouterr().out
+    row = next(line for line in out.splitlines() if line.strip().startswith("inputs"))
+    assert row.split() == ["inputs", "1", "3", "±", "0", "-2", "violated"]
+    assert "1 of 1 requirements is not met: inputs" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--junit", "nowhere/x.xml"], "the folder 'nowhere' does not exist"),
+        (["--report", "x.pdf"], "must end in .html"),
+        (["--no-store", "--fresh"], "only one of them"),
+        (["--jobs", "0"], "0 is too few"),
+        (["--stor", "x"], "No such option"),
+    ],
+)
+def test_wrong_options_are_one_line(
+    facts: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["run", str(facts), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+
+
+def test_the_example_is_a_study(capsys: pytest.CaptureFixture[str], tmp_path: Path, commands: AppCommands) -> None:
+    assert run(["run", "--example"]) == 0
+    text = capsys.readouterr().out
+    assert tomllib.loads(text)["analyses"]
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    assert read_study(tmp_path / "mine.toml", commands).requirements
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_bundled_studies_are_complete(name: str, commands: AppCommands) -> None:
+    study = read_study(f"study:{name}", commands)
+    plan = make_plan(study, commands)
+    assert study.requirements
+    assert not plan.notes
+    read = {analysis for r in study.requirements for analysis in r.analyses}
+    needed = {name for run in plan.runs for name in run.needs}
+    assert set(study.analyses) <= read | needed
+
+
+def test_the_rudder_keeps_its_specification(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    assert run(["run", "study:rudder_specification", "--no-store", "--json", str(out)]) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["passed"]
+    assert all(r["passed"] for r in found["requirements"])

@@ -1,0 +1,312 @@
+"""Studies from file to verdict on bundled FMUs: grid, references, store, crashes, JUnit, report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from tests.hostile_fmus import build_hostile
+from workbench.cli.app import run
+from workbench.fmi.bundled import bundled_path
+from workbench.study.outcome import Outcome
+
+GRID = """
+name = "lags"
+[models]
+lag = "lag.fmu"
+[configurations]
+fmi2 = {}
+fmi3 = {lag = {model = "fmu:FirstOrderLag@3"}}
+[grid]
+lag.tau = [0.5, 2.0]
+
+[analyses.response]
+command = "nfr"
+model = "lag"
+input = "u"
+output = "y"
+freq = [0.05, 0.1591549430918953]
+amplitude = [1]
+
+[analyses.facts]
+command = "info"
+model = "lag"
+
+[[requirements]]
+name = "corner"
+analysis = "response"
+kind = "gain"
+frequency = 0.1591549430918953     # 1 rad/s
+min = -5
+
+[[requirements]]
+name = "slow lag"
+analysis = "response"
+kind = "gain"
+frequency = 0.1591549430918953
+equal = -6.9897                    # 1/(1 + 2j)
+tolerance = 0.001
+grid = {"lag.tau" = 2.0}
+configurations = ["fmi3"]
+
+[[requirements]]
+name = "it runs"
+analysis = "facts"
+kind = "value"
+path = "runnable"
+equal = true
+"""
+
+
+def study(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def measured(tmp_path: Path, text: str, *options: str, jobs: str = "1") -> tuple[int, dict[str, Any]]:
+    out = tmp_path / "out.json"
+    code = run(["run", study(tmp_path, text), "--json", str(out), "--jobs", jobs, *options])
+    return code, json.loads(out.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, dict[str, Any]]:
+    """A study of four points, run once."""
+    folder = tmp_path_factory.mktemp("grid")
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), folder / "lag.fmu")
+    files = [x for kind in ("junit.xml", "report.html", "csv") for x in (f"--{kind.split('.')[0]}", str(folder / kind))]
+    code, found = measured(folder, GRID, *files, jobs="2")
+    return folder, code, found
+
+
+def test_every_point_of_the_grid_is_judged(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    _, code, found = grid
+    assert code == 1
+    rows = {(r["name"], r["point"]): r for r in found["requirements"]}
+    corner = {p: r for (name, p), r in rows.items() if name == "corner"}
+    assert {p: r["passed"] for p, r in corner.items()} == {
+        "fmi2, lag.tau = 0.5": True, "fmi2, lag.tau = 2": False,
+        "fmi3, lag.tau = 0.5": True, "fmi3, lag.tau = 2": False,
+    }  # fmt: skip
+    # |1/(1 + 0.5j)| and |1/(1 + 2j)| in dB.
+    assert corner["fmi2, lag.tau = 0.5"]["value"] == pytest.approx(-0.9691, abs=1e-4)
+    assert corner["fmi3, lag.tau = 2"]["value"] == pytest.approx(-6.9897, abs=1e-4)
+    assert corner["fmi3, lag.tau = 2"]["margin"] == pytest.approx(-1.9897, abs=1e-4)
+    assert [p for name, p in rows if name == "slow lag"] == ["fmi3, lag.tau = 2"]
+    # What the command cannot set is seen once for each FMU, and said.
+    assert sorted(p for name, p in rows if name == "it runs") == ["fmi2, lag.tau = 0.5", "fmi3, lag.tau = 0.5"]
+    assert any("'info' has no option set" in note for note in found["notes"])
+
+
+def test_json_tells_all(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    _, _, found = grid
+    assert {"command", "version", "seconds", "study", "passed", "requirements", "analyses"} <= set(found)
+    assert {"name", "value", "limit", "passed", "margin", "where"} <= set(found["requirements"][0])
+    assert (found["measured"], found["reused"], found["missing"]) == (6, 0, 0)
+    first = found["analyses"][0]
+    assert first["result"]["command"] == "nfr"
+    assert "workbench nfr lag.fmu --set=lag" not in first["command_line"]
+    assert "--set=tau=0.5" in first["command_line"]
+    assert first["parameters"] == {"lag.tau": 0.5}
+
+
+def test_junit_is_read_back(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    folder, _, found = grid
+    root = ET.parse(folder / "junit.xml").getroot()  # noqa: S314 - we wrote it
+    assert root.tag == "testsuites"
+    (suite,) = root
+    cases = suite.findall("testcase")
+    assert len(cases) == len(found["requirements"]) == int(suite.attrib["tests"]) == int(root.attrib["tests"])
+    failed = {c.attrib["name"]: c.find("failure") for c in cases if c.find("failure") is not None}
+    assert set(failed) == {"corner (fmi2, lag.tau = 2)", "corner (fmi3, lag.tau = 2)"}
+    assert int(suite.attrib["failures"]) == 2
+    message = failed["corner (fmi2, lag.tau = 2)"]
+    assert message is not None
+    assert message.attrib["message"] == "-6.9897 dB, limit ≥ -5 dB, at 0.1592 Hz"
+    assert all(float(c.attrib["time"]) >= 0.0 for c in cases)
+    assert {c.attrib["classname"] for c in cases} == {"lags.response", "lags.facts"}
+
+
+def test_the_report_names_the_violation_first(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    folder, _, _ = grid
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    body = text[text.index("<body") :]
+    assert "http://" not in text.replace("http://www.w3.org", "")
+    assert body.index("corner (fmi2, lag.tau = 2)") < body.index("it runs")
+    assert body.index("2 of 7 requirements are not met: corner") < body.index("passed")
+    rows = (folder / "csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 8
+    assert rows[0].startswith("requirement,point,kind,analysis,value,unit,min,max")
+
+
+def test_the_second_run_measures_nothing(
+    grid: tuple[Path, int, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, code, found = grid
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("a worker was started")
+
+    monkeypatch.setattr("workbench.workers.pool.Pool.run", forbidden)
+    monkeypatch.setattr("workbench.study.names.check_names", forbidden)
+    again, second = measured(folder, GRID)
+    assert (again, second["measured"], second["reused"]) == (code, 0, 6)
+    assert second["requirements"] == found["requirements"]
+    assert [a["result"] for a in second["analyses"]] == [a["result"] for a in found["analyses"]]
+
+
+def test_another_limit_measures_nothing(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    folder, _, _ = grid
+    code, found = measured(folder, GRID.replace("min = -5", "min = -8"))
+    assert (code, found["measured"], found["passed"]) == (0, 0, True)
+
+
+def test_a_changed_fmu_and_a_changed_option_are_measured_again(grid: tuple[Path, int, dict[str, Any]]) -> None:
+    folder, _, _ = grid
+    one = GRID.replace("[0.5, 2.0]", "[0.5]").replace('grid = {"lag.tau" = 2.0}\n', "")
+    _, found = measured(folder, one.replace("amplitude = [1]", "amplitude = [2]"))
+    # The responses; that of fmi3 too, but no facts.
+    assert (found["measured"], found["reused"]) == (2, 2)
+    with (folder / "lag.fmu").open("ab") as file:
+        file.write(b"another comment at the end of the archive")
+    _, found = measured(folder, one)
+    assert {a["name"]: a["reused"] for a in found["analyses"] if a["configuration"] == "fmi2"} == {
+        "response": False, "facts": False,
+    }  # fmt: skip
+    assert all(a["reused"] for a in found["analyses"] if a["configuration"] == "fmi3")
+
+
+# -- one analysis takes what another one wrote ---------------------------------------------------
+
+CHAIN = """
+[models]
+lag = {model = "fmu:FirstOrderLag", set = {tau = 0.5}}
+[analyses.linear]                      # stands before what it needs
+command = "lin"
+model = "lag"
+at = {from = "point"}
+[analyses.point]
+command = "trim"
+model = "lag"
+u0 = {u = 2}
+[analyses.data]
+command = "excite"
+model = "lag"
+input = "u"
+output = "y"
+prbs = {amplitude = 1, seed = 3}
+step = 0.05
+samples = 400
+[analyses.model]
+command = "identify"
+data = {from = "data", as = "csv"}
+validate = {from = "data", as = "validation"}
+input = "u"
+output = "y"
+order = 1
+[[requirements]]
+name = "pole"
+analysis = "linear"
+kind = "stability"
+equal = -2
+tolerance = 1e-6
+[[requirements]]
+name = "at the point"
+analysis = "linear"
+kind = "value"
+path = "x0.x"
+equal = 2
+tolerance = 1e-6
+[[requirements]]
+name = "fit"
+analysis = "model"
+kind = "fit"
+min = 99.9
+[[requirements]]
+name = "same"
+analysis = "model"
+with = "linear"
+kind = "response agreement"
+db = 1e-3
+deg = 1e-2
+band = [0.1, 2]
+"""
+
+
+def test_results_go_from_one_analysis_to_the_other(tmp_path: Path) -> None:
+    code, found = measured(tmp_path, CHAIN)
+    assert (code, found["passed"]) == (0, True), found["requirements"]
+    # Of a changed study only what depends on the change is measured.
+    _, second = measured(tmp_path, CHAIN.replace("u = 2", "u = 3").replace("equal = 2", "equal = 3"))
+    assert {a["name"] for a in second["analyses"] if not a["reused"]} == {"point", "linear"}
+    assert second["passed"]
+    assert not list((tmp_path / ".workbench-store" / "unfinished").iterdir())
+    assert (tmp_path / ".workbench-store" / ".gitignore").read_text(encoding="utf-8") == "*\n"
+
+
+# -- what fails ----------------------------------------------------------------------------------
+
+
+def test_a_crash_fails_its_requirements_and_the_others_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    build_hostile(tmp_path, "segfault-at-start").rename(tmp_path / "bad.fmu")
+    text = """
+    [models]
+    bad = "bad.fmu"
+    good = "fmu:FirstOrderLag"
+    [analyses.crash]
+    command = "lin"
+    model = "bad"
+    [analyses.after]
+    command = "identify"
+    data = {from = "crash"}
+    [analyses.fine]
+    command = "trim"
+    model = "good"
+    [[requirements]]
+    name = "stable"
+    analysis = "crash"
+    kind = "stability"
+    max = 0
+    [[requirements]]
+    name = "at rest"
+    analysis = "fine"
+    kind = "value"
+    path = "converged"
+    equal = true
+    """
+    junit = tmp_path / "junit.xml"
+    code, found = measured(tmp_path, text, "--junit", str(junit))
+    assert code == 1
+    stable, rest = found["requirements"]
+    assert (stable["passed"], stable["value"]) == (False, None)
+    assert "crash failed: the FMU crashed: segmentation fault" in stable["reason"]
+    assert rest["passed"]
+    failed = {a["name"]: a["failed"] for a in found["analyses"]}
+    assert failed["after"].startswith("it needs crash, which failed: the FMU crashed")
+    assert "stable: crash failed" in capsys.readouterr().out
+    suite = ET.parse(junit).getroot()[0]  # noqa: S314 - we wrote it
+    assert {c.attrib["name"] for c in suite.findall("testcase") if c.find("error") is not None} == {
+        "stable", "analysis after",
+    }  # fmt: skip
+
+
+def test_a_crash_is_not_kept_but_failed_points_are() -> None:
+    assert not Outcome(reason="the FMU crashed").lasting
+    assert not Outcome(result={}, code=130).lasting
+    assert Outcome(result={}, code=1).lasting
+
+
+def test_what_cannot_be_done_at_any_point_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = '[analyses.a]\ncommand = "loop"\nmodel = "fmu:FirstOrderLag"\nat = "x.y"\n'
+    path = study(tmp_path, text)
+    assert run(["run", path]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"workbench: {path}: [analyses.a]: ")
