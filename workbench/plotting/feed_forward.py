@@ -93,12 +93,15 @@ def _error(result: FeedForwardResult) -> Figure:
     chosen = [s for s in result.steps if s.name in {"cancelled", "mirrored", "low-pass"}]
     with np.errstate(all="ignore"):
         curves = [(_name(s.name), result.g * s.response / result.h - 1.0, "-") for s in chosen]
-    figure, axes = _bode_axes(result, "error G·F/H − 1")
+    figure, axes = _bode_axes(result, "error G·F/H − 1; above 0 dB the block acts more than without filter")
     _gain(axes[0], result, curves, name="gain of the error [dB]")
     axes[0].axhline(0.0, color="#666666", linewidth=0.9)
-    axes[0].annotate("above 0 dB the block acts more than without filter", (0.01, 0.02), xycoords="axes fraction",
-                     fontsize=8.5, color="#444444")  # fmt: skip
-    _phase(axes[1], result, curves)
+    for number, (_, value, dash) in enumerate(curves):
+        if number:  # that of the smallest error is noise in its turns
+            axes[1].plot(result.frequency_hz, _wrapped(value), dash, **_line(number, dash))
+    _shade(axes[1], result)
+    axes[1].set(ylabel="phase of the error [deg]", ylim=(-190.0, 190.0))
+    axes[1].yaxis.set_major_locator(MultipleLocator(90.0))
     _frequency(axes[1], result)
     return figure
 
@@ -163,11 +166,18 @@ def _gain(ax: Axes, result: FeedForwardResult, curves: list[Curve], *, name: str
 
 
 def _phase(ax: Axes, result: FeedForwardResult, curves: list[Curve]) -> None:
+    """Draw phases without jumps, the others as near to the first as whole turns allow, in the band."""
+    inside = (result.frequency_hz >= result.band[0]) & (result.frequency_hz <= result.band[1])
+    first: Floats | None = None
     for number, (_, value, dash) in enumerate(curves):
-        ax.plot(result.frequency_hz, _wrapped(value), dash, **_line(number, dash))
+        angle = np.degrees(np.unwrap(np.angle(value)))
+        first = angle - 360.0 * np.round(angle[0] / 360.0) if first is None else first
+        angle -= 360.0 * np.round(np.median((angle - first)[inside]) / 360.0)
+        ax.plot(result.frequency_hz, angle, dash, **_line(number, dash))
     _shade(ax, result)
-    ax.set(ylabel="phase [deg]", ylim=(-190.0, 190.0))
-    ax.yaxis.set_major_locator(MultipleLocator(90.0))
+    ax.set(ylabel="phase [deg]")
+    low, high = ax.get_ylim()
+    ax.yaxis.set_major_locator(MultipleLocator(next((s for s in (90.0, 180.0) if (high - low) / s <= 8.0), 360.0)))
 
 
 def _wrapped(value: Complex) -> Floats:

@@ -25,7 +25,7 @@ from workbench.signals import Signal
 
 __all__ = ["feed_forward"]
 
-_WIDER = 8.0  # times the band's edge: how far the curves are computed
+_WIDER = 4.0  # times the band's edge: how far the curves are computed
 _SHORTEST = 4  # digits of a frequency in words
 
 

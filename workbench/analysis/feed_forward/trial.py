@@ -124,7 +124,7 @@ def _shorter(
     """Run again up to just before the failure."""
     if error.time is None:
         raise error
-    begin = min(run.closes_at, 0.5 * error.time)
+    begin = run.closes_at if run.closes_at < error.time else 0.0
     end = error.time - _BEFORE * (error.time - begin)
     points = np.union1d(np.linspace(0.0, end, _PER_RUN + 1)[1:], np.linspace(begin, end, _NEAR + 1)[1:])
     return simulate(system, stop=end, inputs=inputs, outputs=names, points=points)
