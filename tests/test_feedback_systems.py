@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.analysis.feedback.actuator import wrapped
 from workbench.analysis.feedback.block import cut_at, find_block
 from workbench.analysis.feedback.feedback import feedback
+from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
 from workbench.analysis.feedback.place import find_place
+from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.feedback.result import FeedbackResult
-from workbench.analysis.feedback.standing import standing
+from workbench.analysis.feedback.standing import linear, standing
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.reproduce.targets import read_targets
@@ -160,8 +163,12 @@ def test_limits_of_deflection_are_respected_and_told(aircraft: DescribedModel) -
 
 
 def test_lag_of_an_actuator_narrows_the_interval(aircraft: DescribedModel, position: FeedbackResult) -> None:
+    """The bundled actuator follows with 5 ms, which turns the phase at 4 Hz by 7°."""
     (wide,) = position.stable_gains
-    (narrow,) = feedback(aircraft, source=POSITION, target=INNER, actuator="fmu:LimitedActuator", count=1).stable_gains
+    place = find_place(aircraft, POSITION, INNER)
+    where = standing(place, at=None, time=0.0)
+    plant = Plant.of(linear(place, where, time=0.0, actuator=wrapped("fmu:LimitedActuator")))
+    (narrow,) = stable_gains(intervals(plant, [c.gain for c in crossings(plant)]), (-math.inf, math.inf))
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
 
 

@@ -73,7 +73,7 @@ def feedback(
         typer.Option(
             "--pulse",
             metavar="INPUT=SIGNAL",
-            help="Excite the motion from rest, as step:time=0.1,initial=1,value=0; else a predicted limit cycle.",
+            help="Excite the motion from rest, as pulse:duration=0.1,value=1; else a predicted limit cycle.",
         ),
     ] = None,
     start_after: Annotated[

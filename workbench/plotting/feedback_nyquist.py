@@ -17,6 +17,7 @@ from workbench.plotting.panels import LEGEND, panels
 if TYPE_CHECKING:
     from workbench.analysis.feedback.gains import Crossing
     from workbench.analysis.feedback.result import FeedbackResult
+    from workbench.analysis.nyquist.result import NyquistResult
 
 __all__ = ["draw_curve", "plot_cycles", "plot_nyquist"]
 
@@ -65,8 +66,7 @@ def plot_cycles(result: FeedbackResult, path: str | Path | None = None) -> Figur
     chosen = [result.cycles[i] for i in np.unique(np.linspace(0, len(result.cycles) - 1, _VIEWS).astype(int)).tolist()]
     axes = [ax for row in grid for ax in row]
     for ax, left in zip(axes, chosen, strict=False):
-        real = [abs(c.real) for c in left.curve.crossings if np.isfinite(c.real)]
-        draw_plane(ax, left.curve, reach=max(real) if real else None)
+        draw_plane(ax, left.curve, reach=_reach(left.curve))
         ax.set_title(f"gain {left.gain:.4g}: {left.words}", loc="left", fontsize=9.0)
     axes[0].legend(**{**LEGEND, "loc": "best"})
     for ax in axes[len(chosen) :]:
@@ -74,6 +74,15 @@ def plot_cycles(result: FeedbackResult, path: str | Path | None = None) -> Figur
     if path is not None:
         save(figure, path)
     return figure
+
+
+def _reach(curve: NyquistResult) -> float | None:
+    """Return the size of the farthest crossing, or of the beginning of −1/N if that is not far beyond."""
+    real = [abs(c.real) for c in curve.crossings if np.isfinite(c.real)]
+    begin = np.abs(curve.minus_inverse[np.isfinite(curve.minus_inverse)]).min(initial=np.inf)
+    if not real:
+        return None
+    return max(*real, 1.2 * float(begin)) if begin < 10.0 * max(real) else max(real)
 
 
 def _bands(result: FeedbackResult) -> list[tuple[float, float]]:

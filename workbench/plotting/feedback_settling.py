@@ -73,7 +73,11 @@ def _times(ax: Axes, study: SettlingStudy, optimum: Optimum, colour: str) -> Non
     ax.plot(x, Polynomial(optimum.coefficients)(x), color=colour, linewidth=1.2)
     ax.plot(optimum.gain, optimum.seconds, "*", color=colour, markersize=12.0, markeredgecolor="black", zorder=5)
     where = f"{optimum.gain:.3f}" + (" (end)" if optimum.at_end else "")
-    ax.annotate(where, (optimum.gain, optimum.seconds), xytext=(4, -13), textcoords="offset points", fontsize=8.5)
+    side = "left" if optimum.gain < 0.5 * (study.gains[0] + study.gains[-1]) else "right"
+    ax.annotate(
+        where, (optimum.gain, optimum.seconds), xytext=(4 if side == "left" else -4, -14), textcoords="offset points",
+        fontsize=8.5, ha=side,
+    )  # fmt: skip
 
 
 def _percent(part: float) -> str:
@@ -112,7 +116,7 @@ def _decay(ax: Axes, study: SettlingStudy) -> None:
         ax.plot(r.time, 100.0 * r.magnitude, color=shades(limits(r.gain)), linewidth=1.2, label=name)
     ax.axhline(100.0 * study.settings.threshold, color="#444444", linewidth=0.9, linestyle="--")
     ax.set_yscale("log")
-    ax.set_ylim(bottom=50.0 * study.settings.every[-1])
+    ax.set_ylim(50.0 * study.settings.every[-1], 300.0)
     ax.set(xlabel="time after closing [s]", ylabel="mean magnitude [% of before]")
     ax.legend(**{**LEGEND, "loc": "upper right"})
 
@@ -120,15 +124,14 @@ def _decay(ax: Axes, study: SettlingStudy) -> None:
 def _efforts(ax: Axes, study: SettlingStudy) -> None:
     """Draw the largest deflection and rate over the gain, with the limits."""
     scale, unit = (180.0 / np.pi, "deg") if study.target_unit == "rad" else (1.0, study.target_unit or "")
-    g = list(study.gains)
-    ax.plot(
-        g, [scale * r.peak_deflection for r in study.runs], "o-", color=COLOURS[0], markersize=4.0, label="deflection"
-    )
+    runs = [r for r in study.runs if r.left < 1.0]
+    g = [r.gain for r in runs]
+    ax.plot(g, [scale * r.peak_deflection for r in runs], "o-", color=COLOURS[0], markersize=4.0, label="deflection")
     ax.set_xlabel("gain g")
     ax.set_ylabel(f"peak deflection [{unit}]" if unit else "peak deflection", color=COLOURS[0])
     ax.set_ylim(bottom=0.0)
     other = ax.twinx()
-    other.plot(g, [scale * r.peak_rate for r in study.runs], "s-", color=COLOURS[1], markersize=4.0, label="rate")
+    other.plot(g, [scale * r.peak_rate for r in runs], "s-", color=COLOURS[1], markersize=4.0, label="rate")
     other.set_ylabel(f"peak rate [{unit}/s]" if unit else "peak rate [1/s]", color=COLOURS[1])
     other.set_ylim(bottom=0.0)
     actuator = study.actuator
@@ -138,4 +141,6 @@ def _efforts(ax: Axes, study: SettlingStudy) -> None:
     if actuator is not None and actuator.rate_limit is not None:
         other.axhline(scale * actuator.rate_limit, color=COLOURS[1], linewidth=0.9, linestyle="--")
         words.append(f"rate limit {scale * actuator.rate_limit:.4g} {unit}/s")
+    if len(runs) < len(study.runs):
+        words.append(f"{len(study.runs) - len(runs)} gains with growing motion left out")
     ax.set_title(f"handed to {study.target}" + (f"; {', '.join(words)}" if words else ""), loc="left", fontsize=9.0)

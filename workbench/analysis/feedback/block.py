@@ -64,9 +64,11 @@ class CyclesLeft:
             return "unstable at every amplitude"
         if self.unstable_small:
             return "unstable at small amplitudes"
-        if self.unstable_large or self.cycles:
-            least = min((c.amplitude or 0.0 for c in self.cycles), default=0.0)
+        if self.cycles:
+            least = min(c.amplitude or 0.0 for c in self.cycles)
             return f"settles from amplitudes below {least:.4g}; not from all above"
+        if self.unstable_large:
+            return "small motions settle, large ones grow; no cycle lies between"
         return "no cycle: settles from every amplitude"
 
     def to_dict(self) -> dict[str, Any]:

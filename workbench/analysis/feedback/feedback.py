@@ -16,7 +16,7 @@ from workbench.analysis.feedback.curve import curve
 from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Interval, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
-from workbench.analysis.feedback.place import Place, find_place
+from workbench.analysis.feedback.place import SEEN, Place, find_place
 from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
@@ -34,6 +34,7 @@ from workbench.signals import Signal
 __all__ = ["feedback"]
 
 _INSIDE = 0.03  # of a stable interval, left out at its ends in a study
+_MOVES = 0.02  # of the range of gains: an optimum that moves by more is told
 _REACH = 10.0  # times the finite end, where a stable interval has one only
 
 Range = tuple[float, float]
@@ -132,13 +133,13 @@ def feedback(
         where = standing(place, at=at, time=time)
         between = _actuator(actuator, limit, rate_limit)
         found = linear(place, where, time=time, actuator=between, method=method)
-        work = _Work(place, where, between, time, settings, gains, count, method, keep)
+        work = _Work(place, where, found.point.y.get(SEEN, 0.0), between, time, settings, gains, count, keep)
         result = work.linear_result(found)
+        chosen = work.study_gains(result, settle_gains) if settle else ()
         two = work.two_ports(block)
         result = work.with_cycles(result, two, band, amplitudes)
         if settle or gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
-            chosen = work.study_gains(result, settle_gains) if settle else ()
             start = work.start(two, first, signals or {}, start_after)
             result = work.with_study(result, start, chosen, first, progress)
             result = work.with_run(result, start, gain, watch=first, stop=stop, outputs=outputs)
@@ -174,12 +175,12 @@ class _Work:
 
     place: Place
     where: Standing
+    y0: float
     actuator: Actuator | None
     time: float
     settings: Settings
     limits: Range
     count: int
-    method: str
     keep: ExitStack
 
     def linear_result(self, found: LinResult) -> FeedbackResult:
@@ -253,18 +254,29 @@ class _Work:
     def start(
         self, two: TwoPorts | None, watch: str, signals: Mapping[str, Signal], start_after: float | None
     ) -> Start:
-        tolerance = self.settings.tolerance
+        tolerance, centre = self.settings.tolerance, self._centre(watch)
         if start_after is not None:
             return from_signals(
-                self.place, self.where, watch, signals=signals, time=self.time, start_after=start_after,
-                tolerance=tolerance,
+                self.place, self.where, watch, centre=centre, signals=signals, time=self.time,
+                start_after=start_after, tolerance=tolerance,
             )  # fmt: skip
         if two is None:
             raise InputError(
                 f"{self.place.model.name}: no nonlinear block is known, so that no limit cycle is predicted; name it "
                 "(block), or excite a motion (pulse, start_after)"
             )
-        return from_cycle(self.place, self.where, two, watch, time=self.time, tolerance=tolerance)
+        return from_cycle(self.place, self.where, two, watch, centre=centre, time=self.time, tolerance=tolerance)
+
+    def _centre(self, watch: str) -> float:
+        """Return the value of a variable at rest."""
+        if watch == self.place.outer(self.place.source):
+            return self.y0
+        point = self.where.point
+        known = {**point.y, **point.x}
+        if watch in known:
+            return known[watch]
+        with self.place.model.open_at(time=self.time, values={**point.x, **point.discrete, **point.u}) as session:
+            return session.values([watch])[watch]
 
     def with_study(
         self,
@@ -277,7 +289,7 @@ class _Work:
         if not gains:
             return result
         study = settling_study(
-            self.place, start, gains, watch=watch, y0=self.where.y0, actuator=self.actuator, settings=self.settings,
+            self.place, start, gains, watch=watch, y0=self.y0, actuator=self.actuator, settings=self.settings,
             progress=progress,
         )  # fmt: skip
         result = _changed(result, settling=study)
@@ -298,7 +310,7 @@ class _Work:
         if gain is None:
             return result
         run: FeedbackRun = feedback_run(
-            self.place, start, gain, begin=self.time, watch=watch, y0=self.where.y0, actuator=self.actuator,
+            self.place, start, gain, begin=self.time, watch=watch, y0=self.y0, actuator=self.actuator,
             outputs=outputs, stop=stop,
         )  # fmt: skip
         return _changed(result, run=run)
@@ -361,6 +373,13 @@ def _study_notes(study: SettlingStudy) -> list[str]:
         notes.append(
             f"settling to {100.0 * best.threshold:g} %: the polynomial falls to the end of the gains measured, and the "
             f"optimum is that end, {best.gain:.4g}"
+        )
+    optima = [o for o in study.optima if o.gain is not None]
+    moved = [o.gain for o in optima if o.gain is not None]
+    if moved and max(moved) - min(moved) > _MOVES * (study.gains[-1] - study.gains[0]):
+        notes.append(
+            f"the optimum moves with the threshold: {moved[0]:.4g} at {100.0 * optima[0].threshold:g} %, "
+            f"{moved[-1]:.4g} at {100.0 * optima[-1].threshold:g} %"
         )
     if best.unsettled:
         notes.append(f"{best.unsettled} of {len(study.runs)} gains did not settle to {100.0 * best.threshold:g} %")

@@ -122,6 +122,7 @@ class Optimum:
         fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
         unsettled: how many did not settle.
         coefficients: of the polynomial in g, from g⁰ on.
+        misfit: root mean square of what the polynomial misses [s]; None: there is none.
     """
 
     threshold: float
@@ -132,6 +133,7 @@ class Optimum:
     fastest_seconds: float | None
     unsettled: int
     coefficients: tuple[float, ...] = ()
+    misfit: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, ready for JSON."""
@@ -390,4 +392,5 @@ def _optimum(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
         fastest_seconds=fastest[1],
         unsettled=missing,
         coefficients=tuple(fit.convert().coef.tolist()),
+        misfit=float(np.sqrt(np.mean((fit(g) - t) ** 2))),
     )

@@ -17,21 +17,21 @@ from workbench.system.description import SystemDescription
 __all__ = ["Standing", "linear", "standing"]
 
 _AT_REST = 1e-9
+_SHIFT = 1e-4  # relative
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """An operating point, and the source's value there.
+    """An operating point.
 
     Attributes:
         point: states and inputs; empty where the model shows none.
-        y0: of the source.
-        hidden: the model keeps more than its continuous states (discrete states, clocks, co-simulation).
+        hidden: a session cannot be begun where another one stands: the model keeps more than its continuous states
+            (discrete states, clocks, co-simulation), or does not take them.
         notes: one line each.
     """
 
     point: OperatingPoint
-    y0: float
     hidden: bool
     notes: tuple[str, ...]
 
@@ -49,19 +49,26 @@ def standing(place: Place, *, at: OperatingPoint | None, time: float) -> Standin
     notes: list[str] = []
     point = at or OperatingPoint(x={}, u={}, time=time)
     if model.interface == "me":
-        hidden = _hides(model, time)
+        hidden = _hides(model, time) or not _takes_states(model, time)
         if at is None:
             point, notes = _rest(model, time)
-    values = {**point.x, **point.discrete, **point.u}
-    name = place.outer(place.source)
-    session = model.open_at(time=time, values=values) if values else model.open_session(start_time=time)
-    with session:
-        return Standing(point, session.values([name])[name], hidden, tuple(notes))
+    return Standing(point, hidden, tuple(notes))
 
 
 def _hides(model: DescribedModel, time: float) -> bool:
     with model.open_point(time=time) as point:
         return bool(point.memory) or len(point.ticks(1, 1e300)) > 0
+
+
+def _takes_states(model: DescribedModel, time: float) -> bool:
+    """Whether a session begins with the states that it is told."""
+    names = [v.name for v in model.states]
+    with model.open_session(start_time=time) as session:
+        own = session.values(names)
+    wanted = {n: x + _SHIFT * (1.0 + abs(x)) for n, x in own.items()}
+    with model.open_at(time=time, values=wanted) as session:
+        found = session.values(names)
+    return all(abs(found[n] - x) <= _SHIFT**2 * (1.0 + abs(x)) for n, x in wanted.items())
 
 
 def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:

@@ -54,7 +54,9 @@ class Start:
     motion: Floats
 
 
-def from_cycle(place: Place, where: Standing, two: TwoPorts, watch: str, *, time: float, tolerance: float) -> Start:
+def from_cycle(
+    place: Place, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float, tolerance: float
+) -> Start:
     """Return the largest stable limit cycle of the system without feedback, by harmonic balance and then simulated.
 
     Args:
@@ -62,6 +64,7 @@ def from_cycle(place: Place, where: Standing, two: TwoPorts, watch: str, *, time
         where: operating point.
         two: the system opened at its block.
         watch: variable whose magnitude counts, by the model's name.
+        centre: of it at rest.
         time: session time at which the simulation begins [s].
         tolerance: relative, of the integration.
 
@@ -73,8 +76,8 @@ def from_cycle(place: Place, where: Standing, two: TwoPorts, watch: str, *, time
     length = _PERIODS / frequency
     values = {**where.point.x, **where.point.u, **states}
     start = _simulated(
-        place, where, watch, values=values, signals={}, begin=time, closes=time + length, guess=frequency,
-        tolerance=tolerance,
+        place, where, watch, centre=centre, values=values, signals={}, begin=time, closes=time + length,
+        guess=frequency, tolerance=tolerance,
     )  # fmt: skip
     return Start(**{**vars(start), "how": f"from the predicted limit cycle, simulated for {_PERIODS} periods"})
 
@@ -110,6 +113,7 @@ def from_signals(
     where: Standing,
     watch: str,
     *,
+    centre: float,
     signals: Mapping[str, Signal],
     time: float,
     start_after: float,
@@ -121,6 +125,7 @@ def from_signals(
         place: of the feedback.
         where: operating point.
         watch: variable whose magnitude counts, by the model's name.
+        centre: of it at rest.
         signals: input → signal, such as a short pulse.
         time: session time at which the simulation begins [s].
         start_after: how long it runs before the feedback closes [s].
@@ -132,8 +137,8 @@ def from_signals(
     """
     values = {**where.point.x, **where.point.u}
     start = _simulated(
-        place, where, watch, values=values, signals=signals, begin=time, closes=time + start_after, guess=None,
-        tolerance=tolerance,
+        place, where, watch, centre=centre, values=values, signals=signals, begin=time, closes=time + start_after,
+        guess=None, tolerance=tolerance,
     )  # fmt: skip
     return Start(**{**vars(start), "how": f"after {start_after:g} s under {', '.join(signals) or 'no signal'}"})
 
@@ -143,6 +148,7 @@ def _simulated(
     where: Standing,
     watch: str,
     *,
+    centre: float,
     values: Mapping[str, float],
     signals: Mapping[str, Signal],
     begin: float,
@@ -156,7 +162,11 @@ def _simulated(
     count = max(1, round((closes - begin) / interval))
     points = np.append(begin + (closes - begin) * np.arange(1, count) / count, closes)
     with model.open_at(time=begin, values=values, tolerance=tolerance) as session:
-        centre = _centre(where, watch, session.values([watch])[watch], values)
+        if guess is not None and where.hidden:
+            raise InputError(
+                f"{model.name}: its sessions do not begin where they are told, so that a predicted cycle cannot be "
+                "started; excite a motion (pulse, start_after)"
+            )
         record = session.advance(closes, signals=signals, record=[watch], points=points)
         end = {} if where.hidden else session.values([v.name for v in (*model.states, *model.inputs) if v.is_number])
     keep = np.append(record.time[1:] > record.time[:-1], True)
@@ -183,14 +193,6 @@ def _simulated(
         time=time[last],
         motion=motion[last],
     )
-
-
-def _centre(where: Standing, watch: str, begin: float, values: Mapping[str, float]) -> float:
-    """Return the variable's value at rest; where it is not known, what it begins with."""
-    for known in (where.point.y, where.point.x):
-        if watch in known:
-            return known[watch]
-    return 0.0 if any(values[n] != x for n, x in where.point.x.items()) else begin
 
 
 def _frequency(time: Floats, x: Floats, guess: float | None) -> float | None:
