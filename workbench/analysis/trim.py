@@ -124,7 +124,8 @@ class _Trim:
     notes: list[str] = field(default_factory=list)
 
     def run(self) -> TrimResult:
-        return self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
+        found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
+        return replace(found, notes=(*found.notes, *filter(None, [self.model.replay_note()])))
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""

@@ -110,6 +110,10 @@ class Model(ABC):
         """
         raise InputError(f"{self.name}: this kind of model shows no derivatives; use method response")
 
+    def replay_note(self) -> str:
+        """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
+        return ""
+
     @abstractmethod
     def close(self) -> None:
         """Close the open sessions and remove what the model owns. Any number of times."""

@@ -194,6 +194,12 @@ class DescribedModel(Model):
         """Return how snapshots are taken: "state" (the FMU's, probed) or "replay"."""
         return "state" if self._state_works() else "replay"
 
+    def replay_note(self) -> str:
+        if not self._why_replay or not self.description.interfaces[self.interface].state:
+            return ""
+        why = self._why_replay
+        return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
+
     def close(self) -> None:
         self._closed = True
         for session in list(self._sessions):

@@ -53,7 +53,14 @@ def exact(task: LinTask) -> LinResult:
         result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
         known = set(result.state_names) | set(result.output_names)
         every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
-        return replace(result, notes=(*notes, *sampled_note(point)), doubts=tuple(every), zeros=zeros_of(result, reach))
+        notes = (*notes, *_warning(doubts), *sampled_note(point))
+        return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
+
+
+def _warning(doubts: list[Doubt]) -> tuple[str, ...]:
+    if not doubts:
+        return ()
+    return (f"directional derivatives disagree with differences in {len(doubts)} entries; use method difference",)
 
 
 def _fill(columns: Columns, jacobian: Floats) -> tuple[str, ...]:

@@ -67,8 +67,15 @@ def response(task: LinTask) -> LinResult:
         point, sampled = setting.point(), setting.acts_at_samples()
     found = realise(markov, noise=noise, order=task.order)
     result = _result(task, found, point, period, sampled=sampled)
-    notes = [*_notes(found, noise), f"inputs held over {period:.6g} s"]
+    notes = [*_notes(found, noise), f"inputs held over {period:.6g} s", *_replayed(task.model)]
     return replace(result, notes=tuple(notes), doubts=tuple(doubts), calls={"runs": 2 * len(task.inputs) + 1})
+
+
+def _replayed(model: Model) -> list[str]:
+    """Say why every run began anew, where the FMU does not even claim to save its state."""
+    if not isinstance(model, DescribedModel) or model.replay_note() or not model.why_replay():
+        return []
+    return [f"each run falls back to replay from the start: {model.why_replay()}"]
 
 
 def _period(task: LinTask) -> float:
