@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from html import escape
 from typing import Any
 
 import typer
@@ -67,7 +68,9 @@ def _row(parameter: Any, context: typer.Context) -> str:  # noqa: ANN401
     if parameter.param_type_name == "argument":
         names = str(parameter.metavar or names.split()[0])
     default = "required" if parameter.required else _default(parameter)
-    return f"| `{_cell(names)}` | {_cell(_EXTRA.sub('', meaning))} | {default} |"
+    # In a table a bar ends the cell, even between backticks.
+    name = f"<code>{escape(names).replace('|', '&#124;')}</code>"
+    return f"| {name} | {_cell(_EXTRA.sub('', meaning))} | {default} |"
 
 
 def _default(parameter: Any) -> str:  # noqa: ANN401

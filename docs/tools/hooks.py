@@ -22,6 +22,7 @@ __all__ = ["on_config", "on_files", "on_page_content", "on_post_build"]
 
 _COMMANDS, _PYTHON = "commands (generated)", "python (generated)"
 _FETCHED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*?\b(?:src|href)=[\"']?((?:https?:)?//[^\"' >]+)[^>]*>")
+_PICTURE = re.compile(r"<img\b[^>]*?\bsrc=[\"']?([^\"' >]+)")
 _STYLE = re.compile(r"url\(\s*[\"']?(?:https?:)?//|@import\s+[\"']?(?:https?:)?//")
 
 
@@ -66,12 +67,16 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 
 
 def on_post_build(config: MkDocsConfig) -> None:
-    """Refuse pages that fetch anything from elsewhere."""
+    """Refuse pages that fetch anything from elsewhere, or show a picture that is not there."""
     site = Path(config.site_dir)
     for path in site.rglob("*.html"):
-        for found in _FETCHED.finditer(path.read_text(encoding="utf-8")):
+        text = path.read_text(encoding="utf-8")
+        for found in _FETCHED.finditer(text):
             if 'rel="canonical"' not in found.group() and 'rel="edit"' not in found.group():
                 raise PluginError(f"{path.relative_to(site)} fetches {found.group(1)}; pages must stand alone")
+        for source in _PICTURE.findall(text):
+            if not source.startswith("data:") and not (path.parent / source).is_file():
+                raise PluginError(f"{path.relative_to(site)} shows {source}, which is not there")
     for path in site.rglob("*.css"):
         if _STYLE.search(path.read_text(encoding="utf-8")):
             raise PluginError(f"{path.relative_to(site)} fetches from elsewhere; pages must stand alone")

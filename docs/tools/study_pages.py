@@ -75,5 +75,5 @@ def _meaning(owner: type[Table], name: str) -> str:
         for found in re.finditer(r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE):
             if name in found["names"].split(", "):
                 words = " ".join(found["text"].split()).replace("|", r"\|")
-                return words.replace("None:", "without it").replace("name in `KINDS`", "one of those below")
+                return words.replace("None:", "without it:").replace("name in `KINDS`", "one of those below")
     return ""
