@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.figure31 import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, draw, main, study
+from scripts.figure31 import main
+from workbench.plotting.figure import save
+from workbench.reproduce.chapter6 import draw_widths
+from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
+from workbench.reproduce.targets import read_targets
 
+TARGETS = read_targets()
 TRAVEL = 2.0 * 30.0 * 0.022  # [deg]: from limit to limit of the rate, in one sample
 
 
@@ -25,7 +30,7 @@ def shift(done: Study, name: str, frequency: float) -> float:
 def test_there_are_infinitely_many_equilibria(done: Study) -> None:
     assert done.trim.converged
     assert {n for d in done.trim.null_directions for n in d.components} == {"positiveGain", "negativeGain", "normalFor"}
-    assert len(done.trim.null_directions) == 3
+    assert TARGETS["law-equilibria"].accepts(len(done.trim.null_directions))
     assert "family of equilibria" in done.trim.message
     assert done.trim.point.discrete["deflection"] == pytest.approx(2.0)  # the one state that is not free
 
@@ -47,7 +52,7 @@ def test_only_the_fourth_state_and_the_fifth_input_depend_on_the_set(done: Study
     """Beyond the rate limit the step of the elevator is the limit's, in either direction."""
     model, (dx, du) = done.models[name], PUBLISHED[name]
     assert model.method == "kalman-bertram"
-    assert model.dt == pytest.approx(0.022)
+    assert TARGETS["law-period"].accepts(model.dt)
     assert model.state_names[:3] == ("positiveGain", "negativeGain", "normalFor")
     assert model.A[:3, :3] == pytest.approx(np.eye(3))
     assert not model.A[:3, 3:].any()
@@ -62,7 +67,7 @@ def test_only_the_fourth_state_and_the_fifth_input_depend_on_the_set(done: Study
 
 def test_at_5_hz_no_published_set_is_without_a_phase_shift(done: Study) -> None:
     shifts = {name: shift(done, name, 5.0) for name in PUBLISHED}
-    assert min(shifts.values()) > 3.0
+    assert TARGETS["figure-31-phase-5hz"].accepts(min(shifts.values()))
     assert shifts["30a"] == pytest.approx(62.9, abs=0.5)
     assert shifts["30b"] == pytest.approx(shifts["30a"])
     assert shifts["30c"] == pytest.approx(3.8, abs=0.5)
@@ -73,12 +78,13 @@ def test_from_set_to_set_the_model_at_5_hz_gets_better(done: Study) -> None:
     errors = [done.trials[name, 5.0].error for name in PUBLISHED]
     assert errors[0] == pytest.approx(errors[1])
     assert errors[1] > errors[2] > errors[3]
+    assert TARGETS["figure-31-errors"].accepts(np.diff(errors))
     assert done.trials["30d", 5.0].gain_ratio == pytest.approx(1.1, abs=0.05)
 
 
 def test_at_lower_frequencies_the_phase_shift_nearly_vanishes(done: Study) -> None:
-    assert min(shift(done, name, 0.5) for name in PUBLISHED) < 0.1
-    assert max(shift(done, name, 0.05) for name in PUBLISHED) < 3.0
+    assert TARGETS["figure-31-phase-half-hz"].accepts(min(shift(done, name, 0.5) for name in PUBLISHED))
+    assert TARGETS["figure-31-phase-slow"].accepts(max(shift(done, name, 0.05) for name in PUBLISHED))
 
 
 def test_the_phase_shift_at_5_hz_comes_from_the_rate_limit(done: Study) -> None:
@@ -116,5 +122,5 @@ def test_table_and_picture(done: Study, tmp_path: Path, capsys: pytest.CaptureFi
     printed = capsys.readouterr().out
     assert "family of equilibria" in printed
     assert "5 Hz: least phase shift of the published sets" in printed
-    draw(done, tmp_path / "figure31.svg")
+    save(draw_widths(done), tmp_path / "figure31.svg")
     assert (tmp_path / "figure31.svg").stat().st_size > 10_000

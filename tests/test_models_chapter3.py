@@ -18,6 +18,7 @@ from scipy.linalg import expm
 
 from workbench.analysis.simulate import simulate
 from workbench.model.load import load
+from workbench.reproduce.targets import read_targets
 from workbench.session.point import Point
 from workbench.signals import Constant, Step
 
@@ -105,14 +106,27 @@ def times_output_row(slope: float) -> tuple[float, float, float]:
     return (slope * 0.6407, slope * 0.6794, slope * 0.43)
 
 
+def published(name: str) -> tuple[float, float, float]:
+    """C and D as they are printed."""
+    first, second, through = (*numbers(f"example-{name}-c"), *numbers(f"example-{name}-d"))
+    return first, second, through
+
+
+def numbers(name: str) -> list[float]:
+    value = read_targets()[name].value
+    assert value is not None
+    return value if isinstance(value, list) else [value]
+
+
+AT_TWO_SLOPE, AT_GAIN_SLOPE = numbers("example-2-2-slopes")[0], numbers("example-2-2b-slopes")[0]
 EXAMPLES = {
-    "2-1": Example("Saturation", (1, 1), 1, (4, 2, 1), (0.132825, 0, 0), (6, 9, 9)),
-    "2-1b": Example("Saturation", (0, 0), 0, (1, 1, 1), (0.6407, 0.6794, 0.43), (12, 12, 12)),
-    "2-2": Example("AlgebraicExpression", (1, 1), AT_TWO, TENTH, times_output_row(6.2003), (4, 4, 4)),
-    "2-2b": Example("AlgebraicExpression", (1, 1), 0.5974, TENTH, times_output_row(4.9003), (4, 4, 4)),
-    "2-3": Example("DeadBand", (0.5, 0.3), -2.5, (1, 2, 3), (0.62118, 0.490115, 0.315277), (5, 6, 6)),
-    "2-4": Example("Quantizer", (0, 0), 0, (5, 5, 5), (0.6, 0.6, 0.4), (12, 12, 12)),
-    "2-5": Example("GainScheduler", (1, 1), 1, (2, 3, 10), (1.9221, 2.7692, 1.21002), (4, 4, 5)),
+    "2-1": Example("Saturation", (1, 1), 1, (4, 2, 1), published("2-1"), (6, 9, 9)),
+    "2-1b": Example("Saturation", (0, 0), 0, (1, 1, 1), published("2-1b"), (12, 12, 12)),
+    "2-2": Example("AlgebraicExpression", (1, 1), AT_TWO, TENTH, times_output_row(AT_TWO_SLOPE), (4, 4, 4)),
+    "2-2b": Example("AlgebraicExpression", (1, 1), 0.5974, TENTH, times_output_row(AT_GAIN_SLOPE), (4, 4, 4)),
+    "2-3": Example("DeadBand", (0.5, 0.3), -2.5, (1, 2, 3), published("2-3"), (5, 6, 6)),
+    "2-4": Example("Quantizer", (0, 0), 0, (5, 5, 5), published("2-4"), (12, 12, 12)),
+    "2-5": Example("GainScheduler", (1, 1), 1, (2, 3, 10), published("2-5"), (4, 4, 5)),
 }
 
 
@@ -131,7 +145,7 @@ def test_central_differences_with_total_widths_give_every_published_digit(name: 
     agrees(np.array(differences) / np.array(example.widths), example)
 
 
-@pytest.mark.parametrize(("u0", "slope"), [(AT_TWO, 6.2003), (0.5974, 4.9003)])
+@pytest.mark.parametrize(("u0", "slope"), [(AT_TWO, AT_TWO_SLOPE), (0.5974, AT_GAIN_SLOPE)])
 def test_slope_of_the_polynomial_is_the_published_one(u0: float, slope: float) -> None:
     point = float(C.sum() + D * u0)
     found = (polynomial(point + 0.05) - polynomial(point - 0.05)) / 0.1

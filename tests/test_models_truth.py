@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests import rudder_reference as reference
+from workbench.reproduce.targets import read_targets
 
 rumoca = pytest.importorskip("rumoca")
 
@@ -255,7 +256,7 @@ def test_rudder_unforced_is_normal_operation_at_rest() -> None:
 
 def test_rudder_at_ten_hertz_has_the_published_gain_and_phase() -> None:
     value = measured_rudder(10, 1)
-    assert decibel(value) == pytest.approx(-14.0, abs=0.05)
+    assert read_targets()["rudder-10hz-gain"].accepts(decibel(value))
     assert degrees(value) == pytest.approx(-162.8, abs=0.3)
 
 
