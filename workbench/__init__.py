@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from workbench.analysis.feed_forward.result import FeedForwardResult
     from workbench.analysis.feed_forward.step import FilterStep
     from workbench.analysis.feed_forward.trial import Trial
+    from workbench.analysis.feedback.feedback import feedback
+    from workbench.analysis.feedback.result import FeedbackResult
+    from workbench.analysis.feedback.run import FeedbackRun
+    from workbench.analysis.feedback.settling import SettlingStudy
     from workbench.analysis.identified import IdentifiedModel
     from workbench.analysis.identify import IdentifyResult
     from workbench.analysis.identify.identify import identify
@@ -117,6 +121,8 @@ __all__ = [
     "ExportResult",
     "FailedPoint",
     "FeedForwardResult",
+    "FeedbackResult",
+    "FeedbackRun",
     "FilterStep",
     "Finding",
     "FmuComponent",
@@ -158,6 +164,7 @@ __all__ = [
     "PrbsDesign",
     "Record",
     "Session",
+    "SettlingStudy",
     "Signal",
     "SimulatedCycle",
     "SimulationError",
@@ -196,6 +203,7 @@ __all__ = [
     "export",
     "export_container",
     "feed_forward",
+    "feedback",
     "identify",
     "limit_cycle",
     "lin",
@@ -243,6 +251,10 @@ _HOMES = {
     "workbench.analysis.feed_forward.result": ("FeedForwardResult",),
     "workbench.analysis.feed_forward.step": ("FilterStep",),
     "workbench.analysis.feed_forward.trial": ("Trial",),
+    "workbench.analysis.feedback.feedback": ("feedback",),
+    "workbench.analysis.feedback.result": ("FeedbackResult",),
+    "workbench.analysis.feedback.run": ("FeedbackRun",),
+    "workbench.analysis.feedback.settling": ("SettlingStudy",),
     "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
     "workbench.analysis.identified": ("IdentifiedModel",),
     "workbench.analysis.identify": ("IdentifyResult", "identify"),
