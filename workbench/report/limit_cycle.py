@@ -6,6 +6,7 @@ import numpy as np
 
 from workbench.analysis.describing.describe import DescribingFunction
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.report.page import Page, Section, Table
@@ -34,6 +35,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             _crossings(result.nyquist),
             _cycles(result),
             *([] if result.simulated is None else [_simulated(result.simulated)]),
+            *([] if result.free_run is None else [_free_run(result.free_run)]),
             *(_branch(b) for b in result.branches),
         ],
         summary=_verdicts(result),
@@ -123,6 +125,16 @@ def _simulated(cycle: SimulatedCycle) -> Section:
     )
     table = Table(("variable", "unit", "amplitude", "fundamental", "mean"), rows, right=(2, 3, 4))
     return Section("Simulation", paragraphs=[words], tables=[table], folded=len(rows) > _MOST_ROWS)
+
+
+def _free_run(run: FreeRun) -> Section:
+    """Return the history of a run from rest; its picture is part of the result's."""
+    rows = [
+        (f"{x.begin:.4g}", f"{x.end:.4g}", number(x.frequency_hz), number(x.amplitude, ".4g"), number(x.growth, ".4g"))
+        for x in run.spans
+    ]
+    headings = ("from [s]", "to [s]", "frequency [Hz]", bracketed("amplitude", run.unit), "growth [1/s]")
+    return Section("Run from rest", paragraphs=[f"{run.signal}: {run.words()}."], tables=[Table(headings, rows)])
 
 
 # -- branches ----------------------------------------------------------------------------------
