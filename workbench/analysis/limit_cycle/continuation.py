@@ -21,6 +21,7 @@ Family = Callable[[float], tuple[LinearPart, Block]]
 _CLOSE = 1e-8
 _NEWTON = 8
 _FIRST, _SHORTEST, _LONGEST = 0.02, 1e-5, 0.08  # steps along the branch; the range of the parameter is 1
+_CRAWL, _PATIENCE = 1e-3, 12  # so short a step, so many in a row: the end
 _SHRINKS = 0.5  # the fundamental at most so much in a step
 _TURNS, _STRAIGHT = 0.94, 0.01  # cosine between directions of neighbouring points, unless they are so near
 _NUDGE = 1e-6
@@ -151,7 +152,7 @@ class _Track:
         """Return the points after `place`, the folds between them, and why the walk ended."""
         points: list[Floats] = []
         folds: list[Floats] = []
-        length = _FIRST
+        length, crawled = _FIRST, 0
         while len(points) < most:
             y = self._correct(place.y, place.direction, length)
             # A step must not jump to the equilibrium, where the equations hold at every value of the parameter.
@@ -172,6 +173,9 @@ class _Track:
             points.append(y)
             if y[1] < _VANISHED:
                 return points, folds, "the cycle shrinks to a point"
+            crawled = crawled + 1 if length < _CRAWL else 0
+            if crawled > _PATIENCE:
+                return points, folds, "the equations of harmonic balance can hardly be solved any further"
             place, length = following, min(1.3 * length, _LONGEST)
         return points, folds, f"{most} points"
 

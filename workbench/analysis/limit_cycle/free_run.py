@@ -24,7 +24,7 @@ __all__ = ["FreeRun", "Span", "free_run", "oscillation_history"]
 
 _PER_PERIOD = 40  # rows in the shortest period expected
 _MOST_POINTS = 2_000_000
-_SPANS = 13
+_SPANS, _PERIODS = 13, 5  # at most so many spans, on average of at least so many periods
 _SETTLED = 0.01  # relative scatter of the period that counts as one oscillation
 _SMALL = 1e-9  # of the largest value: an oscillation smaller than that is rounding
 
@@ -63,7 +63,7 @@ class FreeRun:
         time: shape (n,) [s].
         value: shape (n,).
         period_time: middle of each period, shape (k,) [s].
-        frequency_hz: one over its length, from one rising pass of its mean to the next, shape (k,) [Hz].
+        frequency_hz: one over its length, from one rising pass of its centre to the next, shape (k,) [Hz].
         amplitude: half the peak-to-peak value in it, shape (k,).
         spans: the same over equal parts of the run.
     """
@@ -162,13 +162,15 @@ def free_run(
         known = ", ".join(v.name for v in model.inputs) or "none"
         raise InputError(f"{model.name}: {signal} stays at rest; force an input to start the motion (inputs: {known})")
     unit = next((v.unit for v in model.description.variables if v.name == signal), None)
-    return oscillation_history(signal, unit, np.asarray(run.time), value)
+    return oscillation_history(signal, unit, np.asarray(run.time), value, centre=float(value[0]))
 
 
-def oscillation_history(signal: str, unit: str | None, time: Floats, value: Floats) -> FreeRun:
+def oscillation_history(
+    signal: str, unit: str | None, time: Floats, value: Floats, *, centre: float | None = None
+) -> FreeRun:
     """Return frequency and amplitude of an oscillating record, period by period.
 
-    A period lasts from one rising pass of zero about the running mean to the next. Two oscillations of like size beat:
+    A period lasts from one rising pass of the centre to the next. Two oscillations of like size beat:
     then neither is read off single periods, and `Span.scatter` is large.
 
     Args:
@@ -176,8 +178,9 @@ def oscillation_history(signal: str, unit: str | None, time: Floats, value: Floa
         unit: of the values.
         time: shape (n,), not falling [s].
         value: shape (n,).
+        centre: about which it oscillates, such as its value at rest; None: the mean of the second half.
     """
-    passes = _passes(time, value)
+    passes = _passes(time, value - (float(np.mean(value[len(value) // 2 :])) if centre is None else centre))
     amplitude = [0.5 * float(np.ptp(value[a:b])) for a, b in zip(*_rows(time, passes), strict=True)]
     period = np.diff(passes)
     return FreeRun(
@@ -192,9 +195,8 @@ def oscillation_history(signal: str, unit: str | None, time: Floats, value: Floa
     )
 
 
-def _passes(time: Floats, value: Floats) -> Floats:
-    """Return the times of rising passes through the mean of the second half, which is that of the oscillation."""
-    x = value - float(np.mean(value[len(value) // 2 :]))
+def _passes(time: Floats, x: Floats) -> Floats:
+    """Return the times of rising passes through zero."""
     size = _SMALL * float(np.abs(x).max())
     up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0) & (np.abs(np.diff(x)) > size))
     return np.asarray(time[up] - x[up] * (time[up + 1] - time[up]) / (x[up + 1] - x[up]), dtype=np.float64)
@@ -207,7 +209,8 @@ def _rows(time: Floats, passes: Floats) -> tuple[list[int], list[int]]:
 
 
 def _spans(time: Floats, passes: Floats, amplitude: Floats) -> tuple[Span, ...]:
-    edges = np.linspace(time[0], time[-1], _SPANS + 1).tolist()
+    count = int(np.clip(len(amplitude) // _PERIODS, 1, _SPANS))
+    edges = np.linspace(time[0], time[-1], count + 1).tolist()
     return tuple(_span(a, b, passes, amplitude) for a, b in pairwise(edges))
 
 
