@@ -17,6 +17,7 @@ from docs.tools.command_pages import command_names, command_page
 from docs.tools.mathematics import with_mathml
 from docs.tools.python_pages import python_page, python_pages
 from docs.tools.study_pages import requirements_page
+from docs.tools.target_pages import targets_page
 
 __all__ = ["on_config", "on_files", "on_page_content", "on_post_build"]
 
@@ -52,7 +53,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
     texts = {f"reference/commands/{name}.md": command_page(name) for name in command_names()}
     texts |= {f"reference/python/{page}.md": python_page(page) for page in python_pages()}
-    texts["reference/requirements.md"] = requirements_page()
+    texts |= {"reference/requirements.md": requirements_page(), "reference/targets.md": targets_page()}
     for path, text in texts.items():
         files.append(File.generated(config, path, content=text))
     return files

@@ -1,0 +1,42 @@
+"""The page of the published figures, generated from the file that tests and `workbench reproduce` read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from workbench.reproduce.targets import Target, read_targets
+
+__all__ = ["targets_page"]
+
+_INTRODUCTION = """# Published figures
+
+Every figure of the source report that the bundled FMUs are held against, with its tolerance, from the one file that
+tests, scripts and [`workbench reproduce`](commands/reproduce.md) read. *Printed*: a number of the source report;
+*described*: its words, the limits are our reading; *asked*: a bound of our own where the source report gives no number.
+Where digits are printed, the tolerance is half of the last one. What is measured today is not on this page: run
+`workbench reproduce`.
+"""
+
+
+def targets_page() -> str:
+    """Return the Markdown of the page."""
+    parts = [_INTRODUCTION]
+    chapters = dict.fromkeys(t.chapter.partition(".")[0] for t in read_targets().values())
+    for chapter in chapters:
+        found = [t for t in read_targets().values() if t.chapter.partition(".")[0] == chapter]
+        parts += [f"## Chapter {chapter}", "", *_table(found), ""]
+    return "\n".join(parts)
+
+
+def _table(targets: list[Target]) -> Iterator[str]:
+    yield from ("| target | chapter | what | published | tolerance | origin |", "|---|---|---|---|---|---|")
+    for t in targets:
+        why = "".join(
+            f"<br>{word}: {_cell(text)}" for word, text in (("note", t.note), ("cannot be met", t.reason)) if text
+        )
+        what = f"{_cell(t.what)}{why}"
+        yield f"| `{t.name}` | {t.chapter} | {what} | {_cell(t.text)} | {t.tolerance} | {t.origin} |"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "&#124;").replace("*", r"\*").replace("_", r"\_").replace("<", "&lt;")
