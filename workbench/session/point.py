@@ -309,12 +309,17 @@ class FmuPoint(Point):
         self._back()
         self._put(self.x0, self.u0)
         instance, n = self.session.instance, len(self.states)
-        rows = [*instance.description.derivatives, *self.outputs]
-        full = np.full((len(rows), n + len(self.inputs)), np.nan)
+        # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
+        smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
+        rows = [*instance.description.derivatives, *(self.outputs[i] for i in smooth)]
+        full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
         columns = [*enumerate(self.states), *((n + i, self.inputs[i]) for i in self._fast)]
         for column, variable in columns:
             self.calls["directional"] += 1
-            full[:, column] = instance.directional_derivative(rows, [variable], [1.0])
+            full[:, column] = 0.0
+            full[[*range(n), *(n + i for i in smooth)], column] = instance.directional_derivative(
+                rows, [variable], [1.0]
+            )
         return full
 
     def why_not_exact(self) -> str:

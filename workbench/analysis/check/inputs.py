@@ -83,7 +83,7 @@ def _model_exchange(subject: Subject, share: float | None) -> Finding:
         return Finding("broken", text, "responses see a staircase: declare it discrete, or force it by steps", numbers)
     if share is None and not answered:
         return _idle(subject)
-    rest = f"; {len(silent)} not between events" if silent else ""
+    rest = f"; nothing answers to {len(silent)} between events" if silent else ""
     return Finding("good", f"{len(answered)} of {len(subject.inputs)} act in continuous time{rest}", numbers=numbers)
 
 

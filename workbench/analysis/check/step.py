@@ -24,6 +24,7 @@ _BESIDE = 0.1  # of the points may lie at a jump
 _ORDERS = 3  # steady ones in a row, after which no finer step is tried
 
 _EXACT, _FIRST, _FINE = 1e-4, 1.5, 1e-2
+_ROUNDING = 1e-5  # what an FMU with error control leaves
 _NO_ORDER = 0.5
 
 _DIVERGES = 10.0  # times larger than with a shorter step
@@ -91,7 +92,7 @@ def _verdict(subject: Subject, near: _Convergence, far: float, reached: float) -
 
 
 def _order_words(near: _Convergence) -> str:
-    if not near.order >= _NO_ORDER and near.error <= _EXACT:
+    if near.error <= _ROUNDING or (not near.order >= _NO_ORDER and near.error <= _EXACT):
         return "the step changes next to nothing"
     if not near.order >= _NO_ORDER:
         return "no convergence" if math.isnan(near.order) else f"no convergence (order {round(near.order, 1) + 0.0:g})"
