@@ -339,6 +339,11 @@ def test_wrong_names_say_what_to_do(aircraft: DescribedModel, source: str, targe
         feedback(aircraft, source=source, target=target)
 
 
+def test_a_block_that_holds_the_target_is_none(aircraft: DescribedModel) -> None:
+    with pytest.raises(InputError, match="block aircraft holds the feedback's source"):
+        feedback(aircraft, source=POSITION, target=INNER, block="aircraft")
+
+
 def test_nothing_to_settle_from_is_told() -> None:
     with (
         connect(

@@ -231,6 +231,9 @@ def cut_at(
     Raises:
         InputError: unknown component, or not one input and one output of it connected.
     """
+    for role, name in (("source", place.source), ("target", place.target)):
+        if name.startswith(f"{component}."):
+            raise InputError(f"{place.model.name}: block {component} holds the feedback's {role} {name}; name another")
     ports = find_ports(place.model, component)
     loop = cut(place.model, component, at=where.point, time=time, keep=keep)
     with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:

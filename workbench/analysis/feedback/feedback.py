@@ -247,7 +247,9 @@ class _Work:
                 raise InputError(f"settle_gains: {wanted[0]:g} … {wanted[1]:g} must rise and be finite")
             return tuple(np.linspace(*wanted, self.count).tolist())
         if not result.stable_gains:
-            raise InputError(f"{result.model}: {result.words}; there is nothing to settle with")
+            raise InputError(
+                f"{result.model}: {result.words}; there is nothing to settle with (without settle: the crossings)"
+            )
         nearest = min(result.stable_gains, key=lambda p: 0.0 if p[0] <= 0.0 <= p[1] else min(abs(p[0]), abs(p[1])))
         return _spread(_finite(nearest), self.count)
 

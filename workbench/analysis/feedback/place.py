@@ -88,9 +88,10 @@ class Place:
         Raises:
             InputError: unknown; near names are in the message.
         """
-        known = {v.name for v in self.model.description.variables}
-        if name not in known:
-            raise InputError(f"{self.model.name}: variable '{name}' is unknown; {suggest(name, known)}")
+        variables = self.model.description.variables
+        if not any(v.name == name for v in variables):
+            near = [v.name for v in variables if v.causality != "parameter" and "[" not in v.name]
+            raise InputError(f"{self.model.name}: variable '{name}' is unknown; {suggest(name, near)}")
         return self.full(name)
 
     def full(self, name: str) -> str:

@@ -14,6 +14,7 @@ from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ HANDED = "handed to the target"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackRun:
+class FeedbackRun(Reportable):
     """A simulation in which the feedback closes.
 
     Attributes:

@@ -16,6 +16,7 @@ from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
+from workbench.origin import Reportable
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
 
@@ -141,7 +142,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SettlingStudy:
+class SettlingStudy(Reportable):
     """Settling times over the gain.
 
     Attributes:
