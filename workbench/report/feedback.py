@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from workbench.analysis.feedback.result import CONVENTION, FeedbackResult, interval_words
+from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import GainRun, SettlingStudy
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, number
+from workbench.report.tables import bracketed, counted, number
 from workbench.report.tones import Verdict
 
-__all__ = ["feedback_page"]
+__all__ = ["feedback_page", "run_page", "settling_page"]
 
 _MANY = 30
 
@@ -35,7 +36,7 @@ def feedback_page(result: FeedbackResult) -> Page:
             Section("Nyquist curve", figures=[(result.plot_nyquist(), "G(jω), and around its crossings.")]),
             *_cycles(result),
             *([] if result.settling is None else [_settling(result.settling)]),
-            *_run(result),
+            *([] if result.run is None else [_run(result.run)]),
         ],
         summary=_verdicts(result),
         notes=result.notes,
@@ -129,9 +130,33 @@ def _gain(run: GainRun, levels: list[float]) -> tuple[str, ...]:
     return (f"{run.gain:.5g}", *times, *rest)
 
 
-def _run(result: FeedbackResult) -> list[Section]:
-    run = result.run
-    if run is None:
-        return []
+def _run(run: FeedbackRun) -> Section:
     words = f"Gain {run.gain:g} closes at {run.closes_at:.6g} s."
-    return [Section("Simulation", paragraphs=[words], figures=[(run.plot(), "The motion before and after closing.")])]
+    return Section("Simulation", paragraphs=[words], figures=[(run.plot(), "The motion before and after closing.")])
+
+
+# -- parts of it, each as a page of its own --------------------------------------------------------
+
+
+def settling_page(study: SettlingStudy) -> Page:
+    """Return the page of settling times over the gain."""
+    best = study.best
+    found = "no gain is best" if best.gain is None else f"gain {best.gain:.5g} is best, by the polynomial"
+    return Page(
+        title=f"Settling of {study.variable}",
+        lead=f"{counted(len(study.runs), 'gain')}, settled below {100.0 * best.threshold:g} % of the motion: {found}.",
+        facts={"to": bracketed(study.target, study.target_unit)},
+        sections=[_settling(study)],
+        kind="feedback",
+    )
+
+
+def run_page(run: FeedbackRun) -> Page:
+    """Return the page of a simulation in which the feedback closes."""
+    return Page(
+        title=f"Feedback of {run.source} to {run.target}",
+        lead=f"{run.model}: a motion of {run.watch} at {run.frequency_hz:.4g} Hz, and what becomes of it.",
+        facts={"gain": f"{run.gain:g}", "closes": f"at {run.closes_at:.6g} s"},
+        sections=[_run(run)],
+        kind="feedback",
+    )

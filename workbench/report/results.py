@@ -25,6 +25,8 @@ PAGES: dict[str, str] = {
     "workbench.analysis.excite.result.ExciteResult": "workbench.report.excite:excite_page",
     "workbench.analysis.feed_forward.result.FeedForwardResult": "workbench.report.feed_forward:feed_forward_page",
     "workbench.analysis.feedback.result.FeedbackResult": "workbench.report.feedback:feedback_page",
+    "workbench.analysis.feedback.run.FeedbackRun": "workbench.report.feedback:run_page",
+    "workbench.analysis.feedback.settling.SettlingStudy": "workbench.report.feedback:settling_page",
     "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
     "workbench.analysis.limit_cycle.branch.Branch": "workbench.report.limit_cycle:branch_page",
     "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",
