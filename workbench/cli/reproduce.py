@@ -64,7 +64,7 @@ def reproduce(
             raise InputError("--list measures nothing; leave --json, --csv, --report and --pictures out")
         _list(chosen, out.console)
         return 0
-    where = Workers(jobs=jobs, in_process=in_process, timeout=None if in_process else _LONGEST)
+    where = Workers(jobs=jobs, in_process=True) if in_process else Workers(jobs=jobs, timeout=_LONGEST)
     with Bar(1.0) as bar:
         result = measure(
             words,

@@ -121,8 +121,12 @@ def _processes(workers: Workers) -> int:
 
 
 def _outcome(target: Target, job: Job, found: Found) -> Outcome:
-    measured = found.values.get(target.name)
-    problem = found.problem
-    if measured is None and not problem:
-        problem = f"experiment '{job.experiment}' did not measure it"
+    measured, problem = found.values.get(target.name), found.problem
+    if measured is None:
+        problem = problem or f"experiment '{job.experiment}' did not measure it"
+    else:
+        try:
+            target.accepts(measured)
+        except InputError as error:  # not as many numbers as the target has
+            measured, problem = None, str(error)
     return Outcome(target, job.experiment, measured, found.remarks.get(target.name, ""), problem)

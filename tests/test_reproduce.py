@@ -1,0 +1,300 @@
+"""`workbench reproduce`: what is quick is measured here, and that the check can fail."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+
+import pytest
+
+from workbench.cli.app import run
+from workbench.errors import InputError, SimulationError
+from workbench.reproduce import reproduce
+from workbench.reproduce.measurement import Measured, Measurement, Picture
+from workbench.reproduce.registry import experiments
+from workbench.reproduce.result import MET, MISSED, NOT_REACHABLE, Outcome, ReproduceResult, plain
+from workbench.reproduce.targets import parse_targets, read_targets
+from workbench.workers import Workers
+
+HERE = Workers(in_process=True)
+# Measured by no other test, and in well under a second each.
+QUICK = (
+    "lag", "quantiser", "rudder-10hz-ratio", "rudder-errcrit", "rudder-gear", "rudder-trim", "rudder-lin",
+    "rudder-default", "rudder-step", "law-failed", "8.1", "unstable-pair", "describing-function",
+)  # fmt: skip
+Changed = Callable[[str, Callable[[], Measurement]], None]
+
+
+@pytest.fixture
+def change(monkeypatch: pytest.MonkeyPatch) -> Changed:
+    """Put another measurement in the place of an experiment's own."""
+
+    def put(name: str, measure: Callable[[], Measurement]) -> None:
+        known = dict(experiments())
+        known[name] = replace(known[name], measure=measure)
+        for module in ("run", "work"):
+            monkeypatch.setattr(f"workbench.reproduce.{module}.experiments", lambda: MappingProxyType(known))
+
+    return put
+
+
+def values(**changes: Measured) -> Mapping[str, Measured]:
+    found: dict[str, Measured] = {"rate-crossings": 5.0, "rate-gains-negative": 0.0, "rate-gains-positive": 0.0}
+    return {**found, **{name.replace("_", "-"): value for name, value in changes.items()}}
+
+
+# -- measured ------------------------------------------------------------------------------------------
+
+
+def test_quick_targets_are_met() -> None:
+    result = reproduce(QUICK, workers=HERE)
+    assert [(o.target.name, o.reason) for o in result.outcomes if not o.passed] == []
+    assert len(result.outcomes) > 25
+
+
+def test_worker_processes_measure_the_same_as_this_one() -> None:
+    seen: list[tuple[int, int, str]] = []
+    words = ["example-2-3", "hysteresis", "fig9"]
+    there = reproduce(words, workers=Workers(jobs=2, timeout=60.0), progress=lambda *told: seen.append(told))
+    here = reproduce(words, workers=HERE)
+    assert [o.to_dict() for o in there.outcomes] == [o.to_dict() for o in here.outcomes]
+    assert (there.jobs, here.jobs) == (2, 1)
+    assert sorted(done for done, _, _ in seen) == [1, 2, 3]
+    assert {total for _, total, _ in seen} == {3}
+    assert {name for _, _, name in seen} == {"example 2-3", "hysteresis", "example 2-4"}
+
+
+def test_what_the_source_report_contradicts_is_not_reachable_and_says_why() -> None:
+    result = reproduce(["example-2-3"], workers=HERE)
+    printed = result.outcome("example-2-3-slopes")
+    assert (printed.passed, printed.verdict) == (False, NOT_REACHABLE)
+    assert printed.reason is not None
+    assert "0.7213939" in printed.reason  # what was measured
+    assert "contradict the printed matrices" in printed.reason
+    assert result.missed == ()
+    # The reason can be checked: by the printed matrices the slopes are the measured ones.
+    assert isinstance(printed.measured, tuple)
+    matrices = [0.62118 / 0.6407, 0.490115 / 0.6794, 0.315277 / 0.43]
+    assert printed.measured == pytest.approx(matrices, rel=2e-6)
+    with pytest.raises(KeyError):
+        result.outcome("nonsense")
+
+
+@pytest.mark.parametrize("module", ["chapter3", "chapter4", "chapter4_rudder"])
+def test_pictures_belong_to_figures_that_can_be_asked_for(module: str) -> None:
+    targets = read_targets()
+    for experiment in import_module(f"workbench.reproduce.{module}").EXPERIMENTS:
+        named = {n for name in experiment.targets for n in targets[name].figures}
+        for picture in experiment.measure().pictures:
+            assert set(picture.figures) <= named, experiment.name
+
+
+# -- the check can fail ----------------------------------------------------------------------------------
+
+
+def test_a_wrong_measurement_is_missed_and_the_exit_code_says_so(
+    change: Changed, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    change("rate feedback", lambda: Measurement(values(rate_crossings=6.0)))
+    out = tmp_path / "out.json"
+    assert run(["reproduce", "fig51", "--in-process", "--json", str(out)]) == 1
+    assert "rate-crossings: missed: 6 measured, outside 5 (exact)" in capsys.readouterr().out
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert {t["name"]: t["passed"] for t in found["targets"]} == {
+        "rate-crossings": False, "rate-gains-negative": True, "rate-gains-positive": True
+    }  # fmt: skip
+    assert found["passed"] is False
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (math.nan, "nan measured, outside 5"),
+        ([5.0, 6.0], "5, 6 measured, outside 5"),
+        ([], "0 numbers measured"),
+    ],
+)
+def test_no_number_is_a_miss(change: Changed, wrong: Measured, reason: str) -> None:
+    change("rate feedback", lambda: Measurement(values(rate_crossings=wrong)))
+    (found,) = reproduce(["rate-crossings"], workers=HERE).outcomes
+    assert found.verdict == MISSED
+    assert reason in str(found.reason)
+
+
+def test_a_target_that_is_forgotten_is_a_miss(change: Changed) -> None:
+    change("rate feedback", lambda: Measurement({}))
+    result = reproduce(["fig51"], workers=HERE)
+    assert len(result.missed) == 3
+    assert result.missed[0].reason == "experiment 'rate feedback' did not measure it"
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (SimulationError("the step became too small", time=1.5), "the step became too small (at t = 1.5 s)"),
+        (ValueError("math\ndomain"), "ValueError: math domain"),
+    ],
+)
+def test_an_experiment_that_fails_does_not_cost_the_others(change: Changed, error: Exception, reason: str) -> None:
+    def fail() -> Measurement:
+        raise error
+
+    change("example 2-3", fail)
+    result = reproduce(["3.3"], workers=HERE)
+    verdicts = {o.target.name: o.verdict for o in result.outcomes}
+    assert {n for n, v in verdicts.items() if v == MISSED} == {n for n in verdicts if n.startswith("example-2-3-")}
+    assert verdicts["hysteresis"] == MET
+    assert result.outcome("example-2-3-c").reason == reason
+    # A reason in the data file does not excuse a measurement that failed.
+    assert verdicts["example-2-3-slopes"] == MISSED
+
+
+def test_a_process_that_dies_costs_its_targets() -> None:
+    """Longer than the time limit: the process is ended, and the target missed."""
+    result = reproduce(["rate-crossings"], workers=Workers(jobs=1, timeout=0.05))
+    (found,) = result.outcomes
+    assert (found.verdict, found.measured) == (MISSED, None)
+    assert "0.05 s" in str(found.reason)
+
+
+def test_a_reason_counts_only_where_the_target_is_not_met() -> None:
+    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nhigh = 1\nreason = "why"', "file")["a"]
+    assert [Outcome(target, "e", x).verdict for x in (0.5, 2.0, None)] == [MET, NOT_REACHABLE, MISSED]
+    assert [Outcome(target, "e", x).reason for x in (0.5, 2.0)] == [None, "2 measured; why"]
+    assert Outcome(target, "e", 2.0, remark="seen").reason == "2 measured; why; seen"
+
+
+def test_no_cluster() -> None:
+    with pytest.raises(InputError, match="no executor and no cluster"):
+        reproduce(["hysteresis"], workers=Workers(scheduler="tcp://nowhere:1"))
+
+
+# -- what comes out --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def few() -> ReproduceResult:
+    return reproduce(["3.3.1", "3.3.3"], drawings=True, workers=HERE)
+
+
+def test_json(few: ReproduceResult) -> None:
+    found = json.loads(json.dumps(few.to_dict(), allow_nan=False))
+    assert found["selection"] == ["3.3.1", "3.3.3"]
+    for target in found["targets"]:
+        assert {"name", "chapter", "target", "measured", "tolerance", "passed", "reason"} <= set(target)
+        assert (target["reason"] is None) == target["passed"]
+    first = found["targets"][0]
+    assert (first["name"], first["target"], first["tolerance"]) == (
+        "example-2-1-c", [0.132825, 0.0], {"absolute": 5.1e-7}
+    )  # fmt: skip
+    assert [p["figures"] for p in found["pictures"]] == [[1, 2], [3], [7, 8]]
+
+
+def test_csv(few: ReproduceResult) -> None:
+    text = io.StringIO()
+    few.to_csv(text)
+    rows = list(csv.DictReader(io.StringIO(text.getvalue())))
+    assert len(rows) == len(few.outcomes)
+    assert {r["verdict"] for r in rows} == {MET, NOT_REACHABLE}
+
+
+def test_page(few: ReproduceResult, tmp_path: Path) -> None:
+    few.report(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert text.count("<svg") >= 3
+    for outcome in few.outcomes:
+        assert outcome.target.name in text
+    assert "Not reachable, and why" in text
+    assert "Figures 1, 2 of the source report" in text
+    identifiers = re.findall(r'\bid="([^"]+)"', text)
+    assert len(identifiers) == len(set(identifiers))
+    assert not re.search(r'(src|href)="https?:', text.replace("xlink:href", ""))
+    with pytest.raises(InputError, match=r"\.html"):
+        few.report(tmp_path / "page.txt")
+
+
+def test_only_pictures_of_the_figures_that_were_asked_for() -> None:
+    result = reproduce(["fig3"], drawings=True, workers=HERE)
+    assert [d.figures for d in result.drawings] == [(1, 2), (3,)]  # those targets stand for figures 1 to 3
+    assert reproduce(["fig3"], workers=HERE).drawings == ()
+
+
+def test_a_picture_that_fails_is_told(change: Changed) -> None:
+    def draw() -> None:
+        raise ValueError("no ink")
+
+    picture = Picture((51,), "w", draw)  # type: ignore[arg-type]
+    change("rate feedback", lambda: Measurement(values(), pictures=[picture]))
+    assert reproduce(["fig51"], workers=HERE).missed == ()
+    broken = reproduce(["fig51"], drawings=True, workers=HERE)
+    assert "no ink" in str(broken.missed[0].reason)
+
+
+@pytest.mark.parametrize(
+    ("measured", "text"),
+    [
+        ([1.0, 2.0, 3.0, 4.0, 9.0], "1 … 9 dB"),
+        ([1.0] * 5, "1 dB"),
+        ([1.0, 2.0], "1, 2 dB"),
+        (1.5, "1.5 dB"),
+    ],
+)
+def test_many_numbers_are_a_range(measured: Measured, text: str) -> None:
+    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nhigh = 1\nunit = "dB"', "file")["a"]
+    assert Outcome(target, "e", plain(measured)).text == text
+
+
+# -- the command -------------------------------------------------------------------------------------------
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "pictures"
+    files = ["--report", str(tmp_path / "p.html"), "--csv", str(tmp_path / "t.csv"), "--pictures", str(folder)]
+    assert run(["reproduce", "figure", "3", "hysteresis", "--in-process", "--json", "-", *files]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["command"] == "reproduce"
+    assert {t["name"] for t in found["targets"]} > {"hysteresis", "example-2-1-c"}
+    written = sorted(p.name for p in folder.iterdir())
+    assert written == ["figure_1_2_example_2_1_1.png", "figure_3_example_2_1_2.png"]
+    assert all((folder / name).stat().st_size > 10_000 for name in written)
+    assert "source report" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert (tmp_path / "t.csv").read_text(encoding="utf-8").startswith("name,chapter")
+
+
+def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workbench.reproduce.run.reproduce", None)
+    assert run(["reproduce", "--list", "fig53"]) == 0
+    printed = capsys.readouterr().out
+    assert "position-gains" in printed
+    assert "8 Aeroelastic aircraft" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["cycle-rat"], "did you mean cycle-rate"),
+        (["fig", "99"], "figure 99"),
+        (["--list", "--json", "-"], "--list measures nothing"),
+        (["hysteresis", "--jobs", "0"], "jobs: 0 is too few"),
+        (["hysteresis", "--report", "page.txt"], "must end in .html"),
+        (["hysteresis", "--in-process", "--pictures", "/dev/null"], "pictures cannot be written there"),
+    ],
+)
+def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["reproduce", *arguments]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert len(error) == 1
+    assert words in error[0]
+
+
+def test_experiments_are_known_by_their_names() -> None:
+    assert all(e.name == name for name, e in experiments().items())
+    assert all(e.targets and e.seconds > 0.0 for e in experiments().values())

@@ -1,0 +1,181 @@
+"""The data file of targets: its schema, what a target accepts, and what words mean on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.reproduce.registry import experiments
+from workbench.reproduce.select import select
+from workbench.reproduce.targets import Target, parse_targets, read_targets
+
+TARGETS = read_targets()
+WHOLE = '[a]\nchapter = "3"\nwhat = "w"\n'
+
+
+def one(lines: str) -> Target:
+    return parse_targets(WHOLE + lines, "file")["a"]
+
+
+# -- the file ---------------------------------------------------------------------------------------
+
+
+def test_every_target_has_its_place_and_is_measured_by_one_experiment() -> None:
+    measured = [name for e in experiments().values() for name in e.targets]
+    assert sorted(measured) == sorted(TARGETS)
+    for target in TARGETS.values():
+        assert re.fullmatch(r"[3-8](\.\d+)*", target.chapter), target.name
+        assert all(1 <= n <= 59 for n in target.figures), target.name
+        assert target.what
+        assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", target.name)
+
+
+def test_names_stand_in_the_order_of_the_chapters() -> None:
+    chapters = [int(t.chapter[0]) for t in TARGETS.values()]
+    assert chapters == sorted(chapters)
+
+
+def test_no_target_or_tolerance_stands_in_the_code_that_measures() -> None:
+    """A number that is published with four digits or more is not written down again beside the measurement."""
+    folder = Path(__file__).resolve().parents[1] / "workbench" / "reproduce"
+    code = "\n".join(p.read_text(encoding="utf-8") for p in folder.glob("*.py"))
+    written = set(re.findall(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?", code))
+    for target in TARGETS.values():
+        values = [] if target.value is None else np.atleast_1d(np.asarray(target.value, dtype=float)).tolist()
+        for value in values:
+            text = f"{abs(value):.10g}"
+            if len(text.replace(".", "").lstrip("0")) >= 4:
+                assert text not in written, target.name
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("value = 1", "needs value with either absolute or relative"),
+        ("value = 1\nabsolute = 1\nrelative = 1", "either absolute or relative"),
+        ("value = 1\nabsolute = 1\nlow = 0", "needs value with"),
+        ("absolute = 1", "needs value with"),
+        ("", "needs value with"),
+        ("value = 1\nabsolute = -1", "negative tolerance"),
+        ("value = 1\nabsolut = 1", "key 'absolut' is unknown; did you mean absolute"),
+        ("value = 'one'\nabsolute = 1", "key 'value'"),
+        ("high = 1\norigin = 'guessed'", "key 'origin'"),
+        ("high = 1\nfigures = 3", "key 'figures'"),
+    ],
+)
+def test_a_broken_target_is_one_line(lines: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        one(lines)
+    assert "\n" not in str(caught.value)
+    assert "[a]" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["[a", "a = 1"])
+def test_a_broken_file_is_one_line(text: str) -> None:
+    with pytest.raises(InputError, match="file: "):
+        parse_targets(text, "file")
+
+
+def test_a_missing_key_is_named() -> None:
+    with pytest.raises(InputError, match="key 'what' is missing"):
+        parse_targets('[a]\nchapter = "3"\nhigh = 1', "file")
+
+
+# -- what a target accepts ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("lines", "inside", "outside"),
+    [
+        ("value = 2.0\nabsolute = 0.1", [2.0, 1.9001, 2.0999], [1.89, 2.11, np.nan]),
+        ("value = -2.0\nrelative = 0.1", [-2.0, -1.801, -2.199], [-1.79, -2.21, 2.0]),
+        ("value = 3\nabsolute = 0", [3], [2, 4, 3.0000001]),
+        ("low = 1.0", [1.0, 1e9], [0.999, np.nan]),
+        ("high = 1.0", [1.0, -1e9], [1.001, np.nan]),
+        ("low = 1.0\nhigh = 2.0", [1.0, 2.0, 1.5], [0.9, 2.1]),
+        ("value = [1.0, 2.0]\nabsolute = 0.1", [(1.0, 2.0), (1.05, 1.95)], [(1.0, 2.2), (2.0, 1.0), (1.0, np.nan)]),
+        ("low = [0, 5]\nhigh = [5, 9]", [(4.0, 6.0)], [(6.0, 6.0), (4.0, 4.0)]),
+        ("high = 1.0\nunit = 'dB'", [(0.5, 0.9)], [(0.5, 1.1)]),
+    ],
+)
+def test_limits(lines: str, inside: Sequence[float], outside: Sequence[float]) -> None:
+    target = one(lines)
+    assert all(target.accepts(x) for x in inside)
+    assert not any(target.accepts(x) for x in outside)
+
+
+@pytest.mark.parametrize("measured", [[1.0], [1.0, 2.0, 3.0], []])
+def test_as_many_numbers_as_the_target_has(measured: list[float]) -> None:
+    with pytest.raises(InputError, match=f"{len(measured)} numbers measured, 2 wanted"):
+        one("value = [1.0, 2.0]\nabsolute = 1").accepts(measured)
+
+
+@pytest.mark.parametrize(
+    ("lines", "text", "tolerance"),
+    [
+        ("value = 2.5\nabsolute = 0.1\nunit = 'Hz'", "2.5 Hz", "± 0.1"),
+        ("value = 2.5\nrelative = 0.01", "2.5", "± 1 %"),
+        ("value = [2, 0]\nabsolute = 0", "2, 0", "exact"),
+        ("low = 90\nunit = '%'", "≥ 90 %", "limit"),
+        ("high = 1.5", "≤ 1.5", "limit"),
+        ("low = [0, 1]\nhigh = 2", "0 … 2, 1 … 2", "limits"),
+    ],
+)
+def test_words(lines: str, text: str, tolerance: str) -> None:
+    assert (one(lines).text, one(lines).tolerance) == (text, tolerance)
+
+
+# -- selection -----------------------------------------------------------------------------------------
+
+
+def names(*words: str) -> list[str]:
+    return [t.name for t in select(words)]
+
+
+def test_everything_without_words() -> None:
+    assert names() == list(TARGETS)
+
+
+@pytest.mark.parametrize("words", [("8",), ("8.",), ("chapter", "8"), ("chapter 8",)])
+def test_a_chapter_with_all_below(words: tuple[str, ...]) -> None:
+    assert names(*words) == [n for n, t in TARGETS.items() if t.chapter.startswith("8")]
+
+
+def test_a_section() -> None:
+    assert set(names("3.3.1")) == {n for n, t in TARGETS.items() if t.chapter == "3.3.1"}
+    assert names("8.4", "3.3.1") == names("3.3.1", "8.4")  # in the order of the file
+
+
+@pytest.mark.parametrize("words", [("fig48",), ("figure 48",), ("figure", "48"), ("Fig.", "48"), ("fig48a",)])
+def test_a_figure(words: tuple[str, ...]) -> None:
+    assert names(*words) == [n for n, t in TARGETS.items() if 48 in t.figures]
+    assert "nyquist-values" in names(*words)
+
+
+def test_a_name_and_how_names_begin() -> None:
+    assert names("cycle-rate") == ["cycle-rate"]  # not cycle-rate-degrees too
+    assert set(names("example-2-1")) == {n for n in TARGETS if n.startswith("example-2-1-")}
+    assert names("CYCLE-RATE") == ["cycle-rate"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("cycle-rat",), "'cycle-rat' is no chapter, figure or target; did you mean cycle-rate"),
+        (("rudde",), "did you mean rudder"),
+        (("5",), "chapter 5: no target belongs to it; there are 3.3.1"),
+        (("8.9",), "chapter 8.9"),
+        (("fig27",), "figure 27: no target belongs to it; the nearest are 25, 26, 28, 29"),
+        (("figure",), "'figure': the number is missing"),
+        (("3", "nonsense"), "'nonsense' is no chapter"),
+    ],
+)
+def test_wrong_words_are_one_line(words: tuple[str, ...], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        select(words)
+    assert "\n" not in str(caught.value)
