@@ -1,0 +1,155 @@
+"""Every check can fail: FMUs that break one promise each are found out, and the honest one is not blamed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from tests.lying_fmus import LIES, build_lying
+from workbench.analysis.check import CHECKS, HealthCard, HealthLine, check
+from workbench.workers import Workers
+
+HERE = Workers(in_process=True)  # these lies end no process
+QUICK = [n for n, lie in LIES.items() if lie.check != "memory"]
+LEAKS = [n for n, lie in LIES.items() if lie.check == "memory"]
+
+K, D = 40.0, 0.8  # of the lying FMU
+STEP = 0.01
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("lies")
+
+
+def card(folder: Path, name: str, *only: str) -> HealthCard:
+    return check(build_lying(folder, name), only=only or None, workers=HERE)
+
+
+def assert_found(line: HealthLine, name: str) -> None:
+    assert (line.verdict, line.name) == (LIES[name].verdict, LIES[name].check)
+    assert re.search(LIES[name].evidence, line.evidence), line.evidence
+    assert line.consequence
+
+
+def test_every_check_has_a_lie() -> None:
+    assert {lie.check for lie in LIES.values()} | {"runs", "drift"} == set(CHECKS)  # these two: below
+
+
+def test_an_honest_fmu_is_good_in_all(folder: Path) -> None:
+    found = check(build_lying(folder, "honest"))  # in worker processes, as a user does
+    assert {(c.interface, c.name): c.verdict for c in found.checks if c.verdict != "good"} == {}
+    assert len(found.checks) == sum(len(c.interfaces) for c in CHECKS.values())
+    assert found.passed
+    assert found.interfaces == ("me", "cs")
+
+
+def test_an_unstable_model_is_no_broken_fmu(folder: Path) -> None:
+    assert card(folder, "unstable", *(n for n in CHECKS if n != "memory")).worst == "good"
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_lie_is_found(folder: Path, name: str) -> None:
+    found = card(folder, name, LIES[name].check)
+    for interface in LIES[name].interfaces:
+        assert_found(found.line(LIES[name].check, interface), name)
+    assert found.passed == (LIES[name].verdict != "broken")
+
+
+@pytest.mark.parametrize("name", LEAKS)
+def test_a_leak_is_measured(folder: Path, name: str) -> None:
+    found = check(build_lying(folder, name), only=["memory"], interface="cs").line("memory", "cs")
+    assert_found(found, name)
+    size = {"leak": 64 << 10, "large-leak": 2 << 20}[name]
+    assert found.numbers["bytes_per_session"] == pytest.approx(size, rel=0.1)
+    assert found.numbers["sessions"][-1] == 100
+
+
+def test_what_does_not_repeat_itself_is_not_blamed_for_more(folder: Path) -> None:
+    found = card(folder, "random", "determinism", "reset", "instances", "start-time")
+    verdicts = {c.name: c.verdict for c in found.checks if c.interface == "me"}
+    assert verdicts.pop("determinism") == "broken"
+    assert set(verdicts.values()) == {"not applicable"}
+
+
+def test_a_state_that_forgets_deceives_the_quick_probe_but_not_the_card(folder: Path) -> None:
+    line = card(folder, "forgetful", "snapshots").line("snapshots", "cs")
+    assert line.numbers["method"] == "state"  # what a session believes
+    assert "after a second restore" in line.evidence
+
+
+# -- step: against explicit Euler in NumPy and the exact solution ----------------------------------
+
+
+def _euler(h: float, count: int, stiffness: float, force: float) -> np.ndarray:
+    x = np.zeros((count + 1, 2))
+    for k in range(count):
+        position, speed = x[k]
+        x[k + 1] = x[k] + h * np.array([speed, force - stiffness * position - D * speed])
+    return x
+
+
+def _exact(times: np.ndarray, force: float) -> np.ndarray:
+    system = np.array([[0.0, 1.0, 0.0], [-K, -D, force], [0.0, 0.0, 0.0]])
+    return np.array([expm(system * t)[:2, 2] for t in times])
+
+
+def test_error_and_order_of_explicit_euler_are_those_of_the_exact_solution(folder: Path) -> None:
+    numbers = card(folder, "euler", "step").line("step", "cs").numbers
+    force = 2 * 0.05  # both inputs, each a twentieth of its size 1
+    times = STEP * np.arange(1, 65)
+    exact, mine = _exact(times, force), _euler(STEP, 64, K, force)[1:]
+    error = np.quantile(np.abs(mine - exact) / np.ptp(exact, axis=0), 0.9, axis=0).max()
+    assert numbers["error"] == pytest.approx(error, rel=0.05)
+    assert numbers["order"] == pytest.approx(1.0, abs=0.05)
+    assert numbers["own_step"]
+    assert numbers["steps"][:3] == [0.01, 0.005, 0.0025]
+
+
+def test_the_first_change_is_that_of_two_runs(folder: Path) -> None:
+    numbers = card(folder, "euler", "step").line("step", "cs").numbers
+    coarse, fine = _euler(STEP, 64, K, 0.1)[1:], _euler(STEP / 2, 128, K, 0.1)[2::2]
+    gaps = np.abs(coarse - fine) / np.ptp(np.concatenate([coarse, fine]), axis=0)
+    assert numbers["changes"][0] == pytest.approx(np.quantile(gaps, 0.9, axis=0).max(), rel=1e-3)
+
+
+def test_the_excursion_of_a_diverging_fmu_is_that_of_explicit_euler(folder: Path) -> None:
+    line = card(folder, "diverging", "step").line("step", "cs")
+    h = line.numbers["excursion_step"]
+    ratio = round(STEP / h)
+
+    def reach(x: np.ndarray) -> np.ndarray:
+        seen = x[:: len(x) // 50][1:51]  # the points of a test run: 50 of 200 steps
+        return np.abs(seen - seen[0]).max(axis=0)
+
+    far, near = _euler(STEP, 200, 1e4, 0.1), _euler(h, 200 * ratio, 1e4, 0.1)[::ratio]
+    assert line.numbers["excursion"] == pytest.approx((reach(far) / reach(near)).max(), rel=1e-3)
+    assert line.numbers["diverges"]
+    assert "--interface me" in line.consequence
+
+
+def test_the_recommended_step_is_good(folder: Path) -> None:
+    line = card(folder, "euler", "step").line("step", "cs")
+    (wanted,) = re.findall(r"--step ([\d.e-]+) \(about 1 %", line.consequence)
+    again = check(build_lying(folder, "euler"), only=["step"], interface="cs", step=float(wanted), workers=HERE)
+    assert again.line("step", "cs").numbers["error"] < 0.015
+
+
+# -- what moves by itself ------------------------------------------------------------------------
+
+
+def test_own_movement_is_told(folder: Path) -> None:
+    line = card(folder, "clock", "drift").line("drift", "me")  # forced by the time: it never settles
+    assert line.verdict == "watch"
+    assert re.search(r"(swings|drifts) by itself, by", line.evidence)
+
+
+def test_a_clock_is_told_with_its_size(folder: Path) -> None:
+    line = card(folder, "clock", "start-time").line("start-time", "me")
+    assert line.numbers["shift"] == 32.0
+    assert line.numbers["relative"] > 0.1
+    assert "--time" in line.consequence
