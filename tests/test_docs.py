@@ -70,9 +70,10 @@ def check_json(text: str, folder: Path) -> None:
     """Each section names its keys in a table, and makes a file of its own name."""
     for found in HEADING.finditer(text):
         file = folder / f"{found['title']}.json"
-        if file.is_file():
-            keys = json.loads(file.read_text(encoding="utf-8")).keys() - ENVELOPE
-            assert sorted(first_column(found["text"])) == sorted(keys), f"keys of {found['title']}"
+        keys = json.loads(file.read_text(encoding="utf-8")).keys() - ENVELOPE
+        assert sorted(first_column(found["text"])) == sorted(keys), f"keys of {found['title']}"
+    written = set(command_names()) - {"build", "export"}  # a list of files
+    assert written == set(re.findall(r"^## (.+)$", text, re.MULTILINE))
 
 
 def test_pictures_are_there_and_small() -> None:
