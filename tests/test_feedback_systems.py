@@ -287,6 +287,13 @@ def test_an_open_end_is_null_in_json() -> None:
     assert found["stable_gains"] == [[None, pytest.approx(-1.0)]]
 
 
+def test_a_hidden_pole_is_named_in_the_answer() -> None:
+    hidden = control.ss(np.diag([-1.0, 0.5]), [[1.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    with connect({"plant": hidden}, inputs={"u": "plant.u"}, outputs={"y": "plant.y"}) as system:
+        result = feedback(system, source="y", target="u")
+    assert result.words == "no gain stabilises the system: the feedback does not move the real pole at 0.5 1/s"
+
+
 def test_a_sampled_plant() -> None:
     lag = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1)
     with connect({"plant": lag}, inputs={"u": "plant.u"}, outputs={"y": "plant.y"}) as system:

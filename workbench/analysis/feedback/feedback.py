@@ -41,7 +41,7 @@ Range = tuple[float, float]
 ALL: Range = (-math.inf, math.inf)
 
 
-@with_origin()
+@with_origin("settling", "run")
 def feedback(
     system: DescribedModel,
     *,

@@ -85,7 +85,7 @@ class FeedbackResult(Reportable):
         """The answer in one sentence."""
         where = within(self.gains)
         if self.fixed:
-            poles = ", ".join(self._pole(p) for p in self.fixed)
+            poles = ", ".join(dict.fromkeys(self._pole(p) for p in self.fixed))
             return f"no gain{where} stabilises the system: the feedback does not move {poles}"
         if not self.stable_gains:
             return f"no gain{where} stabilises the system"
@@ -93,7 +93,9 @@ class FeedbackResult(Reportable):
 
     def _pole(self, pole: complex) -> str:
         if self.plant.dt > 0.0:
-            return f"the pole z = {pole:.4g}"
+            return f"the pole z = {pole.real:.4g}" + (f" ± {pole.imag:.4g}j" if pole.imag else "")
+        if not pole.imag:
+            return f"the real pole at {pole.real:.3g} 1/s"
         return f"the pole at {self.plant.frequency(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
 
     def plot(self, path: str | Path | None = None) -> Figure:
