@@ -141,7 +141,7 @@ def _run(run: FeedbackRun) -> Section:
 def settling_page(study: SettlingStudy) -> Page:
     """Return the page of settling times over the gain."""
     best = study.best
-    found = "the polynomial gives no best gain" if best.gain is None else f"gain {best.gain:.5g} is best, by the polynomial"
+    found = "no best gain" if best.gain is None else f"gain {best.gain:.5g} is best, by the polynomial"
     return Page(
         title=f"Settling of {study.variable}",
         lead=f"{counted(len(study.runs), 'gain')}, settled below {100.0 * best.threshold:g} % of the motion: {found}.",
