@@ -148,20 +148,6 @@ def test_unit_gain_closed_on_the_limit_cycle_removes_it_within_the_limits(aircra
     assert run.to_dict()["peak_rate"] == pytest.approx(math.radians(40.0), rel=1e-3)
 
 
-def test_limits_of_deflection_are_respected_and_told(aircraft: DescribedModel) -> None:
-    result = feedback(
-        aircraft, source=POSITION, target=INNER, settle=True, settle_gains=(-1.0, -0.9), count=1, longest=6.0,
-        limit=math.radians(0.3), thresholds=(0.1,),
-    )  # fmt: skip
-    assert result.settling is not None
-    for run in result.settling.runs:
-        assert run.limit_reached
-        assert run.deflection_limited is not None
-        assert run.deflection_limited > 1.0
-        assert run.peak_deflection == pytest.approx(math.radians(0.3), rel=1e-6)
-    assert any("deflection came to its limit" in n for n in result.notes)
-
-
 def test_lag_of_an_actuator_narrows_the_interval(aircraft: DescribedModel, position: FeedbackResult) -> None:
     """The bundled actuator follows with 5 ms, which turns the phase at 4 Hz by 7°."""
     (wide,) = position.stable_gains
@@ -208,6 +194,23 @@ def test_van_der_pol_settles_as_the_averaged_equation_says() -> None:
             expected = math.log((c / part**2 + 1.0) / (c + 1.0)) / (MU * c)
             # The magnitude is a mean over the cycle before.
             assert seconds == pytest.approx(expected + math.pi, abs=0.35 * 2.0 * math.pi)
+
+
+def test_limits_of_deflection_are_respected_and_told() -> None:
+    """At the beginning the gain asks for 6, and gets 1."""
+    with van_der_pol() as system:
+        result = feedback(
+            system, source="plant.y", target="plant.u", settle=True, settle_gains=(-3.0, -2.0), count=1, limit=1.0,
+            thresholds=(0.1,), longest=60.0,
+        )  # fmt: skip
+    assert result.settling is not None
+    (run,) = result.settling.runs
+    assert run.limit_reached
+    assert run.deflection_limited is not None
+    assert run.deflection_limited > 5.0
+    assert run.peak_deflection == pytest.approx(1.0, rel=1e-6)
+    assert run.rate_limited is None
+    assert any("deflection came to its limit" in n for n in result.notes)
 
 
 def test_van_der_pol_keeps_a_cycle_below_the_stable_gain() -> None:
