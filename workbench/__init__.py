@@ -49,6 +49,9 @@ if TYPE_CHECKING:
     from workbench.analysis.loop.loop import loop
     from workbench.analysis.modes.modes import modes
     from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
+    from workbench.analysis.motions.compare import compare_motions
+    from workbench.analysis.motions.measures import Measure
+    from workbench.analysis.motions.result import Motion, MotionComparison, MotionFailed, MotionHistory
     from workbench.analysis.nfr import NfrSweep, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
@@ -147,11 +150,16 @@ __all__ = [
     "LoopResult",
     "Margins",
     "MasterModel",
+    "Measure",
     "Mode",
     "ModeSet",
     "Model",
     "ModesMeeting",
     "ModesResult",
+    "Motion",
+    "MotionComparison",
+    "MotionFailed",
+    "MotionHistory",
     "MultisineDesign",
     "NfrPoint",
     "NfrResult",
@@ -194,6 +202,7 @@ __all__ = [
     "check",
     "coherence",
     "compare",
+    "compare_motions",
     "connect",
     "cut_settling",
     "describing_function",
@@ -276,6 +285,9 @@ _HOMES = {
     "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),
     "workbench.analysis.lin.step_check": ("StepCheck", "step_check"),
     "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint", "lin_along", "lin_over"),
+    "workbench.analysis.motions.compare": ("compare_motions",),
+    "workbench.analysis.motions.measures": ("Measure",),
+    "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),
     "workbench.analysis.modes.modes": ("modes",),
     "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),
     "workbench.analysis.nfr": ("NfrSweep", "nfr"),

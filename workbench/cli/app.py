@@ -12,6 +12,7 @@ from workbench import __version__
 from workbench.cli import asked, notes
 from workbench.cli.build import build
 from workbench.cli.check import check
+from workbench.cli.compare_motions import compare
 from workbench.cli.delays import delays
 from workbench.cli.excite import excite
 from workbench.cli.export import export
@@ -55,6 +56,7 @@ app.command("limit-cycle")(limit_cycle)
 app.command("feedback")(feedback)
 app.command("feed-forward")(feed_forward)
 app.command("modes")(modes)
+app.command("compare")(compare)
 app.command("check")(check)
 app.command("excite")(excite)
 app.command("identify")(identify)

@@ -1,0 +1,1 @@
+"""Motions of several models under the same signals, compared by peak and rms in windows of time."""

@@ -1,0 +1,176 @@
+"""What the comparison of motions found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from workbench.analysis.motions.measures import Measure
+from workbench.analysis.motions.units import Shown
+from workbench.csv_file import write_csv
+from workbench.origin import Reportable
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """One signal of one system in one window.
+
+    Attributes:
+        system: its name in the comparison.
+        signal: variable.
+        window: position in `MotionComparison.windows`.
+        measure: peak, rms and more, in the variable's own unit.
+    """
+
+    system: str
+    signal: str
+    window: int
+    measure: Measure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionHistory:
+    """The record of one system.
+
+    Attributes:
+        system: its name in the comparison.
+        time: shape (n,) [s].
+        values: signal → shape (n,), in its own unit.
+    """
+
+    system: str
+    time: Floats
+    values: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionFailed:
+    """A run that ended early.
+
+    Attributes:
+        system: its name in the comparison.
+        time: when [s]; None: not known.
+        reason: in one line.
+    """
+
+    system: str
+    time: float | None
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionComparison(Reportable):
+    """Motions of several models under the same signals.
+
+    Attributes:
+        systems: their names, the reference first.
+        models: what each of them calls itself.
+        signals: variables.
+        windows: begin and end [s].
+        units: signal → unit, None where the model declares none.
+        shown: signal → unit in which it is shown as well.
+        motions: by system, signal and window; a window that a failed run did not reach is missing.
+        histories: the records.
+        failed: runs that ended early.
+        inputs: forced input → signal, in words.
+        stop: end of the runs [s].
+    """
+
+    systems: tuple[str, ...]
+    models: tuple[str, ...]
+    signals: tuple[str, ...]
+    windows: tuple[tuple[float, float], ...]
+    units: Mapping[str, str | None]
+    shown: Mapping[str, Shown]
+    motions: tuple[Motion, ...]
+    histories: tuple[MotionHistory, ...]
+    failed: tuple[MotionFailed, ...]
+    inputs: Mapping[str, str]
+    stop: float
+
+    def measure(self, system: str, signal: str, window: int = 0) -> Measure | None:
+        """Return one entry; None: the run did not reach that window.
+
+        Args:
+            system: its name in the comparison.
+            signal: variable.
+            window: position in `windows`.
+        """
+        wanted = (system, signal, window)
+        return next((m.measure for m in self.motions if (m.system, m.signal, m.window) == wanted), None)
+
+    def ratio(self, system: str, signal: str, window: int = 0) -> float | None:
+        """Return the peak over that of the first system; None: one of them is missing, or the first is at rest.
+
+        Args:
+            system: its name in the comparison.
+            signal: variable.
+            window: position in `windows`.
+        """
+        own, first = self.measure(system, signal, window), self.measure(self.systems[0], signal, window)
+        return own.peak / first.peak if own is not None and first is not None and first.peak > 0.0 else None
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: peaks and rms as bars, and the records with the windows.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        from workbench.plotting.motions import plot_motions  # noqa: PLC0415  matplotlib is slow
+
+        return plot_motions(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON; the records are not in it."""
+        return {
+            "systems": list(self.systems),
+            "models": list(self.models),
+            "signals": list(self.signals),
+            "windows": [list(w) for w in self.windows],
+            "units": dict(self.units),
+            "shown": {s: vars(u) for s, u in self.shown.items()},
+            "inputs": dict(self.inputs),
+            "stop": self.stop,
+            "motions": [self._entry(m) for m in self.motions],
+            "failed": [dict(vars(f)) for f in self.failed],
+        }
+
+    def _entry(self, m: Motion) -> dict[str, Any]:
+        factor = self.shown[m.signal].factor
+        return {
+            "system": m.system,
+            "signal": m.signal,
+            "window": m.window,
+            **m.measure.to_dict(),
+            "peak_shown": factor * m.measure.peak,
+            "rms_shown": factor * m.measure.rms,
+            "peak_ratio": self.ratio(m.system, m.signal, m.window),
+        }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each system, signal and window.
+
+        Args:
+            path: of the file, or an open one.
+        """
+        heading = [
+            "system", "signal", "begin", "end", "unit", "peak", "peak_time", "rms", "mean", "half_range", "shown_unit",
+            "peak_shown", "rms_shown", "peak_ratio",
+        ]  # fmt: skip
+        write_csv(path, [heading, *(self._row(m) for m in self.motions)])
+
+    def _row(self, m: Motion) -> list[Any]:
+        shown = self.shown[m.signal]
+        return [
+            m.system, m.signal, *self.windows[m.window], self.units[m.signal], *m.measure.to_dict().values(),
+            shown.unit, shown.factor * m.measure.peak, shown.factor * m.measure.rms,
+            self.ratio(m.system, m.signal, m.window),
+        ]  # fmt: skip

@@ -1,0 +1,165 @@
+"""`workbench compare`: motions of several models under the same signals."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workbench.cli.options import (
+    Csv,
+    InProcess,
+    Interface,
+    Json,
+    MemoryLimit,
+    Plot,
+    Report,
+    Set,
+    Solver,
+    Timeout,
+    Tolerance,
+    numbers,
+    open_model,
+    pairs,
+    workers,
+)
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from workbench.analysis.motions.result import MotionComparison
+    from workbench.model.described import DescribedModel
+
+__all__ = ["compare"]
+
+_POINTS_FAILED = 1
+
+
+def compare(
+    systems: Annotated[
+        list[str], typer.Argument(metavar="MODEL..", help="Systems (.toml, .ssp) or FMUs; the first is the reference.")
+    ],
+    signal: Annotated[list[str], typer.Option("--signal", metavar="NAME", help="Variable to compare; repeatable.")],
+    window: Annotated[
+        list[str], typer.Option("--window", metavar="BEGIN:END", help="Part of the runs to measure [s]; repeatable.")
+    ],
+    input: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input", metavar="NAME=SIGNAL", help="Force an input: pulse:value=1,duration=0.1, gust:.., file.csv."
+        ),
+    ] = None,
+    label: Annotated[
+        list[str] | None, typer.Option("--label", metavar="TEXT", help="Name of each model in its turn; repeatable.")
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Show signals in it where they can be; g is standard gravity.")
+    ] = None,
+    stop: Annotated[
+        float | None, typer.Option("--stop", metavar="T", help="End of the runs [s]; unless set that of the windows.")
+    ] = None,
+    interval: Annotated[float | None, typer.Option("--interval", metavar="S", help="Distance of the rows [s].")] = None,
+    interface: Interface = "auto",
+    solver: Solver = "auto",
+    tolerance: Tolerance = None,
+    set_: Set = None,
+    in_process: InProcess = False,
+    timeout: Timeout = None,
+    memory_limit: MemoryLimit = None,
+    json_path: Json = None,
+    csv_path: Csv = None,
+    plot: Plot = None,
+    report: Report = None,
+) -> int:
+    """Simulate several models under the same signals; peak and rms of chosen variables in windows of time.
+
+    Example: `workbench compare open.toml closed.toml --signal plant.az --input gust=pulse:duration=0.5 --window 0:9`
+    """
+    from workbench.analysis.motions.compare import compare_motions
+    from workbench.cli.output import Output
+    from workbench.cli.progress import Bar
+    from workbench.signals import parse_signal
+
+    out = Output("compare", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
+    inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
+    windows = [_window(text) for text in window]
+    names = _labels(systems, label or [])
+    where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
+    with ExitStack() as stack, Bar(len(systems)) as bar:
+        opened: dict[str, DescribedModel] = {
+            name: stack.enter_context(
+                open_model(
+                    system, interface=interface, solver=solver, step=None, tolerance=tolerance, set_=set_, bias=None
+                )
+            )
+            for name, system in zip(names, systems, strict=True)
+        }
+        result = compare_motions(
+            opened,
+            signals=list(dict.fromkeys(signal)),
+            windows=windows,
+            inputs=inputs,
+            stop=stop,
+            interval=interval,
+            unit=unit,
+            workers=where,
+            progress=lambda name, done, _: bar.update(done, name),
+        )
+    _show(result, out.console)
+    out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
+    return _POINTS_FAILED if result.failed else 0
+
+
+def _window(text: str) -> tuple[float, float]:
+    limits = numbers("--window", text, separator=":")
+    if len(limits) != 2 or not 0.0 <= limits[0] < limits[1]:
+        raise InputError(f"--window: '{text}' is not of the form BEGIN:END with 0 ≤ BEGIN < END, as in 120:140")
+    return limits[0], limits[1]
+
+
+def _labels(systems: list[str], labels: list[str]) -> list[str]:
+    """Return a name for each model: as given, else from its file, numbered where it stands twice."""
+    if labels and len(labels) != len(systems):
+        raise InputError(f"--label: {len(labels)} names for {len(systems)} models")
+    found = labels or [Path(s.removeprefix("fmu:")).stem for s in systems]
+    twice = {n for n in found if found.count(n) > 1}
+    if labels and twice:
+        raise InputError(f"--label: '{twice.pop()}' is given twice")
+    return [f"{n} ({k})" if n in twice else n for k, n in enumerate(found, 1)]
+
+
+def _show(result: MotionComparison, console: Console) -> None:
+    for signal in result.signals:
+        console.print(_table(result, signal))
+    for failure in result.failed:
+        console.print(f"failed: {failure.system}: {failure.reason}", markup=False, soft_wrap=True)
+
+
+def _table(result: MotionComparison, signal: str) -> Table:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    own, shown = result.units[signal], result.shown[signal]
+    both = shown.unit != own
+    table = Table(title=escape(signal), title_justify="left", box=box.SIMPLE_HEAD)
+    headings = [f"peak [{shown.unit}]", f"rms [{shown.unit}]"] if shown.unit else ["peak", "rms"]
+    if both:
+        headings += [f"peak [{own}]", f"rms [{own}]"]
+    table.add_column(escape("window [s]"), no_wrap=True)
+    table.add_column("model", overflow="fold")
+    for heading in (*headings, "of the first"):
+        table.add_column(escape(heading), justify="right")
+    for number, (begin, end) in enumerate(result.windows):
+        for name in result.systems:
+            found, ratio = result.measure(name, signal, number), result.ratio(name, signal, number)
+            if found is None:
+                continue
+            values = [shown.factor * found.peak, shown.factor * found.rms, *([found.peak, found.rms] if both else [])]
+            cells = [f"{v:.4g}" for v in values]
+            table.add_row(f"{begin:g} … {end:g}", escape(name), *cells, "" if ratio is None else f"{ratio:.4g}")
+    return table
