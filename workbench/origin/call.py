@@ -41,7 +41,7 @@ def origin_of_call(
     """
     given = _signature(function).bind(*args, **kwargs).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
-    models = [v for v in values if isinstance(v, Model)]
+    models = [m for v in values for m in _models_in(v)]
     earlier = [found for v in values if (found := _earlier(v)) is not None]
     facts = [*(facts_of(m) for m in models), *(m for o in earlier for m in o.models)]
     files = {k: v for o in earlier for k, v in o.files.items()}
@@ -53,6 +53,12 @@ def origin_of_call(
         seconds=round(seconds, 3),
         notes=tuple(dict.fromkeys(note for m in models for note in m.notes)),
     )
+
+
+def _models_in(value: object) -> list[Model]:
+    """Return the models that an argument is or holds."""
+    several = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else [value]
+    return [v for v in several if isinstance(v, Model)]
 
 
 def _different(facts: Iterable[ModelFacts]) -> list[ModelFacts]:
@@ -116,14 +122,14 @@ def _call(function: Callable[..., object], given: Mapping[str, Any], models: lis
 
 def _text(value: Any, name: str, names: Mapping[int, str]) -> str:  # noqa: ANN401 - any argument
     """Return a value as code, or the parameter's name where it would be long or cannot be written."""
-    if id(value) in names:
-        return names[id(value)]
-    text = _code(value)
+    text = _code(value, names)
     return text if text and len(text) <= _LONGEST else name
 
 
-def _code(value: Any) -> str:  # noqa: ANN401, PLR0911 - any argument, one way for each kind
-    """Return a value as code; empty where it cannot be written so."""
+def _code(value: Any, names: Mapping[int, str]) -> str:  # noqa: ANN401, PLR0911 - any argument, one way for each kind
+    """Return a value as code, models by their names; empty where it cannot be written so."""
+    if id(value) in names:
+        return names[id(value)]
     if isinstance(value, np.generic | np.ndarray):
         return repr(value.tolist()) if value.size < _LONGEST else ""
     if isinstance(value, Mapping | tuple | list | set | frozenset) and len(value) > _LONGEST:
@@ -133,18 +139,18 @@ def _code(value: Any) -> str:  # noqa: ANN401, PLR0911 - any argument, one way f
     if isinstance(value, Path):
         return repr(str(value))
     if isinstance(value, Mapping):
-        return _joined("{", ((f"{_code(k)}: ", v) for k, v in value.items()), "}")
+        return _joined("{", ((f"{k!r}: ", v) for k, v in value.items()), "}", names)
     if isinstance(value, tuple):
-        return _joined("(", (("", v) for v in value), ",)" if len(value) == 1 else ")")
+        return _joined("(", (("", v) for v in value), ",)" if len(value) == 1 else ")", names)
     if isinstance(value, list | set | frozenset):
-        return _joined("[", (("", v) for v in value), "]")
+        return _joined("[", (("", v) for v in value), "]", names)
     if is_dataclass(value) and type(value).__module__ in _SIGNALS:
         return f"wb.{value!r}"
     return ""
 
 
-def _joined(begin: str, items: Iterable[tuple[str, Any]], end: str) -> str:
-    texts = [(before, _code(value)) for before, value in items]
+def _joined(begin: str, items: Iterable[tuple[str, Any]], end: str, names: Mapping[int, str]) -> str:
+    texts = [(before, _code(value, names)) for before, value in items]
     return "" if not all(text for _, text in texts) else begin + ", ".join(a + b for a, b in texts) + end
 
 
@@ -158,5 +164,5 @@ def _load(model: Model) -> str:
     settings = recipe.settings()
     chosen = [repr(facts.source)]
     chosen += [f"{k}={settings[k]!r}" for k in ("interface", "solver", "driver") if settings[k] != "auto"]
-    chosen += [f"{k}={_code(settings[k])}" for k, usual in defaults.items() if settings[k] != usual]
+    chosen += [f"{k}={_code(settings[k], {})}" for k, usual in defaults.items() if settings[k] != usual]
     return f"wb.load({', '.join(chosen)})"
