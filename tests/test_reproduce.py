@@ -263,7 +263,8 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["command"] == "reproduce"
     assert {t["name"] for t in found["targets"]} > {"hysteresis", "example-2-1-c"}
     written = sorted(p.name for p in folder.iterdir())
-    assert written == ["figure_1_2_example_2_1_1.png", "figure_3_example_2_1_2.png"]
+    names = ["figure_12_13_hysteresis_1.png", "figure_1_2_example_2_1_1.png", "figure_3_example_2_1_2.png"]
+    assert written == names
     assert all((folder / name).stat().st_size > 10_000 for name in written)
     assert "source report" in (tmp_path / "p.html").read_text(encoding="utf-8")
     assert (tmp_path / "t.csv").read_text(encoding="utf-8").startswith("name,chapter")

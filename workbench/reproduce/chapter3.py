@@ -16,9 +16,9 @@ from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate import simulate
 from workbench.plotting.lin import plot_curves
-from workbench.reproduce.drawings import draw_secants, draw_steps, titled
+from workbench.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
 from workbench.reproduce.measurement import Experiment, Measured, Measurement, Picture
-from workbench.signals import Constant, Table
+from workbench.signals import Constant, Sine, Table
 from workbench.system.load import load
 
 Floats = NDArray[np.float64]
@@ -133,7 +133,9 @@ def _block(name: str) -> Measurement:
 
 def _hysteresis() -> Measurement:
     r = linearised(examples()["3.3.6"])
-    return Measurement({"hysteresis": [float(m.item()) for m in (r.A, r.B, r.C, r.D)]})
+    a, b, c, d = (float(m.item()) for m in (r.A, r.B, r.C, r.D))
+    words = "The block under a slow sine, and the gain of its linear model at rest, the slope k."
+    return Measurement({"hysteresis": [a, b, c, d]}, pictures=[Picture((12, 13), words, lambda: _loop(d - c * b / a))])
 
 
 def _small_system() -> Measurement:
@@ -173,6 +175,16 @@ def _secants(figures: tuple[int, ...], span: tuple[float, float], example: Examp
         )
 
     return Picture(figures, f"The block of example {example.name} and the slopes taken across the widths.", draw)
+
+
+def _loop(gain: float) -> Figure:
+    """Draw the hysteresis' output over its input."""
+    example = examples()["3.3.6"]
+    with load(f"fmu:{example.model}", "me", start_values=dict(example.parameters)) as model:
+        sine = Sine(amplitude=2.0, frequency=1.0 / _RAMP)
+        done = simulate(model, stop=2.0 * _RAMP, inputs={"u": sine}, outputs=["u", "y"], interval=_RAMP / 500)
+    u, y = done.signals["u"], done.signals["y"]
+    return draw_loop(u, y, gain=gain, title="Figure 13: hysteresis, and the slope of its linear model")
 
 
 def _steps(figure: int, example: Example, result: LinResult) -> Picture:

@@ -79,10 +79,16 @@ def _settling() -> Measurement:
     if study is None or study.optimum is None:
         return Measurement({})
     return Measurement(
-        {"settling-optimum": study.optimum},
+        {"settling-optimum": study.optimum, "settling-optimum-small": _least(study)},
         {"settling-optimum": f"optimum by what is left: {_optima(study)}"},
         [Picture((), "Time until the motion has settled, over the feedback gain.", lambda: _draw(study))],
     )
+
+
+def _least(study: SettlingStudy) -> float:
+    """Return the optimum for the smallest part left."""
+    least = min(study.optima, key=lambda o: o.threshold)
+    return float("nan") if least.gain is None else least.gain
 
 
 def _optima(study: SettlingStudy) -> str:
@@ -97,5 +103,5 @@ def _draw(study: SettlingStudy) -> Figure:
 EXPERIMENTS = (
     Experiment("position feedback", ("position-gains", "position-crossings", "position-cycles"), _position, 2.5),
     Experiment("rate feedback", ("rate-crossings", "rate-gains-negative", "rate-gains-positive"), _rate, 1.5),
-    Experiment("settling study", ("settling-optimum",), _settling, 12.0),
+    Experiment("settling study", ("settling-optimum", "settling-optimum-small"), _settling, 12.0),
 )

@@ -44,6 +44,7 @@ def _cycle() -> Measurement:
     told = _frequencies(run.time, run.signals[RATE])
     cockpit = "z_front_fuselage_acceleration"
     comfort = _run("failed_aileron_comfort", [cockpit])
+    before = [_between(run, 10.0, 20.0), _between(run, 50.0, 60.0)]
     return Measurement(
         {
             "cycle-frequency": frequency(run.time[late], run.signals[RATE][late]),
@@ -54,12 +55,16 @@ def _cycle() -> Measurement:
             "cycle-wing-tip-acceleration": size["z_wing_tip_acceleration"] / GRAVITY,
             "cycle-cockpit": size["z_front_fuselage"],
             "cycle-cockpit-acceleration": size["z_front_fuselage_acceleration"] / GRAVITY,
-            "cycle-start": [_between(run, 10.0, 20.0), _between(run, 50.0, 60.0)],
+            "cycle-start": before,
+            "cycle-start-range": before,
             "cycle-onset": float(next(t for t, f in told if f < BETWEEN)),
             "comfort-control": peak(comfort.signals[cockpit][comfort.time > STOP - 40.0]) / size[cockpit],
         },
-        {"cycle-start": "at 10 to 20 s and at 50 to 60 s"},
-        [Picture((49,), "Rate and position of the outer aileron after a pulse on it.", lambda: _draw_cycle(run, told))],
+        pictures=[
+            Picture(
+                (49,), "Rate and position of the outer aileron after a pulse on it.", lambda: _draw_cycle(run, told)
+            )
+        ],
     )
 
 
@@ -139,6 +144,7 @@ EXPERIMENTS = (
             "cycle-cockpit",
             "cycle-cockpit-acceleration",
             "cycle-start",
+            "cycle-start-range",
             "cycle-onset",
             "comfort-control",
         ),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 
-__all__ = ["draw_secants", "draw_steps", "plain_decades", "titled"]
+__all__ = ["draw_loop", "draw_secants", "draw_steps", "plain_decades", "titled"]
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +78,25 @@ def draw_secants(
         ax.plot(v[order], line * v[order], "--", color="#888888", linewidth=1.4, label=f"{line:.6g} × input")
     ax.plot(*at, "k*", markersize=10, label=f"working point {at[0]:.6g}")
     ax.set(xlabel="input of the block", ylabel="output of the block")
+    ax.legend(**{**LEGEND, "loc": "best"})
+    return figure
+
+
+def draw_loop(u: Floats, y: Floats, *, gain: float, title: str) -> Figure:
+    """Draw output over input, with a line through the origin.
+
+    Args:
+        u: input, shape (n,).
+        y: output, shape (n,).
+        gain: slope of the line.
+        title: of the picture.
+    """
+    figure, (ax,) = rows(1, title=title)
+    figure.set_size_inches(7.2, 4.4)
+    ax.plot(u, y, color="#444444", linewidth=1.8, label="block")
+    ends = np.array([u.min(), u.max()])
+    ax.plot(ends, gain * ends, "--", color=COLOURS[0], linewidth=1.6, label=f"slope {gain:.6g}")
+    ax.set(xlabel="input", ylabel="output")
     ax.legend(**{**LEGEND, "loc": "best"})
     return figure
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import IO, TYPE_CHECKING, cast
 
+from workbench.fmi.bundled import bundled_names, bundled_path
+from workbench.model.recipe import content_hash
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import Verdict
 from workbench.reproduce.result import MISSED, NOT_REACHABLE, Drawing, Outcome, ReproduceResult
@@ -22,7 +24,8 @@ TITLES: Mapping[str, str] = {
     "7": "Rudder actuator",
     "8": "Aeroelastic aircraft with a failed outer aileron",
 }
-_HEADINGS = ("target", "figures", "what", "published", "tolerance", "measured", "verdict")
+_HEADINGS = ("target", "verdict", "published", "tolerance", "measured", "figures", "what")
+_HASH = 16  # characters of a file's hash that are shown
 
 
 def reproduce_page(result: ReproduceResult) -> Page:
@@ -37,7 +40,7 @@ def reproduce_page(result: ReproduceResult) -> Page:
         lead=f"{result.words[:1].upper()}{result.words[1:]}.",
         facts={"asked for": ", ".join(result.selection) or "everything"},
         summary=[Verdict(o.verdict, _line(o)) for o in result.outcomes if not o.passed],
-        sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_time(result)],
+        sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_fmus(), _of_time(result)],
         data=result.to_dict(),
     )
 
@@ -62,7 +65,7 @@ def _section(chapter: str, result: ReproduceResult) -> Section:
     outcomes = [o for o in result.outcomes if _chapter(o.target.chapter) == chapter]
     return Section(
         f"{chapter} {TITLES.get(chapter, '')}".strip(),
-        tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=6, right=())],
+        tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=1, right=())],
         figures=[(_figure(d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter],
         parts=list(_remarks(outcomes)),
     )
@@ -72,7 +75,7 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
     t = outcome.target
     origin = "" if t.origin == "printed" else f" ({t.origin})"
     figures = ", ".join(str(n) for n in t.figures)
-    return (t.name, figures, f"{t.chapter}: {t.what}", f"{t.text}{origin}", t.tolerance, outcome.text, outcome.verdict)
+    return (t.name, outcome.verdict, f"{t.text}{origin}", t.tolerance, outcome.text, figures, f"{t.chapter}: {t.what}")
 
 
 def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:
@@ -91,6 +94,12 @@ def _caption(drawing: Drawing) -> str:
     numbers = ", ".join(str(n) for n in drawing.figures)
     place = f"Figure{plural} {numbers}" if numbers else f"Chapter {drawing.chapter}"
     return f"{place} of the source report. {drawing.words}"
+
+
+def _of_fmus() -> Section:
+    """Say on which files all this was measured."""
+    rows = [(f"fmu:{name}", content_hash(bundled_path(f"fmu:{name}"))[:_HASH]) for name in bundled_names()]
+    return Section("The bundled FMUs", tables=[Table(("FMU", "sha256"), rows)], folded=True)
 
 
 def _of_time(result: ReproduceResult) -> Section:

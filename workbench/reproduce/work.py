@@ -98,6 +98,7 @@ def _drawn(picture: Picture, job: Job, number: int) -> Drawing:
 
 def _file_name(picture: Picture, job: Job, number: int) -> str:
     """Return a name that tells the figures and differs between the pictures of all experiments."""
-    numbers = "_".join(str(n) for n in picture.figures) or f"chapter_{job.chapter}"
+    numbers = "_".join(str(n) for n in picture.figures)
+    place = f"figure_{numbers}" if numbers else f"chapter_{job.chapter.replace('.', '_')}"
     experiment = re.sub(r"[^a-z0-9]+", "_", job.experiment.lower()).strip("_")
-    return f"figure_{numbers}_{experiment}_{number + 1}.png"
+    return f"{place}_{experiment}_{number + 1}.png"
