@@ -124,7 +124,8 @@ def test_the_excursion_of_a_diverging_fmu_is_that_of_explicit_euler(folder: Path
 
     def reach(x: np.ndarray) -> np.ndarray:
         seen = x[:: len(x) // 50][1:51]  # the points of a test run: 50 of 200 steps
-        return np.abs(seen - seen[0]).max(axis=0)
+        far: np.ndarray = np.abs(seen - seen[0]).max(axis=0)
+        return far
 
     far, near = _euler(STEP, 200, 1e4, 0.1), _euler(h, 200 * ratio, 1e4, 0.1)[::ratio]
     assert line.numbers["excursion"] == pytest.approx((reach(far) / reach(near)).max(), rel=1e-3)

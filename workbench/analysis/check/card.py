@@ -244,8 +244,7 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
     lost = names.pop(0)
-    consequence = _HANG if event.reason.startswith("time limit") else _CRASH
-    yield _line(job.interface, Done(lost, Finding("broken", event.reason, consequence), 0.0))
+    yield _line(job.interface, Done(lost, _loss(lost, event.reason), 0.0))
     again = job.after_loss(lost)
     if again is None:
         return
@@ -255,6 +254,13 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
     reason = f"given up after {again.crashes} crashes or hangs"
     while names:
         yield _line(job.interface, Done(names.pop(0), Finding("not applicable", reason), 0.0))
+
+
+def _loss(name: str, reason: str) -> Finding:
+    """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
+    if not reason.startswith("time limit"):
+        return Finding("broken", reason, _CRASH)
+    return Finding("broken" if name == "runs" else "watch", reason, _HANG)
 
 
 # -- all of them --------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from workbench.workers import Job
 __all__ = ["CheckJob", "Done"]
 
 _SHORTER = 0.1  # of a test run, for the checks after a run that failed on its way
+_LONG = 3.0  # [s] that a run may take; others make a dozen of them, and shorter ones where it takes longer
 _PATIENCE = 3  # crashes of one interface, after which its other checks are given up
 
 
@@ -88,9 +89,11 @@ class CheckJob(Job):
 
 
 def _adapted(subject: Subject, done: Done) -> Subject:
-    """Return what the checks after this one look at: less of a run that fails, shorter steps where they diverge."""
+    """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges."""
     if done.name == "runs" and done.finding.verdict == "broken":
         return subject.shortened(_SHORTER)
+    if done.name == "runs" and done.seconds > _LONG:
+        return subject.shortened(max(_SHORTER, _LONG / done.seconds))
     if done.name == "step" and done.finding.numbers.get("diverges"):
         return replace(subject, refine=round(subject.step / float(done.finding.numbers["excursion_step"])))
     return subject

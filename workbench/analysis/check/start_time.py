@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from workbench.analysis.check.result import Finding
 from workbench.analysis.check.subject import Subject, Trajectory, same_bits
 from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.errors import FmuError, InputError, SimulationError
+from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 
 __all__ = ["start_time"]
@@ -102,7 +104,12 @@ def _ticks(subject: Subject) -> Floats:
         return np.empty(0)
     recipe = replace(subject.model.recipe, interface="me", solver="auto", step=None)
     try:
-        with recipe.open() as model, model.open_point(time=subject.start) as point:
-            return point.ticks(_TICKS, subject.start + subject.span)
+        with nullcontext(subject.model) if not subject.is_cs else recipe.open() as model:
+            return _ticks_of(model, subject)
     except (FmuError, SimulationError):
         return np.empty(0)
+
+
+def _ticks_of(model: DescribedModel, subject: Subject) -> Floats:
+    with model.open_point(time=subject.start) as point:
+        return point.ticks(_TICKS, subject.start + subject.span)
