@@ -431,3 +431,27 @@ def test_cycles_over_a_parameter_of_the_block() -> None:
     assert branch.points[0].value == pytest.approx(0.9)
     assert branch.points[-1].value == pytest.approx(1.2)
     assert branch.points[0].fundamental < cycle.fundamental < branch.points[-1].fundamental
+
+
+def test_a_branch_ends_where_its_cycle_vanishes() -> None:
+    """y = c1 u + c3 u³, c3 < 0, around three lags: c1 + ¾ c3 A² = 1/2 with one harmonic, so that A = 0 at c1 = 1/2."""
+    with connect(
+        {"block": "fmu:AlgebraicExpression", "lags": control.ss(LAG)},
+        [("lags.y", "block.u", {"gain": -16.0}), ("block.y", "lags.u")],
+        start_values={
+            "block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0,
+            "block.c0": 0.0, "block.c1": 0.7, "block.c2": 0.0, "block.c3": -0.1,
+        },
+    ) as system:  # fmt: skip
+        result = limit_cycle(
+            system, block="block", methods=("harmonic balance",), harmonics=1, vary={"block.c1": (0.4, 0.72)}
+        )
+    (branch,) = result.branches
+    end = min(branch.points, key=lambda p: p.value)
+    assert "the cycle shrinks to a point" in branch.ends
+    assert end.value == pytest.approx(0.5, abs=1e-5)
+    assert end.amplitude < 2e-3
+    # The equilibrium solves the equations at every value; no point of the branch lies on it. Residuals of 1e-8 of the
+    # first cycle's size are 1e-5 of one that is a thousand times smaller.
+    for p in branch.points:
+        assert 0.075 * p.fundamental**2 == pytest.approx(p.value - 0.5, abs=1e-5)

@@ -86,21 +86,29 @@ def _record(ax: Axes, result: MotionComparison, signal: str) -> None:
     for begin, end in result.windows:
         ax.axvspan(begin, end, color="#eeeeee", zorder=0, linewidth=0.0)
     order = {h.system: h for h in result.histories}
+    begin_shown = _begin(result)
+    long = any(int(np.sum(h.time >= begin_shown)) > _LINES for h in result.histories)
     for number, name in enumerate(result.systems):
         if name not in order:
             continue
-        time, value = order[name].time, factor * order[name].values[signal]
-        if len(time) > _LINES:
+        shown = order[name].time >= begin_shown
+        time, value = order[name].time[shown], factor * order[name].values[signal][shown]
+        if long:
             at, size = _envelope(time, value)
             ax.plot(at, size, color=_colour(number), linewidth=1.3)
         else:
             ax.plot(time, value, color=_colour(number), linewidth=1.0)
-    long = any(len(h.time) > _LINES for h in result.histories)
     ax.set_ylabel(label("largest size" if long else "value", result.shown[signal].unit))
-    ax.set_xlim(0.0, result.stop)
+    ax.set_xlim(begin_shown, result.stop)
     for failure in result.failed:
         if failure.time is not None:
             ax.axvline(failure.time, color=_colour(result.systems.index(failure.system)), linewidth=0.9, linestyle=":")
+
+
+def _begin(result: MotionComparison) -> float:
+    """Return where the records begin to be shown: as long before the windows as they last together."""
+    first, last = min(a for a, _ in result.windows), max(b for _, b in result.windows)
+    return max(0.0, first - (last - first))
 
 
 def _envelope(time: Floats, value: Floats) -> tuple[Floats, Floats]:
