@@ -16,6 +16,7 @@ from workbench.study.arguments import arguments
 from workbench.study.bundled import bundled_studies
 from workbench.study.plan import make_plan
 from workbench.study.read import read_study
+from workbench.study.references import check_arguments
 
 FACTS = """
 [analyses.facts]
@@ -158,6 +159,8 @@ def test_the_example_is_a_study(capsys: pytest.CaptureFixture[str], tmp_path: Pa
 def test_bundled_studies_are_complete(name: str, commands: AppCommands) -> None:
     study = read_study(f"study:{name}", commands)
     plan = make_plan(study, commands)
+    for analysis in study.analyses.values():
+        check_arguments(analysis, commands)
     assert study.requirements
     assert not plan.notes
     read = {analysis for r in study.requirements for analysis in r.analyses}

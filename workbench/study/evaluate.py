@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from workbench.errors import InputError
 from workbench.study.description import Point, Study
@@ -11,19 +12,15 @@ from workbench.study.outcome import Outcome
 from workbench.study.plan import Plan, Run
 from workbench.study.result import Checked
 
-__all__ = ["evaluate"]
+__all__ = ["answer", "questions"]
 
 
-def evaluate(study: Study, plan: Plan, outcomes: Mapping[Run, Outcome]) -> list[Checked]:
-    """Return every requirement at every point at which its analyses differ.
+def questions(study: Study, plan: Plan) -> list[Checked]:
+    """Return every requirement at every point at which its analyses differ, nothing measured yet.
 
     Args:
         study: what was asked for.
-        plan: what was run.
-        outcomes: what that gave.
-
-    Raises:
-        InputError: a requirement asks for what cannot be in such a result.
+        plan: what is run.
     """
     found: list[Checked] = []
     for requirement in study.requirements:
@@ -32,9 +29,23 @@ def evaluate(study: Study, plan: Plan, outcomes: Mapping[Run, Outcome]) -> list[
             runs = tuple(plan.at[name, k] for name in requirement.analyses)
             if runs not in seen and _applies(requirement, point):
                 seen.add(runs)
-                finding = _finding(requirement, [outcomes.get(run) for run in runs])
-                found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=finding))
+                empty = Finding(value=None)
+                found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
     return found
+
+
+def answer(question: Checked, outcomes: Mapping[Run, Outcome]) -> Checked:
+    """Return a requirement with what came out.
+
+    Args:
+        question: one of `questions`.
+        outcomes: what was run.
+
+    Raises:
+        InputError: the requirement asks for what cannot be in such a result.
+    """
+    finding = _finding(question.requirement, [outcomes.get(run) for run in question.runs])
+    return replace(question, finding=finding)
 
 
 def _applies(requirement: Requirement, point: Point) -> bool:

@@ -6,19 +6,47 @@ import hashlib
 import json
 import shutil
 import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from workbench import __version__
 from workbench.errors import InputError
 from workbench.store import Store
+from workbench.study.kinds.base import Finding
 from workbench.study.outcome import Outcome
 from workbench.study.plan import Run
+from workbench.study.result import Checked
 
 __all__ = ["FOLDER", "Finished"]
 
 FOLDER = ".workbench-store"
 _UNFINISHED = "unfinished"
+_LAYOUT = 1  # to be raised when what is stored changes
+_ONE = "SELECT value FROM measurements WHERE settings = ? AND point = ?"
+
+
+class _Results(Store):
+    """A store of outcomes, of which a study reads its own only: others may be large."""
+
+    def get(self, point: str) -> dict[str, Any] | None:
+        """Return what was saved under a name, if anything was."""
+        with self._one_line():
+            row = self._database.execute(_ONE, (self._settings, point)).fetchone()
+            return None if row is None else dict(json.loads(row[0]))
+
+
+def _name(run: Run) -> str:
+    """Return a name for everything that a result depends on."""
+    return hashlib.sha256(json.dumps([run.subject, run.key], sort_keys=True).encode()).hexdigest()
+
+
+def _name_of(questions: Sequence[Checked]) -> str:
+    """Return a name for requirements and the results that they are held against."""
+    asked = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
+    return f"findings {hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()}"
 
 
 class Finished:
@@ -39,8 +67,7 @@ class Finished:
         self._fresh, self._keeps = fresh, folder is not None
         self._temporary = tempfile.TemporaryDirectory(prefix="fmi-workbench-") if folder is None else None
         self.folder = folder if folder is not None else Path(self._temporary.name if self._temporary else ".")
-        self._stores: dict[str, Store] = {}
-        self._loaded: dict[str, dict[str, Any]] = {}
+        self._opened: _Results | None = None
 
     def load(self, run: Run) -> Outcome | None:
         """Return what was measured before; None: nothing was, or a file that the run writes is not there.
@@ -50,11 +77,9 @@ class Finished:
         """
         if self._fresh or not self._keeps or not all(file.exists() for file in run.files):
             return None
-        subject = json.dumps(run.subject, sort_keys=True)
-        if subject not in self._loaded:
-            # A study that was never run leaves no folder behind when something in it is wrong.
-            self._loaded[subject] = self._store(run).load() if (self.folder).is_dir() else {}
-        found = self._loaded[subject].get(run.key)
+        if not self.folder.is_dir():
+            return None  # a study that was never run leaves no folder behind when something in it is wrong
+        found = self._results().get(_name(run))
         return None if found is None else Outcome.from_store(found)
 
     def save(self, run: Run, outcome: Outcome) -> None:
@@ -66,8 +91,24 @@ class Finished:
         if not outcome.lasting:
             return
         if self._keeps:
-            self._store(run).save(run.key, outcome.to_store())
+            self._results().save(_name(run), outcome.to_store())
         shutil.rmtree(self.workplace(run, make=False), ignore_errors=True)
+
+    def load_findings(self, questions: Sequence[Checked]) -> list[Finding] | None:
+        """Return how requirements came out before, in their order; None: not of exactly these results."""
+        if self._fresh or not self._keeps or not self.folder.is_dir():
+            return None
+        found = self._results().get(_name_of(questions))
+        return None if found is None else [Finding(**finding) for finding in found["findings"]]
+
+    def save_findings(self, checked: Sequence[Checked]) -> None:
+        """Keep how requirements came out.
+
+        Raises:
+            WorkbenchError: it cannot be written.
+        """
+        if self._keeps:
+            self._results().save(_name_of(checked), {"findings": [asdict(c.finding) for c in checked]})
 
     def workplace(self, run: Run, *, make: bool = True) -> Path:
         """Return the folder in which a run works.
@@ -75,8 +116,7 @@ class Finished:
         Raises:
             InputError: it cannot be made.
         """
-        text = json.dumps([run.subject, run.key], sort_keys=True)
-        path = self.folder / _UNFINISHED / hashlib.sha256(text.encode()).hexdigest()[:24]
+        path = self.folder / _UNFINISHED / _name(run)[:24]
         if not make:
             return path
         if self._fresh:
@@ -96,17 +136,16 @@ class Finished:
         if not file.exists():
             file.write_text("*\n", encoding="utf-8")
 
-    def _store(self, run: Run) -> Store:
-        subject = json.dumps(run.subject, sort_keys=True)
-        if subject not in self._stores:
-            self._stores[subject] = Store(self.folder, subject=run.subject, effort={})
-        return self._stores[subject]
+    def _results(self) -> _Results:
+        if self._opened is None:
+            self._opened = _Results(self.folder, subject={"study": _LAYOUT, "workbench": __version__}, effort={})
+        return self._opened
 
     def close(self) -> None:
         """Close the files, and remove what was not to be kept. Any number of times."""
-        for store in self._stores.values():
-            store.close()
-        self._stores.clear()
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None
         if self._temporary is not None:
             self._temporary.cleanup()
 

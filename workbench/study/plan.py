@@ -23,8 +23,6 @@ __all__ = ["OUTPUTS", "Plan", "Run", "make_plan"]
 # Options by which commands write files; their paths are kept apart for each point.
 OUTPUTS = ("plot", "csv", "report", "bode", "out")
 
-_LAYOUT = 1  # to be raised when what is stored changes
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
@@ -114,7 +112,7 @@ class _Planner:
         self._runs: dict[str, Run] = {}
         self._notes: dict[str, None] = {}
         self._files = Hashes(study.folder)
-        self._common = {"study": _LAYOUT, "workbench": __version__, "code": code_hash()}
+        self._common = {"workbench": __version__, "code": code_hash()}
 
     def plan(self) -> Plan:
         """Return all of it."""

@@ -10,7 +10,7 @@ from workbench.study.commands import Commands
 from workbench.study.description import Analysis, Reference, Study, Word
 from workbench.study.place import known, place
 
-__all__ = ["check_references", "words_of"]
+__all__ = ["check_arguments", "check_references", "words_of"]
 
 # The runner gives these itself.
 _OURS = {"json": "results stand in the JSON of the study", "store": "the study has its own store"}
@@ -31,7 +31,7 @@ def words_of(analysis: Analysis, commands: Commands) -> list[Word]:
 
 
 def check_references(study: Study, commands: Commands) -> None:
-    """Check that the commands take their arguments, and that every reference leads to an analysis that comes first.
+    """Check that every option is one of its command, and that no reference leads nowhere or back.
 
     Raises:
         InputError: one line with the table and the key.
@@ -43,7 +43,6 @@ def check_references(study: Study, commands: Commands) -> None:
         for reference in references:
             _check(analysis, reference, study, commands)
         needs[analysis.name] = [r.analysis for r in references]
-        _read(analysis, words, commands)
     for name in needs:
         _check_circle(name, needs, ())
 
@@ -69,9 +68,14 @@ def _check_circle(name: str, needs: Mapping[str, list[str]], before: tuple[str, 
         _check_circle(other, needs, (*before, name))
 
 
-def _read(analysis: Analysis, words: list[Word], commands: Commands) -> None:
-    """Let the command read the arguments, files replaced by some name."""
+def check_arguments(analysis: Analysis, commands: Commands) -> None:
+    """Let the command read its arguments, files of other analyses replaced by some name.
+
+    Raises:
+        InputError: one is missing, or has a value of another type.
+    """
     model = [analysis.model] if analysis.model is not None else []
+    words = words_of(analysis, commands)
     texts = [w if isinstance(w, str) else f"{w.prefix}{w.analysis}.{w.kind}" for w in words]
     with place(f"[analyses.{analysis.name}]"):
         commands.check(analysis.command, [*model, *texts])

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.study.bundled import is_bundled_study
 from workbench.study.commands import Commands
 from workbench.study.description import Study
-from workbench.study.evaluate import evaluate
+from workbench.study.evaluate import answer, questions
 from workbench.study.execute import Execution, Progress
 from workbench.study.finished import FOLDER, Finished
 from workbench.study.place import place
-from workbench.study.plan import Plan, make_plan
+from workbench.study.plan import Plan, Run, make_plan
 from workbench.study.read import read_study
-from workbench.study.result import StudyResult
+from workbench.study.references import check_arguments
+from workbench.study.result import Checked, StudyResult
 
 if TYPE_CHECKING:
     from workbench.workers import Workers
@@ -57,6 +59,26 @@ class StudyRun:
         """Number of analyses at all points."""
         return len(self.plan.runs)
 
+    def _check(self, runs: Sequence[Run]) -> None:
+        """Look for mistakes before anything runs; what is in the store had none."""
+        from workbench.study.names import check_names  # noqa: PLC0415 - a study in its store opens no model
+
+        for analysis in {run.analysis.name: run.analysis for run in runs}.values():
+            check_arguments(analysis, self._commands)
+        check_names(self.study, runs)
+
+    def _checked(self, finished: Finished, execution: Execution) -> list[Checked]:
+        """Return every requirement, as it came out before where nothing is new."""
+        every = questions(self.study, self.plan)
+        if not execution.measured and not execution.missing:
+            kept = finished.load_findings(every)
+            if kept is not None:
+                return [replace(c, finding=finding) for c, finding in zip(every, kept, strict=True)]
+        checked = [answer(c, execution.outcomes) for c in every]
+        if not execution.missing and all(o.lasting for o in execution.outcomes.values()):
+            finished.save_findings(checked)
+        return checked
+
     def stop(self) -> None:
         """Let `run` end soon; a signal handler may call it."""
         if self._execution is not None:
@@ -86,11 +108,9 @@ class StudyRun:
             )
             reused = len(execution.outcomes)
             if execution.missing:
-                from workbench.study.names import check_names  # noqa: PLC0415 - a study in its store opens no model
-
-                check_names(self.study, execution.missing)
+                self._check(execution.missing)
                 execution.execute(workers(), progress)
-            checked = evaluate(self.study, self.plan, execution.outcomes)
+            checked = self._checked(finished, execution)
         return StudyResult(
             study=self.study,
             runs={run: execution.outcomes[run] for run in self.plan.runs if run in execution.outcomes},

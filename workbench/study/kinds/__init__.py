@@ -3,50 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from workbench.errors import InputError, suggest
-from workbench.study.kinds.agreement import Agreement, ResponseAgreement
-from workbench.study.kinds.bandwidth import Bandwidth
-from workbench.study.kinds.base import Requirement
-from workbench.study.kinds.fit import Fit
-from workbench.study.kinds.limit_cycle import LimitCycleAmplitude, LimitCycleFrequency, StableGains
-from workbench.study.kinds.margins import DelayMargin, DiskMargin, GainMargin, PeakSensitivity, PhaseMargin
-from workbench.study.kinds.mask import Mask
-from workbench.study.kinds.poles import Damping, PoleFrequency, Stability
-from workbench.study.kinds.response import Gain, Offset, Phase
-from workbench.study.kinds.step import FinalValue, Overshoot, Peak, RiseTime, SettlingTime
-from workbench.study.kinds.value import AnyValue
 from workbench.system.toml_schema import read_table
 
-__all__ = ["KINDS", "read_requirement"]
+if TYPE_CHECKING:
+    from workbench.study.kinds.base import Requirement
 
-KINDS: Mapping[str, type[Requirement]] = {
-    "gain": Gain,
-    "phase": Phase,
-    "offset": Offset,
-    "mask": Mask,
-    "bandwidth": Bandwidth,
-    "gain margin": GainMargin,
-    "phase margin": PhaseMargin,
-    "delay margin": DelayMargin,
-    "disk margin": DiskMargin,
-    "peak sensitivity": PeakSensitivity,
-    "damping": Damping,
-    "pole frequency": PoleFrequency,
-    "stability": Stability,
-    "settling time": SettlingTime,
-    "overshoot": Overshoot,
-    "rise time": RiseTime,
-    "peak": Peak,
-    "final value": FinalValue,
-    "limit cycle amplitude": LimitCycleAmplitude,
-    "limit cycle frequency": LimitCycleFrequency,
-    "stable gains": StableGains,
-    "fit": Fit,
-    "agreement": Agreement,
-    "response agreement": ResponseAgreement,
-    "value": AnyValue,
+__all__ = ["KINDS", "kind_of", "read_requirement"]
+
+# Name in a study file → module in this package and class. By name, so that a study loads what it uses and no more.
+KINDS: Mapping[str, str] = {
+    "gain": "response:Gain",
+    "phase": "response:Phase",
+    "offset": "response:Offset",
+    "mask": "mask:Mask",
+    "bandwidth": "bandwidth:Bandwidth",
+    "gain margin": "margins:GainMargin",
+    "phase margin": "margins:PhaseMargin",
+    "delay margin": "margins:DelayMargin",
+    "disk margin": "margins:DiskMargin",
+    "peak sensitivity": "margins:PeakSensitivity",
+    "damping": "poles:Damping",
+    "pole frequency": "poles:PoleFrequency",
+    "stability": "poles:Stability",
+    "settling time": "step:SettlingTime",
+    "overshoot": "step:Overshoot",
+    "rise time": "step:RiseTime",
+    "peak": "step:Peak",
+    "final value": "step:FinalValue",
+    "limit cycle amplitude": "limit_cycle:LimitCycleAmplitude",
+    "limit cycle frequency": "limit_cycle:LimitCycleFrequency",
+    "stable gains": "limit_cycle:StableGains",
+    "fit": "fit:Fit",
+    "agreement": "agreement:Agreement",
+    "response agreement": "agreement:ResponseAgreement",
+    "value": "value:AnyValue",
 }
+
+
+def kind_of(name: str) -> type[Requirement]:
+    """Return the class of a kind.
+
+    Args:
+        name: in `KINDS`.
+    """
+    module, _, kind = KINDS[name].partition(":")
+    found: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
+    return found
 
 
 def read_requirement(data: object, where: str) -> Requirement:
@@ -66,4 +72,4 @@ def read_requirement(data: object, where: str) -> Requirement:
         raise InputError(f"{where}: key 'kind' is missing; known: {', '.join(KINDS)}")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"{where}: kind {kind!r} is unknown; {suggest(str(kind), KINDS)}")
-    return read_table(KINDS[kind], data, where)
+    return read_table(kind_of(kind), data, where)
