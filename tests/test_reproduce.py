@@ -157,6 +157,20 @@ def test_an_experiment_that_fails_does_not_cost_the_others(change: Changed, erro
     assert verdicts["example-2-3-slopes"] == MISSED
 
 
+def test_what_was_measured_before_an_interrupt_is_kept(change: Changed, tmp_path: Path) -> None:
+    def interrupt() -> Measurement:
+        raise KeyboardInterrupt
+
+    change("example 2-5", interrupt)  # the experiments of this chapter run in their order
+    out = tmp_path / "out.json"
+    assert run(["reproduce", "3.3", "--in-process", "--json", str(out)]) == 130
+    found = json.loads(out.read_text(encoding="utf-8"))
+    passed = {t["name"] for t in found["targets"] if t["passed"]}
+    assert "example-2-1-c" in passed
+    assert "hysteresis" not in passed
+    assert {t["reason"] for t in found["targets"] if t["measured"] is None} == {"interrupted before it was measured"}
+
+
 def test_a_process_that_dies_costs_its_targets() -> None:
     """Longer than the time limit: the process is ended, and the target missed."""
     result = reproduce(["rate-crossings"], workers=Workers(jobs=1, timeout=0.05))

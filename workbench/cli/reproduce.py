@@ -22,6 +22,7 @@ __all__ = ["reproduce"]
 
 _T = TypeVar("_T")
 
+_INTERRUPTED = 130
 _LONGEST = 600.0  # [s], of one experiment
 
 
@@ -49,6 +50,7 @@ def reproduce(
 
     Example: `workbench reproduce figure 48 --report page.html`
     """
+    from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
     from workbench.reproduce.page import reproduce_page
@@ -75,6 +77,9 @@ def reproduce(
         )
     _show(result, out.console)
     out.write(result.to_dict(), csv=result.to_csv, page=lambda: reproduce_page(result))
+    if result.interrupted:
+        note("interrupted: what is missing was not measured")
+        return _INTERRUPTED
     return 1 if result.missed else 0
 
 

@@ -19,6 +19,7 @@ from workbench.plotting.nyquist import plot_nyquist
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.systems import system_file
+from workbench.reproduce.targets import read_targets
 from workbench.signals import Constant
 from workbench.system.description import FmuComponent
 from workbench.system.load import load
@@ -29,8 +30,7 @@ __all__ = ["EXPERIMENTS"]
 
 HERE = Workers(in_process=True)
 BAND = (0.1, 6.0)  # [Hz], of figure 48
-NAMED = (2.64, 2.74, 3.31)  # [Hz], by which the crossings are told apart
-PUBLISHED_RATE = 0.217  # [rad/s], where the describing function is taken
+AMPLITUDE, HERTZ = 0.2, 2.6  # [rad/s], [Hz], where the describing function is measured
 FULL = 10.0  # [rad], far beyond every limit
 SETTLED = 4.0  # [s], of the actuators
 
@@ -74,13 +74,19 @@ def _limits(settings: Mapping[str, Value]) -> list[float]:
 
 def _describing() -> Measurement:
     with load("fmu:AileronDamper") as damper:
-        found = describing_function(damper, [PUBLISHED_RATE], [NAMED[0]], workers=HERE)
-    return Measurement({"describing-function": float(abs(found.gain.ravel()[0])) / PUBLISHED_RATE})
+        found = describing_function(damper, [AMPLITUDE], [HERTZ], workers=HERE)
+    return Measurement({"describing-function": float(abs(found.gain.ravel()[0])) / AMPLITUDE})
+
+
+def _published(name: str) -> list[float]:
+    value = read_targets()[name].value
+    return list(np.atleast_1d(np.asarray(value, dtype=np.float64)))
 
 
 def _crossings(result: LimitCycleResult) -> list[Crossing]:
     """Return the crossing next to each of the published ones."""
-    return [min(result.crossings, key=lambda c: abs(c.frequency_hz - hertz)) for hertz in NAMED]
+    frequencies = _published("nyquist-frequencies")
+    return [min(result.crossings, key=lambda c: abs(c.frequency_hz - hertz)) for hertz in frequencies]
 
 
 def _limit_cycle() -> Measurement:

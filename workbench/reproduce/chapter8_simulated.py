@@ -13,6 +13,7 @@ from workbench.plotting.figure import COLOURS, rows
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.oscillation import frequency, peak
 from workbench.reproduce.systems import system_file
+from workbench.reproduce.targets import read_targets
 from workbench.signals import Table
 from workbench.system.load import load
 
@@ -82,6 +83,12 @@ def _frequencies(time: Floats, values: Floats) -> list[tuple[float, float]]:
     return found
 
 
+def _published() -> list[float]:
+    """Return the published frequencies before and in the limit cycle [Hz]."""
+    before, within = (np.atleast_1d(np.asarray(read_targets()[n].value)) for n in ("cycle-start", "cycle-frequency"))
+    return [float(before[0]), float(within[0])]
+
+
 def _draw_cycle(run: SimulationResult, told: Sequence[tuple[float, float]]) -> Figure:
     figure, (rate, position, hertz) = rows(3, title="Figure 49: the limit cycle in simulation")
     rate.plot(run.time, run.signals[RATE], color=COLOURS[0], linewidth=0.4)
@@ -89,7 +96,7 @@ def _draw_cycle(run: SimulationResult, told: Sequence[tuple[float, float]]) -> F
     position.plot(run.time, run.signals[POSITION] * _DEGREES, color=COLOURS[1], linewidth=0.4)
     position.set_ylabel("position [deg]")
     hertz.plot(*np.array(told).T, color="#444444", marker=".", linewidth=1.0)
-    for value in (3.45, 2.64):
+    for value in _published():
         hertz.axhline(value, color=COLOURS[2], linestyle="--", linewidth=1.0)
         hertz.text(run.time[-1], value + 0.02, f"published {value:g} Hz", ha="right", va="bottom", fontsize=8.5)
     hertz.set(ylabel="frequency [Hz]", xlabel="time [s]", ylim=(2.5, 3.65))

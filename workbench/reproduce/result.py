@@ -122,6 +122,7 @@ class ReproduceResult:
         processor_seconds: experiment → time that it kept a processor busy, pictures included [s].
         jobs: processes at a time.
         selection: what was asked for; empty: all.
+        interrupted: whether Ctrl-C ended it before all was measured.
     """
 
     outcomes: tuple[Outcome, ...]
@@ -130,6 +131,7 @@ class ReproduceResult:
     processor_seconds: Mapping[str, float]
     jobs: int
     selection: tuple[str, ...] = ()
+    interrupted: bool = False
 
     @property
     def missed(self) -> tuple[Outcome, ...]:
@@ -164,6 +166,7 @@ class ReproduceResult:
             "jobs": self.jobs,
             "words": self.words,
             "passed": not self.missed,
+            "interrupted": self.interrupted,
             "targets": [o.to_dict() for o in self.outcomes],
             "pictures": [
                 {"figures": list(d.figures), "chapter": d.chapter, "words": d.words, "files": list(d.files)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from workbench.errors import InputError
@@ -36,7 +37,7 @@ def reproduce(
     """Measure figures and tables of the source report from the bundled FMUs, and hold them against their targets.
 
     Targets and tolerances stand in `targets.toml` beside this module. An experiment that fails is a miss of its
-    targets, with its reason; the others go on. A target that the source report itself makes impossible says why.
+    targets, with its reason; the others go on. Ctrl-C ends it, and what was measured until then is kept. A target that the source report itself makes impossible says why.
 
     Args:
         selection: chapters ("3", "8.3"), figures ("fig31", "figure 48"), targets ("cycle-rate") or how their names
@@ -48,7 +49,6 @@ def reproduce(
 
     Raises:
         InputError: a word that is no chapter, figure or target; a folder that is none; an executor or a cluster.
-        KeyboardInterrupt: it was interrupted.
     """
     begin = time.monotonic()
     chosen = select(selection)
@@ -56,6 +56,9 @@ def reproduce(
     where = workers or Workers(timeout=_LONGEST)
     jobs = _jobs(chosen, everything=not selection, svg=drawings, folder=into)
     found = _run(jobs, where, progress)
+    interrupted = len(found) < len(jobs)
+    for job in jobs:
+        found.setdefault(job.experiment, Found(problem="interrupted before it was measured"))
     measuring = {name: job for job in jobs for name in job.targets}
     return ReproduceResult(
         outcomes=tuple(_outcome(t, measuring[t.name], found[measuring[t.name].experiment]) for t in chosen),
@@ -63,6 +66,7 @@ def reproduce(
         seconds=time.monotonic() - begin,
         processor_seconds={job.experiment: found[job.experiment].processor_seconds for job in jobs},
         jobs=_processes(where),
+        interrupted=interrupted,
         selection=tuple(selection),
     )
 
@@ -95,11 +99,14 @@ def _jobs(chosen: Sequence[Target], *, everything: bool, svg: bool, folder: Path
 
 
 def _run(jobs: Sequence[Job], workers: Workers, progress: Progress | None) -> dict[str, Found]:
-    """Run the jobs, the longest first, so that no long one is left for one process alone at the end."""
+    """Run the jobs, the longest first, so that no long one is left for one process alone at the end.
+
+    What was found before Ctrl-C is kept.
+    """
     known = experiments()
     queue = deque(sorted(jobs, key=lambda job: -known[job.experiment].seconds))
     found: dict[str, Found] = {}
-    with _runner(workers) as runner:
+    with _runner(workers) as runner, suppress(KeyboardInterrupt):
         for reply in runner.run(perform, queue):
             name = reply.job.experiment
             found[name] = Found(problem=reply.reason) if isinstance(reply, Lost) else reply.value
