@@ -37,7 +37,8 @@ def reproduce(
     """Measure figures and tables of the source report from the bundled FMUs, and hold them against their targets.
 
     Targets and tolerances stand in `targets.toml` beside this module. An experiment that fails is a miss of its
-    targets, with its reason; the others go on. Ctrl-C ends it, and what was measured until then is kept. A target that the source report itself makes impossible says why.
+    targets, with its reason; the others go on. A target that the source report itself makes impossible says why.
+    Ctrl-C ends it; what was measured until then is in the result.
 
     Args:
         selection: chapters ("3", "8.3"), figures ("fig31", "figure 48"), targets ("cycle-rate") or how their names
