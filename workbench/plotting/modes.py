@@ -95,9 +95,10 @@ def _border(axes: tuple[Axes, Axes], first: Critical, style: _Style, unit: str |
     for ax in axes:
         ax.axvline(first.value, color="#444444", linewidth=0.9, linestyle=style, zorder=2)
     text = f"{first.kind} at {first.value:.5g}{f' {unit}' if unit else ''}"
-    axes[1].annotate(
-        text, (first.value, 0.0), xycoords=("data", "axes fraction"), xytext=(4, 5), textcoords="offset points",
-        fontsize=8.0, rotation=90, va="bottom", color="#444444",
+    axes[0].annotate(
+        text, (first.value, 0.0), xycoords=("data", "axes fraction"), xytext=(5, 8), textcoords="offset points",
+        fontsize=8.0, va="bottom", color="#444444", zorder=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8},
     )  # fmt: skip
 
 
@@ -143,6 +144,7 @@ def _limits(damping: Axes, frequency: Axes, result: ModesResult, chosen: Sequenc
     top = max(float(np.quantile(ratio, 0.9)) * 1.3, 0.01)
     top = min(top, max(_HIGHEST, 1.3 * float(ratio.min())))
     low = min(1.15 * float(ratio.min()), -0.15 * top)
+    top = max(top, -0.4 * low)
     damping.set_ylim(100.0 * low, 100.0 * top)
     damping.axhspan(100.0 * low, 0.0, color="#D55E00", alpha=0.07, zorder=0, linewidth=0.0)
     damping.axhline(0.0, color="#444444", linewidth=0.9, zorder=2)
