@@ -10,6 +10,7 @@ import pytest
 
 import workbench as wb
 from workbench.analysis.feed_forward.plant import linear_plant
+from workbench.analysis.feed_forward.remaining import Remaining, remaining, with_filter
 from workbench.analysis.feed_forward.trial import Run, run_trial
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.limit_cycle.cut import find_ports
@@ -150,6 +151,34 @@ def test_feedback_of_the_integral_leaves_the_quotient_as_it_is() -> None:
     assert plain.G.response(f) == pytest.approx((0.2 + 3.0 / (s + 3.0)) * s / (s**2 - 0.1 * s - 2.0), rel=1e-9)
     assert fed.H.response(f) / fed.G.response(f) == pytest.approx(plain.H.response(f) / plain.G.response(f), rel=1e-9)
     assert np.max(np.abs(fed.G.response(f) / plain.G.response(f) - 1.0)) > 0.5
+
+
+def test_what_is_left_is_h_less_g_times_f() -> None:
+    with system(plant(G, H, POLES)) as model:
+        found = linear_plant(model, Loops(ports=find_ports(model, "block"), target="plant.u"), at=None, time=0.0)
+    f = np.geomspace(0.01, 10.0, 60)
+    s = 2j * np.pi * f
+    left = with_filter(found, LinearPart(np.array([[-2.0]]), np.array([1.0]), np.array([1.0]), 3.0))
+    expected = found.H.response(f) - found.G.response(f) * (3.0 + 1.0 / (s + 2.0))
+    assert left.response(f) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_wrong_sign_makes_a_limit_cycle_of_known_size() -> None:
+    # Three lags 1/(s + 1)³ and u = −9 v·|v|·(8/9): with F = −8 the brake of gain 1 acts with gain 1 + 8 = 9. The
+    # describing function 8A/(3π)·9 meets the critical gain 8 at A = π/3, at √3 rad/s; it is unstable: beyond it grows.
+    lag = list(np.polymul([1.0, 1.0], np.polymul([1.0, 1.0], [1.0, 1.0])))
+    with system(plant([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], lag)) as model:
+        found = linear_plant(model, Loops(ports=find_ports(model, "block"), target="plant.u"), at=None, time=0.0)
+        wrong = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), -8.0)
+        left = remaining(model, "block", found, wrong, band=(0.01, 10.0), at=None, time=0.0)
+    assert isinstance(left, Remaining)
+    (cycle,), (alone,) = left.with_filter, left.without
+    assert cycle.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-9)
+    assert cycle.amplitude == pytest.approx(math.pi / 3.0, rel=1e-6)
+    assert alone.amplitude == pytest.approx(3.0 * math.pi, rel=1e-6)
+    assert (cycle.stable, cycle.unstable_below, cycle.unstable_above) == (False, 0, 2)
+    (line,) = left.words("rad/s")
+    assert line.startswith("with the filter motions at 0.276 Hz grow from 1.05 rad/s on")
 
 
 def scalar(x0: float, *, size: float = 1.0) -> wb.DescribedModel:

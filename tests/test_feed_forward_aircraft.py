@@ -111,6 +111,22 @@ def test_without_tolerance_for_pairs_only_few_cancel(found: wb.FeedForwardResult
     assert distances[orders == 40.0][0] == pytest.approx(3.8e-3, rel=0.05)
 
 
+def test_the_filter_brings_limit_cycles_of_its_own(found: wb.FeedForwardResult) -> None:
+    # The scalar feedback alone leaves none. With the filter a larger one stands beside the rest, and an unstable one
+    # between them. Independently: the system file, linearised whole with its actuator after 140 s.
+    assert found.limit_cycles is not None
+    assert found.limit_cycles.without == ()
+    ours = {c.stable: c for c in found.limit_cycles.with_filter if c.frequency_hz > 1.0}
+    with wb.load(str(SYSTEMS / "failed_aileron_feedforward.toml")) as model:
+        theirs = wb.limit_cycle(model, block="damper", time=150.0, band=(1.0, 10.0), methods=("describing function",))
+    assert len(theirs.crossings) == len(ours) == 2
+    for c in theirs.crossings:
+        assert ours[c.stable].frequency_hz == pytest.approx(c.frequency_hz, abs=0.01)
+        assert ours[c.stable].amplitude == pytest.approx(c.amplitude, rel=0.15)  # the actuator lags by 5 ms
+    assert ours[False].amplitude < 0.217 < ours[True].amplitude  # type: ignore[operator]
+    assert any("a limit cycle is predicted at" in note and "without it there is none" in note for note in found.notes)
+
+
 # -- system file ----------------------------------------------------------------------------------
 
 

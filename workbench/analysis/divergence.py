@@ -172,8 +172,9 @@ def _judged(gaps: Floats) -> tuple[str | None, float]:
         ratio, straight = _geometric(last)
         if ratio < _SHRINKS and straight:
             return "finite escape", ratio
-    quarter = max(1, len(gaps) // 4)
-    change = float(np.median(gaps[-quarter:]) / np.median(gaps[:quarter]))
+    usual = gaps[gaps > 0.0]  # several doublings between two points take no time
+    quarter = max(1, len(usual) // 4)
+    change = float(np.median(usual[-quarter:]) / np.median(usual[:quarter]))
     if 1.0 / _STEADY < change < _STEADY:
         return "exponential", 1.0
     return ("growing" if change < 1.0 else None), ratio

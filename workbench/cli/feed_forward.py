@@ -134,21 +134,22 @@ def feed_forward(
     signals = {name: parse_signal(text) for name, text in pairs("--input", input).items()} if input else None
     if signals is None and (crude or figure == "simulated"):
         raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
+    fed_back, sizes, limits = _feedback(feedback), _orders(orders), _band(band)
     loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
     with loaded:
         result = analyse(
             loaded,
             block=block,
             target=to,
-            feedback=_feedback(feedback),
-            orders=_orders(orders),
+            feedback=fed_back,
+            orders=sizes,
             hankel=hankel,
             method=method,
             cancel=cancel,
             low_pass=low_pass,
             low_pass_order=low_pass_order,
             sign=sign,
-            band=_band(band),
+            band=limits,
             inputs=signals,
             outputs=output or (),
             closes_at=closes_at,

@@ -79,7 +79,8 @@ def _reduced(result: FeedForwardResult) -> Figure:
 def _compensation(result: FeedForwardResult) -> Figure:
     step = next(s for s in reversed(result.steps) if s.name in {"cancelled", "joined", "reduced"})
     curves = [("H", result.h, "-"), (f"G·F, order {step.order}", result.g * step.response, "--")]
-    return _bode(result, curves, "what the filter brings to the block's input, before the poles are mirrored")
+    what = "what the filter brings to the block's input, before the poles are mirrored"
+    return _bode(result, curves, what, name="gain [dB]")
 
 
 def _mirrored(result: FeedForwardResult) -> Figure:
@@ -140,9 +141,9 @@ def _name(step: str) -> str:
     }.get(step, step)  # fmt: skip
 
 
-def _bode(result: FeedForwardResult, curves: list[Curve], what: str) -> Figure:
+def _bode(result: FeedForwardResult, curves: list[Curve], what: str, *, name: str = "") -> Figure:
     figure, axes = _bode_axes(result, what)
-    _gain(axes[0], result, curves)
+    _gain(axes[0], result, curves, name=name)
     _phase(axes[1], result, curves)
     _frequency(axes[1], result)
     return figure
@@ -153,7 +154,9 @@ def _bode_axes(result: FeedForwardResult, what: str) -> tuple[Figure, list[Axes]
     return figure, [grid[0][0], grid[1][0]]
 
 
-def _gain(ax: Axes, result: FeedForwardResult, curves: list[Curve], *, name: str = "gain [dB]") -> None:
+def _gain(ax: Axes, result: FeedForwardResult, curves: list[Curve], *, name: str = "") -> None:
+    into, out = result.filter_units
+    name = name or (f"gain [dB of {out}/({into})]" if into and out else "gain [dB]")
     top = -np.inf
     for number, (text, value, dash) in enumerate(curves):
         with np.errstate(all="ignore"):

@@ -11,6 +11,7 @@ from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.design import Design, Settings, design, grid
 from workbench.analysis.feed_forward.plant import Plant, linear_plant
+from workbench.analysis.feed_forward.remaining import remaining
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
@@ -110,14 +111,18 @@ def feed_forward(
         frequency = grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
         judge = Judge(frequency, settings.band, plant.G.response(frequency), plant.H.response(frequency))
         made = design(plant.G, plant.H, settings, judge)
+        looked_at = (0.1 * settings.band[0], _WIDER * settings.band[1])
+        left = remaining(model, block, plant, made.part, band=looked_at, at=at, time=time)
     trials = () if run is None else _trials(model, loops, made, judge, run, crude=crude)
-    units = tuple(variable_of(model, name, "variable").unit for name in (loops.ports.w, target))
+    units = tuple(variable_of(model, name, "variable").unit for name in (loops.ports.w, target, loops.ports.v))
+    said = [left] if isinstance(left, str) else left.words(units[2])
     return FeedForwardResult(
         model=model.name, interface=model.interface, solver=model.solver, block=block,
         input=loops.ports.v, output=loops.ports.w, target=target, source=loops.source, gain=loops.gain,
         filter_units=(units[0], units[1]), band=settings.band, frequency_hz=frequency, g=judge.g, h=judge.h,
-        open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made, trials=trials,
-        notes=(*plant.notes, *_doubts(plant, made, loops), *made.notes, *_failures(trials)),
+        open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made,
+        limit_cycles=None if isinstance(left, str) else left, trials=trials,
+        notes=(*plant.notes, *_doubts(plant, made, loops), *made.notes, *said, *_failures(trials)),
     )  # fmt: skip
 
 

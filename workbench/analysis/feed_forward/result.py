@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.feed_forward.design import Design
+from workbench.analysis.feed_forward.remaining import Remaining
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.analysis.nyquist.linear_part import LinearPart
@@ -42,6 +43,8 @@ class FeedForwardResult(Reportable):
         open_unstable: poles right of the imaginary axis without feedback [1/s].
         closed_unstable: likewise with it.
         design: reductions, steps and the filter.
+        limit_cycles: predicted by the describing function with the feedback alone and with the filter; None: the block
+            has a memory, see the notes.
         trials: simulations: scalar feedback alone, with the filter, crude filters.
         notes: what should be known, one line each.
     """
@@ -63,6 +66,7 @@ class FeedForwardResult(Reportable):
     open_unstable: Complex
     closed_unstable: Complex
     design: Design
+    limit_cycles: Remaining | None = None
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -153,6 +157,7 @@ class FeedForwardResult(Reportable):
             "mirrored": _pairs(self.design.mirrored),
             "factored": self.design.factored.to_dict(),
             "filter": self.filter_dict(),
+            "limit_cycles": None if self.limit_cycles is None else self.limit_cycles.to_dict(),
             "trials": [t.to_dict() for t in self.trials],
             "notes": list(self.notes),
         }

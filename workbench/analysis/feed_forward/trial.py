@@ -24,7 +24,7 @@ _WINDOW = 0.1  # of the time before closing, in which the amplitude is measured
 _END = 0.05  # of the time after it, in which the rest is measured
 _PER_RUN = 20_000  # recorded points
 _NEAR = 1000  # points between closing and an escape
-_BEFORE = 1e-4  # of the time after closing: so long before an escape the record ends
+_BEFORE = (1e-4, 1e-2, 0.1, 0.5)  # of the time after closing: so long before a failure the record ends
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,13 +121,18 @@ def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run:
 def _shorter(
     system: DescribedModel, error: SimulationError, inputs: Mapping[str, Signal], names: Sequence[str], run: Run
 ) -> SimulationResult:
-    """Run again up to just before the failure."""
-    if error.time is None:
+    """Run again up to just before the failure, which need not come at the same time again."""
+    if error.time is None or not error.time > 0.0:
         raise error
     begin = run.closes_at if run.closes_at < error.time else 0.0
-    end = error.time - _BEFORE * (error.time - begin)
-    points = np.union1d(np.linspace(0.0, end, _PER_RUN + 1)[1:], np.linspace(begin, end, _NEAR + 1)[1:])
-    return simulate(system, stop=end, inputs=inputs, outputs=names, points=points)
+    for part in _BEFORE:
+        end = error.time - part * (error.time - begin)
+        points = np.union1d(np.linspace(0.0, end, _PER_RUN + 1)[1:], np.linspace(begin, end, _NEAR + 1)[1:])
+        try:
+            return simulate(system, stop=end, inputs=inputs, outputs=names, points=points)
+        except SimulationError:
+            continue
+    raise error
 
 
 def _trial(  # noqa: PLR0917 - one row of facts
