@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import HealthCard, HealthLine
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.panels import ABOVE, LEGEND, panels
 
 __all__ = ["plot_check"]
 
@@ -24,6 +26,7 @@ _LOOKS = {
     "not applicable": ("#bbbbbb", ".", "not applicable"),
 }
 _MB = 1e6
+_SINGLE = 3  # columns of one FMU: the file and two interfaces
 
 
 def plot_check(card: HealthCard, path: str | Path | None = None) -> Figure:
@@ -43,8 +46,10 @@ def plot_check(card: HealthCard, path: str | Path | None = None) -> Figure:
     columns = len({(c.component, c.interface) for c in card.checks})
     names = list(dict.fromkeys(c.name for c in card.checks))
     height = max(3.4, 0.9 + 0.24 * len(names))
-    width = 4.0 * len(used) + 0.9 * max(0, columns - 3)
-    figure, (axes,) = panels(1, len(used), title=f"Health card of {card.model}", width=width, height=height)
+    shape = (1, len(used)) if columns <= _SINGLE else (len(used), 1)  # a system has a column for each interface
+    width = 4.0 * len(used) if columns <= _SINGLE else max(8.0, 0.6 * columns)
+    figure, grid = panels(*shape, title=f"Health card of {card.model}", width=width, height=height)
+    axes = [ax for row in grid for ax in row]
     for ax, (draw, lines) in zip(axes, used, strict=True):
         draw(ax, lines)
     if path is not None:
@@ -62,9 +67,12 @@ def _verdicts(ax: Axes, lines: Sequence[HealthLine]) -> None:
         if chosen:
             ax.plot(x, y, sign, color=colour, markersize=9, linestyle="", label=f"{words} ({len(chosen)})")
     ax.set_yticks(range(len(names)), names)
-    ax.set_xticks(range(len(columns)), columns, rotation=0 if len(columns) < 5 else 60)
+    turned: dict[str, Any] = (
+        {"rotation": 40, "ha": "right", "rotation_mode": "anchor"} if len(columns) > _SINGLE else {}
+    )
+    ax.set_xticks(range(len(columns)), columns, **turned)
     ax.set(xlim=(-0.6, len(columns) - 0.4), ylim=(len(names) - 0.4, -0.6))
-    ax.legend(**{**LEGEND, "loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 2})
+    ax.legend(**{**ABOVE, "ncols": 4 if len(columns) > _SINGLE else 2})
 
 
 def _where(line: HealthLine) -> str:
@@ -78,14 +86,30 @@ def _steps(ax: Axes, lines: Sequence[HealthLine]) -> None:
         steps = np.array(line.numbers["steps"][:-1], dtype=float)
         changes = np.array([np.nan if c is None else c for c in line.numbers["changes"]], dtype=float)
         changes[changes <= 0.0] = np.nan
-        order = line.numbers["order"]
-        words = "no order" if order is None else f"order {order:.2f}"
+        order, error = line.numbers["order"], line.numbers["error"]
+        words = "fails" if error is None else f"error {100.0 * error:.2g} %"
+        words += "" if order is None or line.verdict == "good" else f", order {order:.2f}"
         ax.plot(steps, changes, "o-", color=colour, markersize=5, label=f"{_where(line)}: {words}")
         ax.axvline(line.numbers["step"], color=colour, linestyle=":", linewidth=1.2)
     _slopes(ax)
     ax.set(xscale="log", yscale="log", xlabel="communication step [s]", ylabel="change with half the step / range")
+    _widen(ax)
     ax.set_title("dotted: the natural step", loc="left", fontsize=9.5)
     ax.legend(**{**LEGEND, "loc": "best"})
+
+
+def _widen(ax: Axes) -> None:
+    """Show one decade of steps and two of changes at least, so that rounding does not look like a slope."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    ax.set_xlim(min(left, right / 12.0), right)
+    if low > 0.0:
+        middle = float(np.sqrt(low * high))
+        ax.set_ylim(min(low, middle / 12.0), max(high, middle * 12.0))
+    else:
+        ax.set_ylim(1e-15, 1.0)
+        ax.text(0.5, 0.5, "nothing changes", transform=ax.transAxes, ha="center", color="#666666")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _slopes(ax: Axes) -> None:
