@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.errors import InputError
-from workbench.study.kinds import KINDS, kind_of, read_requirement
+from workbench.study.kinds import KINDS, read_requirement
 from workbench.study.kinds.base import Finding, NotMeasured
 from workbench.study.kinds.curve import unwrap
 from workbench.study.kinds.paths import found_at
@@ -404,8 +404,7 @@ def test_any_value() -> None:
 
 
 def test_every_kind_is_documented_and_says_what_it_reads() -> None:
-    for name in KINDS:
-        kind = kind_of(name)
+    for name, kind in KINDS.items():
         assert kind.__doc__, name
         fields = {f for c in kind.__mro__ if hasattr(c, "model_fields") for f in vars(c).get("__annotations__", {})}
         text = " ".join(c.__doc__ or "" for c in kind.__mro__)

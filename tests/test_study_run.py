@@ -128,7 +128,7 @@ def test_junit_is_read_back(grid: tuple[Path, int, dict[str, Any]]) -> None:
     assert int(suite.attrib["failures"]) == 2
     message = failed["corner (fmi2, lag.tau = 2)"]
     assert message is not None
-    assert message.attrib["message"] == "-6.9897 dB, limit ≥ -5 dB, at 0.1592 Hz"
+    assert message.attrib["message"] == "-6.9897 dB, limit ≥ -5 dB (0.1592 Hz)"
     assert all(float(c.attrib["time"]) >= 0.0 for c in cases)
     assert {c.attrib["classname"] for c in cases} == {"lags.response", "lags.facts"}
 

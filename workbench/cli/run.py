@@ -18,14 +18,13 @@ if TYPE_CHECKING:
 
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
-    from workbench.study.result import Checked, StudyResult
+    from workbench.study.result import StudyResult
     from workbench.study.run import StudyRun
 
 __all__ = ["run"]
 
 _NOT_MET = 1
 _INTERRUPTED = 130
-_MOST_ROWS = 40  # of a grid with more requirements only the worst of each is shown, and those that are violated
 
 
 def run(
@@ -168,21 +167,6 @@ def _why(reason: str) -> str:
     return f"failed: {reason}" if reason else "ended with exit code 1: points of it failed"
 
 
-def _shown(result: StudyResult) -> list[Checked]:
-    """Violated requirements first; of a long list only the worst of each requirement beside them."""
-    ordered = sorted(result.checked, key=lambda c: c.finding.passed)
-    if len(ordered) <= _MOST_ROWS:
-        return ordered
-    worst: dict[str, Checked] = {}
-    for checked in sorted((c for c in ordered if c.finding.passed), key=_margin):
-        worst.setdefault(checked.requirement.name, checked)
-    return [*result.violated, *worst.values()]
-
-
-def _margin(checked: Checked) -> float:
-    return float("inf") if checked.finding.margin is None else checked.finding.margin
-
-
 def _table(result: StudyResult) -> Table:
     from rich import box
     from rich.markup import escape
@@ -190,7 +174,7 @@ def _table(result: StudyResult) -> Table:
 
     from workbench.study.words import PASSED, limit_words, margin_words, number, verdict
 
-    shown = _shown(result)
+    shown = result.shown
     table = Table(title=escape(result.study.name), title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("requirement", overflow="fold")
     pointed = any(c.point for c in shown)

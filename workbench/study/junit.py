@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from workbench.errors import InputError
 from workbench.study.result import Checked, StudyResult
-from workbench.study.words import limit_words, value_words
+from workbench.study.words import said
 
 __all__ = ["write_junit"]
 
@@ -58,12 +58,11 @@ def _seconds(result: StudyResult, run: object) -> float:
 def _case(suite: ET.Element, checked: Checked, seconds: float) -> None:
     case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
     found = checked.finding
-    said = f"{value_words(found)}, limit {limit_words(found)}" + (f", at {found.where}" if found.where else "")
     if found.passed:
-        ET.SubElement(case, "system-out").text = _clean(said)
+        ET.SubElement(case, "system-out").text = _clean(said(found))
         return
     kind = "failure" if not found.reason or found.limit else "error"
-    message = _clean(found.reason or said)
+    message = _clean(said(found))
     ET.SubElement(case, kind, {"message": message, "type": checked.requirement.kind}).text = message
 
 

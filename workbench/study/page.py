@@ -10,11 +10,11 @@ from workbench.study.outcome import Outcome
 from workbench.study.pictures import pictures
 from workbench.study.plan import Run
 from workbench.study.result import Checked, StudyResult
-from workbench.study.words import limit_words, margin_words, number, value_words, verdict
+from workbench.study.words import limit_words, margin_words, said, value_words, verdict
 
 __all__ = ["study_page"]
 
-_HEADINGS = ("requirement", "value", "limit", "margin", "verdict", "where")
+_HEADINGS = ("requirement", "verdict", "value", "limit", "margin", "where")
 
 
 def study_page(result: StudyResult) -> Page:
@@ -28,7 +28,7 @@ def study_page(result: StudyResult) -> Page:
         title=result.study.name,
         lead=f"{_sentence(result.words)} {result.study.description}".strip(),
         facts=_facts(result),
-        summary=[Verdict(verdict(c.finding), _line(c)) for c in result.checked],
+        summary=[Verdict(verdict(c.finding), f"{c.name}: {said(c.finding)}") for c in result.shown],
         notes=result.notes,
         sections=sections,
         data=result.to_dict(),
@@ -57,14 +57,6 @@ def _model(file: str, result: StudyResult) -> str:
     return file
 
 
-def _line(checked: Checked) -> str:
-    found = checked.finding
-    if found.reason:
-        return f"{checked.name}: {found.reason}"
-    where = f", at {found.where}" if found.where else ""
-    return f"{checked.name}: {value_words(found)}, limit {limit_words(found)}{where}"
-
-
 def _violations(result: StudyResult) -> Iterator[Section]:
     if result.violated:
         reasons = [f"{c.name}: {c.finding.reason}" for c in result.violated if c.finding.reason]
@@ -86,13 +78,13 @@ def _requirements(result: StudyResult) -> Iterator[Section]:
 
 
 def _table(checked: Sequence[Checked]) -> Table:
-    return Table(_HEADINGS, [_row(c) for c in checked], verdict=4, right=(1, 2, 3))
+    return Table(_HEADINGS, [_row(c) for c in checked], verdict=1, right=(2, 3, 4))
 
 
 def _row(checked: Checked) -> tuple[str, ...]:
     found = checked.finding
-    value = f"{number(found.value)} {found.unit or ''}".strip()
-    return (checked.name, value, limit_words(found), margin_words(found), verdict(found), found.where)
+    numbers = (value_words(found), limit_words(found), margin_words(found))
+    return (checked.name, verdict(found), *numbers, found.where)
 
 
 def _grid(result: StudyResult) -> Iterator[Section]:

@@ -11,7 +11,7 @@ from workbench.study.kinds.base import Finding, Requirement, Result
 from workbench.study.kinds.mask import Mask
 from workbench.study.kinds.step import Overshoot, SettlingTime
 from workbench.study.result import Checked, StudyResult
-from workbench.study.words import limit_words, value_words
+from workbench.study.words import said
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,15 +33,9 @@ def pictures(result: StudyResult) -> Iterator[Section]:
         if len(figures) < _MOST and outcome is not None and outcome.result is not None:
             figure = _drawn(checked, outcome.result)
             if figure is not None:
-                figures.append((figure, _words(checked)))
+                figures.append((figure, f"{checked.name}: {said(checked.finding)}."))
     if figures:
         yield Section("Pictures", figures=figures)
-
-
-def _words(checked: Checked) -> str:
-    found = checked.finding
-    where = f", at {found.where}" if found.where else ""
-    return f"{checked.name}: {found.reason or value_words(found)}, limit {limit_words(found)}{where}."
 
 
 def _drawn(checked: Checked, result: Result) -> Figure | None:

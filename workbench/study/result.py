@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Checked", "StudyResult"]
 
+_MOST = 40  # so many lines are shown
 _NAMED = 4  # so many violated requirements are named in a sentence
 
 _COLUMNS = (
@@ -94,6 +96,17 @@ class StudyResult:
     def violated(self) -> list[Checked]:
         """Requirements that are not met, in the order of the study."""
         return [c for c in self.checked if not c.finding.passed]
+
+    @property
+    def shown(self) -> list[Checked]:
+        """Violated requirements first; of a long list only the worst of each requirement beside them."""
+        ordered = sorted(self.checked, key=lambda c: c.finding.passed)
+        if len(ordered) <= _MOST:
+            return ordered
+        worst: dict[str, Checked] = {}
+        for checked in sorted((c for c in ordered if c.finding.passed), key=_margin):
+            worst.setdefault(checked.requirement.name, checked)
+        return [*self.violated, *worst.values()]
 
     @property
     def failed(self) -> list[tuple[Run, Outcome]]:
@@ -178,6 +191,10 @@ class StudyResult:
 
         origin = Origin(command="run", call=self.command)
         write_report(self.page(), path, origin)
+
+
+def _margin(checked: Checked) -> float:
+    return math.inf if checked.finding.margin is None else checked.finding.margin
 
 
 def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import math
 
 from workbench.study.kinds.base import Finding
 
-__all__ = ["FAILED", "MISSED", "PASSED", "limit_words", "margin_words", "number", "value_words", "verdict"]
+__all__ = ["FAILED", "MISSED", "PASSED", "limit_words", "margin_words", "number", "said", "value_words", "verdict"]
 
 PASSED, MISSED, FAILED = "passed", "violated", "failed"
 
@@ -43,6 +43,12 @@ def limit_words(found: Finding) -> str:
     if "min" in limit:
         return f"≥ {number(limit['min'])}{_unit(found)}"
     return f"≤ {number(limit['max'])}{_unit(found)}" if "max" in limit else ""
+
+
+def said(found: Finding) -> str:
+    """Return how it came out: "-2.49 dB, limit ≥ -1 dB (2.5 Hz)", or why nothing was measured."""
+    where = f" ({found.where})" if found.where else ""
+    return found.reason or f"{value_words(found)}, limit {limit_words(found)}{where}"
 
 
 def margin_words(found: Finding) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,10 @@ from workbench.system.toml_schema import read_table
 if TYPE_CHECKING:
     from workbench.study.kinds.base import Requirement
 
-__all__ = ["KINDS", "kind_of", "read_requirement"]
+__all__ = ["KINDS", "read_requirement"]
 
 # Name in a study file → module in this package and class. By name, so that a study loads what it uses and no more.
-KINDS: Mapping[str, str] = {
+_HOME: Mapping[str, str] = {
     "gain": "response:Gain",
     "phase": "response:Phase",
     "offset": "response:Offset",
@@ -44,15 +44,22 @@ KINDS: Mapping[str, str] = {
 }
 
 
-def kind_of(name: str) -> type[Requirement]:
-    """Return the class of a kind.
+class _Kinds(Mapping[str, "type[Requirement]"]):
+    """Name of a kind → its class, loaded when it is asked for."""
 
-    Args:
-        name: in `KINDS`.
-    """
-    module, _, kind = KINDS[name].partition(":")
-    found: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
-    return found
+    def __getitem__(self, name: str) -> type[Requirement]:
+        module, _, kind = _HOME[name].partition(":")
+        found: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_HOME)
+
+    def __len__(self) -> int:
+        return len(_HOME)
+
+
+KINDS: Mapping[str, type[Requirement]] = _Kinds()
 
 
 def read_requirement(data: object, where: str) -> Requirement:
@@ -72,4 +79,4 @@ def read_requirement(data: object, where: str) -> Requirement:
         raise InputError(f"{where}: key 'kind' is missing; known: {', '.join(KINDS)}")
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"{where}: kind {kind!r} is unknown; {suggest(str(kind), KINDS)}")
-    return read_table(kind_of(kind), data, where)
+    return read_table(KINDS[kind], data, where)
