@@ -1,12 +1,7 @@
-"""The documentation: its examples run and show what the pages say; its tables hold what the code has.
-
-A difference after a change that was meant: `python -m docs.tools.update` writes what is shown now into the pages.
-"""
+"""The documentation: its tables, navigation, pictures and quotes against what the code has."""
 
 from __future__ import annotations
 
-import importlib.util
-import json
 import re
 from pathlib import Path
 
@@ -14,66 +9,17 @@ import pytest
 
 import workbench as wb
 from docs.tools.command_pages import command_names, command_page
-from docs.tools.examples import blocks_of, compare, pictures_of, run_page
-from docs.tools.given import provide
+from docs.tools.examples import pictures_of
 from docs.tools.python_pages import grouped_names
 from docs.tools.study_pages import requirements_page
+from tests.doc_pages import DOCS, first_column, pages, text_of
 from workbench.signals import parse_signal
 from workbench.study import schema as study_schema
 from workbench.study.kinds import KINDS
 from workbench.system import toml_schema
 
 ROOT = Path(__file__).parents[1]
-DOCS = ROOT / "docs"
 LARGEST = 150_000  # bytes of a picture
-NEEDS_BUILD = {"tutorials/identification.md"}  # they export an FMU
-HEADING = re.compile(r"^## (?P<title>.+)\n(?P<text>(?:(?!^## ).*\n?)*)", re.MULTILINE)
-ENVELOPE = {"command", "version", "seconds"}
-
-
-def pages() -> list[str]:
-    return sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
-
-
-def text_of(page: str) -> str:
-    return (DOCS / page).read_text(encoding="utf-8")
-
-
-def first_column(text: str) -> list[str]:
-    """Names in backticks in the first column of the tables of a text."""
-    cells = (line.split("|")[1] for line in text.splitlines() if line.startswith("|"))
-    return [name for cell in cells for name in re.findall(r"`([^`]+)`", cell)]
-
-
-def with_examples() -> list[str]:
-    return [p for p in pages() if any(b.language in {"sh", "python"} for b in blocks_of(text_of(p)))]
-
-
-@pytest.mark.parametrize("page", with_examples())
-def test_examples_show_what_the_page_says(page: str, tmp_path: Path) -> None:
-    text = text_of(page)
-    if page in NEEDS_BUILD and importlib.util.find_spec("ziglang") is None:
-        pytest.skip("needs the extra build")
-    if not provide(text, tmp_path):
-        pytest.skip("needs the package gemseo-fmu and Linux on x86_64")
-    shown = run_page(text, tmp_path)
-    assert shown
-    assert list(compare(shown)) == []
-    for owner, picture in pictures_of(text):
-        assert owner == Path(page).stem, f"{page} shows a picture of another page"
-        assert (tmp_path / picture).is_file(), f"{page} does not make {picture}"
-    if page == "reference/json.md":
-        check_json(text, tmp_path)
-
-
-def check_json(text: str, folder: Path) -> None:
-    """Each section names its keys in a table, and makes a file of its own name."""
-    for found in HEADING.finditer(text):
-        file = folder / f"{found['title']}.json"
-        keys = json.loads(file.read_text(encoding="utf-8")).keys() - ENVELOPE
-        assert sorted(first_column(found["text"])) == sorted(keys), f"keys of {found['title']}"
-    written = set(command_names()) - {"build", "export"}  # a list of files
-    assert written == set(re.findall(r"^## (.+)$", text, re.MULTILINE))
 
 
 def test_pictures_are_there_and_small() -> None:

@@ -1,0 +1,32 @@
+"""The examples of the documentation outside of its tutorials, and the keys of the JSON that they write."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from docs.tools.command_pages import command_names
+from tests.doc_pages import check_page, first_column, text_of, with_examples
+
+HEADING = re.compile(r"^## (?P<title>.+)\n(?P<text>(?:(?!^## ).*\n?)*)", re.MULTILINE)
+ENVELOPE = {"command", "version", "seconds"}
+
+
+@pytest.mark.parametrize("page", [p for p in with_examples() if not p.startswith("tutorials/")])
+def test_examples_show_what_the_page_says(page: str, tmp_path: Path) -> None:
+    check_page(page, tmp_path)
+    if page == "reference/json.md":
+        check_json(text_of(page), tmp_path)
+
+
+def check_json(text: str, folder: Path) -> None:
+    """Each section names its keys in a table, and makes a file of its own name."""
+    for found in HEADING.finditer(text):
+        file = folder / f"{found['title']}.json"
+        keys = json.loads(file.read_text(encoding="utf-8")).keys() - ENVELOPE
+        assert sorted(first_column(found["text"])) == sorted(keys), f"keys of {found['title']}"
+    written = set(command_names()) - {"build", "export"}  # a list of files
+    assert written == set(re.findall(r"^## (.+)$", text, re.MULTILINE))
