@@ -253,6 +253,7 @@ def test_json_csv_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     data = json.loads(out.read_text(encoding="utf-8"))
     assert [s["order"] for s in data["steps"]] == [65, 65, 62, 62, 62, 63]
     assert data["reduced"]["G"]["order"] == 36
+    assert data["reduced"]["H"]["band_error"]["relative"] < 0.3
     assert len(data["filter"]["A"]) == 63
     assert table.read_text(encoding="utf-8").startswith("frequency_hz,G gain")
     assert picture.stat().st_size > 10_000

@@ -10,6 +10,7 @@ from scipy.linalg import eig, solve_continuous_lyapunov
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.balanced import balanced_reduction
+from workbench.analysis.reduction.band_error import band_error
 from workbench.analysis.reduction.cancel import cancel, pair_distances
 from workbench.analysis.reduction.factored import Factored, factored
 from workbench.analysis.reduction.low_pass import low_pass
@@ -142,6 +143,26 @@ def test_units_of_input_and_output_do_not_matter() -> None:
 def test_what_makes_no_sense_is_refused(options: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         balanced_reduction(modes(), **options)  # type: ignore[arg-type]
+
+
+def test_errors_in_a_band_of_two_lags() -> None:
+    # 1/(s + 1) and 1/(s + 2): they differ by 1/|(s + 1)(s + 2)|, relatively by 1/|s + 2|, most at the lowest frequency.
+    one, two = (LinearPart(np.array([[-a]]), np.ones(1), np.ones(1)) for a in (1.0, 2.0))
+    found = band_error(one, two, (0.1, 10.0))
+    s = 0.2j * np.pi
+    assert (found.absolute_hz, found.relative_hz) == (0.1, 0.1)
+    assert found.absolute == pytest.approx(1.0 / abs((s + 1.0) * (s + 2.0)))
+    assert found.relative == pytest.approx(1.0 / abs(s + 2.0))
+    with pytest.raises(InputError, match="lower frequency first"):
+        band_error(one, two, (10.0, 0.1))
+
+
+def test_errors_in_a_band_stay_below_those_at_all_frequencies() -> None:
+    part = modes()
+    found = balanced_reduction(part, order=6)
+    inside = band_error(part, found.part, (0.1, 1.0))
+    assert inside.absolute < 0.2 * found.bound
+    assert band_error(part, found.part, (0.01, 100.0)).absolute <= found.bound
 
 
 # -- zeros and poles ------------------------------------------------------------------------------

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.step import FilterStep, Judge
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
+from workbench.analysis.reduction.band_error import BandError, band_error
 from workbench.analysis.reduction.cancel import cancel
 from workbench.analysis.reduction.factored import Factored, factored
 from workbench.analysis.reduction.low_pass import low_pass
@@ -17,12 +18,10 @@ from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
 from workbench.errors import InputError, suggest
 
-__all__ = ["SIGNS", "Design", "Settings", "design", "grid"]
+__all__ = ["SIGNS", "Design", "Settings", "design"]
 
 SIGNS = ("auto", "change", "keep")
-_PER_DECADE = 300
 _AXIS = 1e-6
-_AROUND = np.array([-3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0])  # half widths of a resonance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +69,7 @@ class Design:
 
     Attributes:
         G, H: reduced.
+        band_errors: of G and of H, in the band.
         steps: one after the other.
         factored: the filter by zeros, poles and gain.
         part: the filter as a state-space system.
@@ -79,6 +79,7 @@ class Design:
 
     G: BalancedReduction
     H: BalancedReduction
+    band_errors: tuple[BandError, BandError]
     steps: tuple[FilterStep, ...]
     factored: Factored
     part: LinearPart
@@ -131,29 +132,13 @@ def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> De
     return Design(
         G=g,
         H=h,
+        band_errors=(band_error(G, g.part, settings.band), band_error(H, h.part, settings.band)),
         steps=tuple(steps),
         factored=F,
         part=to_state_space(F),
         mirrored=turned.poles,
         notes=_notes(turned.on_axis, short.poles, turned.poles),
     )
-
-
-def grid(G: LinearPart, H: LinearPart, low: float, high: float) -> Floats:
-    """Return frequencies from `low` to `high`, denser at resonances of G and H [Hz].
-
-    Args:
-        G: one system.
-        H: the other.
-        low: [Hz].
-        high: [Hz].
-    """
-    count = max(2, round(_PER_DECADE * np.log10(high / low)))
-    poles = np.concatenate([G.poles, H.poles])
-    around = (poles.imag[:, None] + np.abs(poles.real)[:, None] * _AROUND).ravel()
-    extra = around / (2.0 * np.pi)
-    every = np.concatenate([np.geomspace(low, high, count), extra[(extra > low) & (extra < high)]])
-    return np.asarray(np.unique(every), dtype=np.float64)
 
 
 def _reduced(g: BalancedReduction, h: BalancedReduction, judge: Judge) -> FilterStep:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import Complex
-from workbench.analysis.feed_forward.design import Design, Settings, design, grid
+from workbench.analysis.feed_forward.design import Design, Settings, design
 from workbench.analysis.feed_forward.plant import Plant, linear_plant
 from workbench.analysis.feed_forward.remaining import remaining
 from workbench.analysis.feed_forward.result import FeedForwardResult
@@ -19,6 +19,7 @@ from workbench.analysis.feed_forward.wiring import Loops, variable_of
 from workbench.analysis.limit_cycle.cut import find_ports
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
+from workbench.analysis.reduction.band_error import dense_grid
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
@@ -108,7 +109,7 @@ def feed_forward(
     run = _run(model, inputs, outputs, closes_at, stop)
     with one_thread():
         plant = linear_plant(model, loops, at=at, time=time)
-        frequency = grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
+        frequency = dense_grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
         judge = Judge(frequency, settings.band, plant.G.response(frequency), plant.H.response(frequency))
         made = design(plant.G, plant.H, settings, judge)
         looked_at = (0.1 * settings.band[0], _WIDER * settings.band[1])

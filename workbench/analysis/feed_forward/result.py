@@ -152,7 +152,10 @@ class FeedForwardResult(Reportable):
             "block_output": self.output,
             "open_unstable": _pairs(self.open_unstable),
             "closed_unstable": _pairs(self.closed_unstable),
-            "reduced": {"G": self.design.G.to_dict(), "H": self.design.H.to_dict()},
+            "reduced": {
+                name: {**r.to_dict(), "band_error": e.to_dict()}
+                for name, r, e in zip("GH", self.design.reductions, self.design.band_errors, strict=True)
+            },
             "steps": [s.to_dict() for s in self.steps],
             "mirrored": _pairs(self.design.mirrored),
             "factored": self.design.factored.to_dict(),
