@@ -56,7 +56,9 @@ def _line(outcome: Outcome) -> str:
 def _not_met(result: ReproduceResult) -> Iterator[Section]:
     """Say of each target that is not met why."""
     for verdict, title in ((MISSED, "Missed"), (NOT_REACHABLE, "Not reachable, and why")):
-        lines = [f"{o.target.name}: {o.target.text}: {o.reason}." for o in result.outcomes if o.verdict == verdict]
+        lines = [
+            f"{o.target.name}: {o.target.text} asked for; {o.reason}." for o in result.outcomes if o.verdict == verdict
+        ]
         if lines:
             yield Section(title, items=lines)
 
