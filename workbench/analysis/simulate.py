@@ -120,6 +120,8 @@ def simulate(
         record, step = run.once(None)
     except SimulationError as error:
         why = explained(model, error, start=start_time, signals=inputs, names=names)
+        if why is error:
+            raise
         raise why from error
     notes = () if step is None or not verify_step else run.doubts(record, step)
     units = _units(model, [*names, *inputs])
