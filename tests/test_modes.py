@@ -21,6 +21,7 @@ from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.system.connect import connect
+from workbench.system.description import GainComponent
 from workbench.system.load import load
 
 
@@ -205,6 +206,17 @@ def test_a_mode_that_becomes_unstable_at_a_known_value() -> None:
     assert {s.split(".")[0] for s in mode.states} == {"a", "b", "c"}
 
 
+def test_the_gain_of_a_system_is_varied_like_a_parameter() -> None:
+    """A gain k around three lags: unstable above 8 at √3 rad/s, and below −1 by divergence."""
+    plant = control.ss(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
+    with connect({"k": 1.0, "plant": plant}, [("plant.y", "k.u"), ("k.y", "plant.u", {"gain": -1.0})]) as system:
+        result = modes(system, vary="k.gain", band=(-2.0, 12.0), points=5)
+    low, high = result.sets[0].critical
+    assert [c.value for c in (low, high)] == pytest.approx([-1.0, 8.0], abs=2e-5)
+    assert (low.kind, low.becomes, high.kind, high.becomes) == ("divergence", "stable", "flutter", "unstable")
+    assert high.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-5)
+
+
 def test_divergence_is_a_real_pole() -> None:
     """With the sign turned the same loop has a real pole at −1 + ∛(16 D): divergence at D = 1/16."""
     with connect(
@@ -280,8 +292,8 @@ def test_the_critical_speeds_of_the_aircraft_do_not_depend_on_the_grid() -> None
     """Two grids, one so coarse that all matching is refinement; and the poles counted by themselves on both sides."""
     with load("fmu:Aircraft") as aircraft:
         coarse, fine = (
-            modes(aircraft, vary="airspeed", band=(240.0, 260.0), points=n, set={"outer_aileron_failed": True}).sets[0]
-            for n in (2, 6)
+            modes(aircraft, vary="airspeed", band=(248.0, 254.0), points=n, set={"outer_aileron_failed": True}).sets[0]
+            for n in (2, 4)
         )
     assert [c.value for c in coarse.critical] == pytest.approx([c.value for c in fine.critical], abs=1e-4)
     assert [c.mode for c in coarse.critical] == [c.mode for c in fine.critical]
@@ -290,6 +302,19 @@ def test_the_critical_speeds_of_the_aircraft_do_not_depend_on_the_grid() -> None
         assert abs(c.real) < 1e-5
     balance = sum(1 if c.becomes == "unstable" else -1 for c in fine.critical)
     assert fine.unstable_count[-1] == fine.unstable_count[0] + balance
+
+
+def test_the_published_interval_of_position_gains() -> None:
+    """Chapter 8.5 of the source report: outer aileron's position to the inner one, stable for −1.3125 … −0.3185."""
+    with connect(
+        {"aircraft": "fmu:Aircraft", "k": GainComponent(name="k", units={"u": "rad", "y": "rad"})},
+        [("aircraft.outer_aileron_position", "k.u"), ("k.y", "aircraft.inner_aileron")],
+        start_values={"aircraft.outer_aileron_failed": True},
+    ) as system:
+        low, high = modes(system, vary="k.gain", band=(-1.5, -0.2), points=2, tolerance=1e-4).sets[0].critical
+    assert (low.becomes, high.becomes) == ("stable", "unstable")
+    assert low.value == pytest.approx(-1.3125, rel=5e-3)
+    assert high.value == pytest.approx(-0.3185, rel=5e-3)
 
 
 # -- command ---------------------------------------------------------------------------------

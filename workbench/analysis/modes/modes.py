@@ -69,7 +69,7 @@ def modes(
 
     Args:
         model: FMU or system; it stays open.
-        vary: parameter, input or state; of a system "component.name".
+        vary: parameter, input or state; of a system "component.name"; also "component.gain" of a gain.
         values: rising; or
         band: lowest and highest value, with
         points: equidistant values between.
@@ -106,12 +106,12 @@ def modes(
             source = Source(opened, vary, where)
             source.prepare(grid, jobs=jobs, progress=None if progress is None else _told(progress, label))
             found.append(_one_set(source, grid, label, dict(settings), width))
-    variable = next(v for v in model.description.variables if v.name == vary)
+    unit = next((v.unit for v in model.description.variables if v.name == vary), None)
     return ModesResult(
         model=model.name,
         interface=model.interface,
         parameter=vary,
-        unit=variable.unit,
+        unit=unit,
         sets=tuple(found),
         tolerance=width,
         notes=_notes(found, vary),

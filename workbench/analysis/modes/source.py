@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.result import LinResult
@@ -14,6 +16,8 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim import trim
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model
+from workbench.system.description import GainComponent
+from workbench.system.recipe import SystemRecipe
 
 __all__ = ["Source", "Where", "check_parameter"]
 
@@ -44,14 +48,34 @@ def check_parameter(model: Model, name: str) -> None:
 
     Args:
         model: whose it should be.
-        name: of a parameter, input or state.
+        name: of a parameter, input or state, or "component.gain" of a system's gain.
 
     Raises:
         InputError: it is none of these.
     """
-    known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number]
+    known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number] + _gains(model)
     if name not in known:
         raise InputError(f"modes: '{name}' is no parameter, input or state of {model.name}; {suggest(name, known)}")
+
+
+def _gains(model: Model) -> list[str]:
+    """Return the gains of a system file, which are no variables of the system."""
+    recipe = model.recipe
+    if not isinstance(recipe, SystemRecipe):
+        return []
+    return [f"{c.name}.gain" for c in recipe.system.components if isinstance(c, GainComponent)]
+
+
+def _with_gain(model: Model, name: str, value: float) -> AbstractContextManager[Model]:
+    """Return the system with another gain, opened anew."""
+    recipe = model.recipe
+    if not isinstance(recipe, SystemRecipe):
+        raise InputError(f"modes: {model.name} is no system")
+    parts = tuple(
+        replace(c, gain=value) if isinstance(c, GainComponent) and f"{c.name}.gain" == name else c
+        for c in recipe.system.components
+    )
+    return replace(recipe, system=replace(recipe.system, components=parts)).open()
 
 
 class Source:
@@ -70,6 +94,8 @@ class Source:
     def __init__(self, model: Model, vary: str, where: Where) -> None:
         self._model, self._vary, self._where = model, vary, where
         self._is_parameter = vary in {v.name for v in model.parameters}
+        self._is_gain = vary in _gains(model)
+        self._one_by_one = where.trimmed or self._is_gain
         self.results: dict[float, LinResult] = {}
         self.failed: dict[float, str] = {}
         self._poles: dict[float, Poles] = {}
@@ -82,7 +108,7 @@ class Source:
             jobs: worker processes.
             progress: called with the number done and in all.
         """
-        if self._where.trimmed:
+        if self._one_by_one:
             for number, value in enumerate(values, 1):
                 self(value)
                 if progress is not None:
@@ -102,7 +128,7 @@ class Source:
         if value in self.failed:
             return None
         if value not in self.results:
-            self._take(self._trimmed(value) if self._where.trimmed else self._over([value], 1, None)[0])
+            self._take(self._single(value) if self._one_by_one else self._over([value], 1, None)[0])
             if value in self.failed:
                 return None
         if value not in self._poles:
@@ -126,20 +152,30 @@ class Source:
             inputs=(), outputs=(), jobs=jobs, progress=progress,
         ).points  # fmt: skip
 
-    def _trimmed(self, value: float) -> LinPoint:
-        varied = {self._vary: value}
+    def _single(self, value: float) -> LinPoint:
+        """Linearise at one value what `lin_over` does not: about an equilibrium of its own, with another gain."""
+        varied, w = {self._vary: value}, self._where
         try:
-            with with_parameters(self._model, varied if self._is_parameter else {}) as model:
-                point = self._point(model, value)
-                task = make_task(model, at=point, x0=None, u0=None, inputs=(), outputs=(), time=self._where.time)
-                return LinPoint(varied, run(task, self._where.method))
+            with self._set(value) as model:
+                where: dict[str, Any]
+                if w.trimmed:
+                    where = {"at": self._point(model, value), "x0": None, "u0": None}
+                else:
+                    where = {"at": w.at, "x0": w.x0, "u0": w.u0}
+                task = make_task(model, inputs=(), outputs=(), time=w.time, **where)
+                return LinPoint(varied, run(task, w.method))
         except SimulationError as error:
             return LinPoint(varied, None, str(error))
+
+    def _set(self, value: float) -> AbstractContextManager[Model]:
+        if self._is_gain:
+            return _with_gain(self._model, self._vary, value)
+        return with_parameters(self._model, {self._vary: value} if self._is_parameter else {})
 
     def _point(self, model: Model, value: float) -> OperatingPoint:
         w, start = self._where, self._where.at or OperatingPoint(x={}, u={})
         states = {v.name for v in model.states}
-        held = {} if self._is_parameter else {self._vary: value}
+        held = {} if self._is_parameter or self._is_gain else {self._vary: value}
         fixed = {n: v for n, v in held.items() if n in states}
         forced = {**start.u, **w.u0, **{n: v for n, v in held.items() if n not in states}}
         found = trim(model, x0={**start.x, **w.x0}, u0=forced, fix=fixed, time=start.time if w.time is None else w.time)
