@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from workbench.analysis.identify import IdentifyResult
     from workbench.analysis.identify.identify import identify
     from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+    from workbench.analysis.limit_cycle.free_run import FreeRun
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
     from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
     from workbench.analysis.lin.compare import LinComparison, Verdict, compare
@@ -131,6 +132,7 @@ __all__ = [
     "FmuComponent",
     "FmuError",
     "FmuModel",
+    "FreeRun",
     "FunctionComponent",
     "GainComponent",
     "HealthCard",
@@ -245,6 +247,7 @@ _HOMES = {
     "workbench.analysis.describing.base": ("Block",),
     "workbench.analysis.describing.describe": ("DescribingFunction", "describing_function", "standard_block"),
     "workbench.analysis.limit_cycle.branch": ("Branch", "BranchPoint"),
+    "workbench.analysis.limit_cycle.free_run": ("FreeRun",),
     "workbench.analysis.limit_cycle.limit_cycle": ("limit_cycle",),
     "workbench.analysis.limit_cycle.result": ("LimitCycle", "LimitCycleResult", "SimulatedCycle"),
     "workbench.analysis.nyquist.linear_part": ("LinearPart",),
