@@ -148,6 +148,7 @@ def _fingerprint() -> str:
 def _run(command: Sequence[str | Path]) -> None:
     # Small matrices gain nothing from several BLAS threads, which wait for each other on a busy machine.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")}
+    environment["NO_MKDOCS_2_WARNING"] = "1"  # the theme's advertisement; what we use is pinned below version 2
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True, env=environment)
 
 
