@@ -238,6 +238,22 @@ def test_each_fmu_of_a_system_gets_its_lines(tmp_path: Path) -> None:
     assert str(card.concerns[0]).startswith("directional (liar, me): broken: ∂der(v)/∂x")
 
 
+def test_an_ssp_stays_unpacked_while_it_is_checked(tmp_path: Path) -> None:
+    wb.write_ssp(wb.read_system(ROOT / "systems" / "failed_aileron.toml"), tmp_path / "failed.ssp")
+    seen: list[tuple[float, str]] = []
+    card = wb.check(
+        tmp_path / "failed.ssp", only=["runs"], workers=HERE, progress=lambda done, text: seen.append((done, text))
+    )
+    assert [str(c.component) for c in card.checks] == ["aircraft", "aircraft", "damper", "damper"]
+    assert card.worst == "good"
+    assert seen == [
+        (0.25, "aircraft me runs"),
+        (0.5, "aircraft cs runs"),
+        (0.75, "damper me runs"),
+        (1.0, "damper cs runs"),
+    ]
+
+
 # -- names -----------------------------------------------------------------------------------------
 
 

@@ -98,8 +98,9 @@ def check(
     names = choose(only, skip)
     given = _Given(solver, step, tolerance, dict(start_values or {}), dict(bias or {}))
     where = workers or Workers(timeout=DEFAULT_PATIENCE)
-    if is_system_file(path):
-        parts = _parts_of(read_system(path), path, interface, given)
+    system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
+    if system is not None:
+        parts = _parts_of(system, path, interface, given)
     else:
         parts = [_Part(component="", file=str(path), interface=interface, **vars(given))]
     tell = progress or _silent

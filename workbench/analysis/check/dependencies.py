@@ -28,7 +28,7 @@ def dependencies(subject: Subject) -> Finding:
     relations follow. A row answers where it moves by more than 1e-8 of its magnitude or of what moves it most,
     whichever is larger. Broken: it answers to a known that its list in ModelStructure leaves out. A list that is
     longer than needed is legal; how many entries never answered is told. Not applicable: no lists (then everything may
-    depend on everything), or co-simulation without model exchange, which shows no states.
+    depend on everything). Co-simulation shows no states and has no such line.
     """
     derivatives = subject.model.description.derivatives
     rows = [*derivatives, *(v for v in subject.model.outputs if v.is_number)]
