@@ -14,7 +14,7 @@ from workbench.cli.run_commands import AppCommands, run_command
 from workbench.errors import InputError
 from workbench.study.arguments import arguments
 from workbench.study.bundled import bundled_studies
-from workbench.study.plan import make_plan
+from workbench.study.plan import Run, make_plan
 from workbench.study.read import read_study
 from workbench.study.references import check_arguments
 
@@ -174,3 +174,61 @@ def test_the_rudder_keeps_its_specification(tmp_path: Path) -> None:
     found = json.loads(out.read_text(encoding="utf-8"))
     assert found["passed"]
     assert all(r["passed"] for r in found["requirements"])
+
+
+def plan_of(tmp_path: Path, text: str, commands: AppCommands) -> list[Run]:
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    study = read_study(path, commands)
+    for analysis in study.analyses.values():
+        check_arguments(analysis, commands)
+    return list(make_plan(study, commands).runs)
+
+
+def test_several_models_and_results_as_models(tmp_path: Path, commands: AppCommands) -> None:
+    text = """
+    [models]
+    a = {model = "fmu:FirstOrderLag", set = {tau = 2}}
+    b = {model = "fmu:FirstOrderLag@3", set = {tau = 2}}
+    [analyses.linear]
+    command = "lin"
+    model = "a"
+    [analyses.exported]
+    command = "export"
+    model = {from = "linear"}
+    out = "linear.fmu"
+    [analyses.motions]
+    command = "compare"
+    systems = ["a", "b"]
+    signal = "y"
+    window = [[0, 1], [1, 2]]
+    """
+    runs = {run.analysis.name: run for run in plan_of(tmp_path, text, commands)}
+    assert runs["exported"].command_line == "workbench export linear.json --out=linear.fmu"
+    assert [f.name for f in runs["exported"].files] == ["linear.fmu"]
+    words = runs["motions"].command_line
+    assert words.startswith("workbench compare fmu:FirstOrderLag fmu:FirstOrderLag@3 ")
+    assert words.endswith("--signal=y --window=0:1 --window=1:2")
+    with pytest.raises(InputError, match="opens all its models alike"):
+        plan_of(tmp_path, text.replace("set = {tau = 2}}", "set = {tau = 3}}", 1), commands)
+    with pytest.raises(InputError, match="key 'model' takes one model"):
+        plan_of(tmp_path, text.replace('model = "a"', 'model = ["a", "b"]'), commands)
+
+
+def test_what_a_system_and_an_option_name_is_part_of_the_key(tmp_path: Path, commands: AppCommands) -> None:
+    inner = tmp_path / "parts"
+    inner.mkdir()
+    (inner / "lag.fmu").write_bytes(b"one")
+    (inner / "inner.toml").write_text('[components]\nplant = {model = "lag.fmu", set = {k = 1}}\n', encoding="utf-8")
+    (tmp_path / "outer.toml").write_text('[components]\na = "parts/inner.toml"\nb = "fmu:Rudder"\n', encoding="utf-8")
+    (tmp_path / "trim.json").write_text("{}", encoding="utf-8")
+    text = '[analyses.a]\ncommand = "lin"\nmodel = "outer.toml"\nat = "trim.json"\nmethod = "exact"\n'
+    (before,) = plan_of(tmp_path, text, commands)
+    names = {"outer.toml", "parts/inner.toml", "parts/lag.fmu", "fmu:Rudder", "trim.json"}
+    assert set(before.subject["files"]) == names
+    for changed in ("parts/lag.fmu", "parts/inner.toml", "trim.json"):
+        with (tmp_path / changed).open("ab") as file:
+            file.write(b"\n")
+        (after,) = plan_of(tmp_path, text, commands)
+        assert after.subject != before.subject
+        before = after

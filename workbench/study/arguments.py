@@ -65,9 +65,9 @@ def _values(name: str, option: Option, value: Any) -> list[Word]:  # noqa: ANN40
         return _pairs(name, option, value)
     if not isinstance(value, list):
         return [_text(name, value)]
-    if option.multiple:
-        return [w for item in value for w in ([_reference(name, item)] if _is_reference(item) else [_text(name, item)])]
     separator = _separator(option)
+    if option.multiple:
+        return [_reference(name, item) if _is_reference(item) else _joined(name, item, separator) for item in value]
     if not separator:
         raise InputError(f"key '{name}' takes one value, not a list")
     return [separator.join(_text(name, item) for item in value)]
@@ -92,7 +92,9 @@ def _pairs(name: str, option: Option, values: Mapping[str, Any]) -> list[Word]:
 
 
 def _joined(name: str, value: object, separator: str) -> str:
-    return separator.join(_text(name, v) for v in value) if isinstance(value, list) else _text(name, value)
+    if isinstance(value, list) and separator:
+        return separator.join(_text(name, v) for v in value)
+    return _text(name, value)
 
 
 def _separator(option: Option) -> str:

@@ -62,7 +62,7 @@ class Command:
 
 
 def _is_model(option: Option) -> bool:
-    return any(word in option.metavar.upper() for word in ("MODEL", "SYSTEM"))
+    return option.metavar.rstrip(".") in ("MODEL", "SYSTEM")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -62,13 +62,13 @@ class Analysis:
     Attributes:
         name: in the study.
         command: that does it.
-        model: in `Study.models`, or None where the command takes none.
+        models: in `Study.models`; none where the command takes none, several where it compares them.
         options: as given, by the names of the command's options.
     """
 
     name: str
     command: str
-    model: str | None
+    models: tuple[str, ...]
     options: Mapping[str, Any]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -11,10 +12,10 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
-from workbench.fmi.bundled import bundled_path, is_bundled
+from workbench.fmi.bundled import bundled_names, bundled_path, is_bundled
 from workbench.model.recipe import content_hash
 
-__all__ = ["Hashes", "code_hash", "file_in"]
+__all__ = ["Hashes", "code_hash"]
 
 _SYSTEM, _STRUCTURE = ".toml", ".ssd"
 # Where a system structure names the files of its components.
@@ -35,23 +36,6 @@ def code_hash() -> str:
                 file.relative_to(package).as_posix().encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest()
             )
     return digest.hexdigest()
-
-
-def file_in(text: str, folder: Path) -> Path | None:
-    """Return the file that a text names, relative to a folder; None: it names none.
-
-    Args:
-        text: such as "trim.json" or "delC=step.csv".
-        folder: of the study.
-    """
-    name = text.rpartition("=")[2].strip()
-    if not name or len(name) > _LONGEST or "\0" in name:
-        return None
-    path = folder / Path(name)
-    try:
-        return path if path.is_file() else None
-    except OSError:
-        return None
 
 
 class Hashes:
@@ -86,6 +70,35 @@ class Hashes:
         """
         return dict(self._files(model, self._folder, ()))
 
+    def of_word(self, word: str) -> dict[str, str]:
+        """Return name → hash of what one argument names, such as "trim.json", "--actuator=fmu:Rudder" or "u=step.csv".
+
+        Args:
+            word: of a command; most name no file.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        name = word.rpartition("=")[2].strip()
+        if is_bundled(name):
+            return self.of_model(name) if name.removeprefix("fmu:").partition("@")[0] in bundled_names() else {}
+        return self.of_model(name) if self._is_file(name) else {}
+
+    def _is_file(self, name: str) -> bool:
+        if not name or len(name) > _LONGEST or "\0" in name:
+            return False
+        try:
+            return (self._folder / name).is_file()
+        except OSError:
+            return False
+
+    def _name(self, path: Path) -> str:
+        """Return the file as seen from the study, so that a study that moves keeps its results."""
+        try:
+            return Path(os.path.relpath(path, self._folder)).as_posix()
+        except ValueError:  # another drive of Windows
+            return path.as_posix()
+
     def _files(self, model: str, folder: Path, before: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
         if is_bundled(model):
             yield model, self.of_file(bundled_path(model))
@@ -93,7 +106,7 @@ class Hashes:
         path = (folder / Path(model).expanduser()).resolve()
         if path in before:
             return
-        yield model, self.of_file(path)
+        yield self._name(path), self.of_file(path)
         for name in _named_in(path):
             if is_bundled(name) or (path.parent / name).exists():
                 yield from self._files(name, path.parent, (*before, path))

@@ -19,6 +19,7 @@ __all__ = ["check_names"]
 
 # Options that name variables, whatever the command.
 _NAMES = ("input", "inputs", "output", "outputs")
+_MATRICES = ".json"  # of a linear model: it has no variables to look for
 _VALUES = ("set", "bias")
 
 
@@ -35,14 +36,15 @@ def check_names(study: Study, runs: Sequence[Run]) -> None:
     """
     opened: dict[tuple[str, str], _Names] = {}
     for run in runs:
-        if run.model is None:
-            continue
-        # Which parameters are set counts, not their values: a grid opens its models once.
-        key = (str(run.model.model), repr([sorted(run.model.options.get(o, ())) for o in _VALUES]))
-        if key not in opened:
-            opened[key] = _open(study, run, run.model)
-        with place(f"[analyses.{run.analysis.name}]"):
-            _check(run, opened[key])
+        for name, model in zip(run.analysis.models, run.models, strict=True):
+            if Path(str(model.model)).suffix.lower() == _MATRICES:
+                continue
+            # Which parameters are set counts, not their values: a grid opens its models once.
+            key = (str(model.model), repr([sorted(model.options.get(o, ())) for o in _VALUES]))
+            if key not in opened:
+                opened[key] = _open(study, name, model)
+            with place(f"[analyses.{run.analysis.name}]"):
+                _check(run, str(model.model), opened[key])
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class _Names:
     outputs: tuple[str, ...]
 
 
-def _open(study: Study, run: Run, model: Change) -> _Names:
+def _open(study: Study, name: str, model: Change) -> _Names:
     file = str(model.model)
     path = file if is_bundled(file) else str(study.folder / Path(file).expanduser())
     values = {option: dict(model.options.get(option, {})) for option in _VALUES}
@@ -68,7 +70,7 @@ def _open(study: Study, run: Run, model: Change) -> _Names:
         with load(path, start_values=values["set"], bias=values["bias"]) as opened:
             return _names(opened)
     except InputError as error:
-        raise InputError(f"{_where(study, run, str(error))}: {error}") from None
+        raise InputError(f"{_where(study, name, str(error))}: {error}") from None
 
 
 def _names(model: DescribedModel) -> _Names:
@@ -78,20 +80,19 @@ def _names(model: DescribedModel) -> _Names:
     return _Names(every, tuple(v.name for v in model.inputs), outputs)
 
 
-def _where(study: Study, run: Run, message: str) -> str:
+def _where(study: Study, model: str, message: str) -> str:
     """Return the table that names what the model complains about."""
     for name in study.grid:
-        model, _, parameter = name.partition(".")
-        if model == run.analysis.model and parameter in message:
+        owner, _, parameter = name.partition(".")
+        if owner == model and parameter in message:
             return f'[grid] "{name}"'
-    return f"[models] {run.analysis.model}"
+    return f"[models] {model}"
 
 
-def _check(run: Run, names: _Names) -> None:
+def _check(run: Run, file: str, names: _Names) -> None:
     for key, name in _named(run.analysis.options):
         if name not in names.every:
             near = suggest(name, names.inputs if key.startswith("in") else names.outputs)
-            file = run.model.model if run.model is not None else ""
             raise InputError(f"{key} '{name}' is no variable of {file}; {near}")
 
 

@@ -49,7 +49,7 @@ def _model(file: str, result: StudyResult) -> str:
     """Return the file of a model and the hashes of what it consists of."""
     for run in result.runs:
         files = run.subject["files"]
-        if run.model is not None and file in files:
+        if file in files:
             parts = [
                 f"{name} (sha256 {files[name][:16]}…)" for name in files if name == file or name.startswith("fmu:")
             ]

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from workbench import __version__
+from workbench.errors import InputError
 from workbench.study.arguments import arguments
 from workbench.study.commands import Command, Commands
 from workbench.study.description import Analysis, Change, Point, Reference, Study, Word
-from workbench.study.fingerprint import Hashes, code_hash, file_in
+from workbench.study.fingerprint import Hashes, code_hash
 from workbench.study.place import place
 from workbench.study.points import model_at, part_of, points
 from workbench.study.references import words_of
@@ -32,7 +33,7 @@ class Run:
         analysis: what is run.
         point: as far as it concerns the analysis.
         words: the arguments, references in them.
-        model: as the point has it; None: the command takes none.
+        models: as the point has them.
         wants: CSV files that other analyses take.
         needs: name of an analysis referred to → its run.
         subject: what the result depends on, but the arguments: for the store.
@@ -43,7 +44,7 @@ class Run:
     analysis: Analysis
     point: Point
     words: tuple[Word, ...]
-    model: Change | None
+    models: tuple[Change, ...]
     wants: tuple[str, ...]
     needs: Mapping[str, Run]
     subject: Mapping[str, Any]
@@ -138,24 +139,22 @@ class _Planner:
 
     def _models(self, name: str) -> set[str]:
         """Return the models that an analysis depends on."""
-        own = self._study.analyses[name].model
-        found = {own} if own is not None else set()
-        return found.union(*(self._models(r.analysis) for r in self._references[name]))
+        return set(self._study.analyses[name].models).union(*(self._models(r.analysis) for r in self._references[name]))
 
     def _run(self, name: str, point: Point, needs: Mapping[str, Run]) -> Run:
         analysis = self._study.analyses[name]
         command = self._commands.get(analysis.command)
-        model = model_at(self._study, analysis.model, point) if analysis.model is not None else None
+        models = tuple(model_at(self._study, model, point) for model in analysis.models)
         part = part_of(self._study, point, self._models(name))
-        words, files = self._renamed([*self._model_words(analysis, command, model), *self._words[name]], part)
+        words, files = self._renamed([*self._model_words(analysis, command, models), *self._words[name]], part)
         wants = tuple(sorted({w.kind for w in self._wanted(name)} - {"json"}))
         words = [analysis.command, *words]
-        subject = {**self._common, "command": analysis.command, "files": self._hashes(model, words)}
+        subject = {**self._common, "command": analysis.command, "files": self._hashes(models, words)}
         key = _key(words, wants, needs)
         identity = json.dumps([subject, key], sort_keys=True)
         if identity not in self._runs:
             self._runs[identity] = Run(
-                analysis=analysis, point=part, words=tuple(words), model=model, wants=wants, needs=needs,
+                analysis=analysis, point=part, words=tuple(words), models=models, wants=wants, needs=needs,
                 subject=subject, key=key, files=tuple(files),
             )  # fmt: skip
         return self._runs[identity]
@@ -164,21 +163,23 @@ class _Planner:
         for references in self._references.values():
             yield from (r for r in references if r.analysis == name)
 
-    def _model_words(self, analysis: Analysis, command: Command, model: Change | None) -> list[Word]:
-        """Return the model and its options, but those that the analysis gives itself."""
-        if model is None:
+    def _model_words(self, analysis: Analysis, command: Command, models: Sequence[Change]) -> list[Word]:
+        """Return the models and their options, but those that the analysis gives itself."""
+        if not models:
             return []
         where = f"[analyses.{analysis.name}]"
+        if any(model.options != models[0].options for model in models):
+            raise InputError(f"{where}: '{command.name}' opens all its models alike, but their set, bias, … differ")
         options = {}
-        for name, value in model.options.items():
+        for name, value in models[0].options.items():
             if name not in command.options:
-                self._not_taken(where, command, name, model)
+                self._not_taken(where, command, name, models[0])
             elif isinstance(value, Mapping) and isinstance(analysis.options.get(name), Mapping):
                 options[name] = {k: v for k, v in value.items() if k not in analysis.options[name]}
             elif isinstance(value, Mapping) or name not in analysis.options:
                 options[name] = value
         with place(where):
-            return [str(model.model), *arguments(command, options)]
+            return [*(str(model.model) for model in models), *arguments(command, options)]
 
     def _not_taken(self, where: str, command: Command, name: str, model: Change) -> None:
         self._notes[f"{where}: '{command.name}' has no option {name}; it sees {model.model} as it is"] = None
@@ -197,12 +198,14 @@ class _Planner:
                 found.append(word)
         return found, files
 
-    def _hashes(self, model: Change | None, words: Sequence[Word]) -> dict[str, str]:
-        folder = self._study.folder
-        found = self._files.of_model(str(model.model)) if model is not None else {}
+    def _hashes(self, models: Sequence[Change], words: Sequence[Word]) -> dict[str, str]:
+        """Return the hashes of all files that the arguments name, systems with their FMUs."""
+        found: dict[str, str] = {}
+        for model in models:
+            found |= self._files.of_model(str(model.model))
         for word in words:
-            if isinstance(word, str) and not _writes(word) and (path := file_in(word, folder)) is not None:
-                found[word] = self._files.of_file(path)
+            if isinstance(word, str) and not _writes(word):
+                found |= self._files.of_word(word)
         return found
 
 

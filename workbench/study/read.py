@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.errors import InputError, suggest
 from workbench.study.bundled import locate_study
-from workbench.study.commands import Commands
+from workbench.study.commands import Commands, Option
 from workbench.study.description import Analysis, Change, Study
 from workbench.study.kinds import read_requirement
 from workbench.study.kinds.base import Requirement
@@ -20,7 +20,7 @@ from workbench.system.toml_schema import read_table
 
 __all__ = ["read_study"]
 
-_FILES = (".fmu", ".toml", ".ssp", ".ssd")
+_FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
 
 
 def read_study(name: str | Path, commands: Commands) -> Study:
@@ -170,21 +170,31 @@ def _analysis(name: str, given: object, models: dict[str, Change], commands: Com
     known(where, "command", command, commands.names())
     facts = commands.get(command)
     options = {k: v for k, v in given.items() if k not in own}
-    model = options.pop(facts.model.name, None) if facts.model is not None else None
-    if facts.model is not None and model is None:
-        raise InputError(f"{where}: key '{facts.model.name}' is missing; models: {', '.join(models) or 'none'}")
-    if model is not None:
-        model = _model_of(where, model, models, folder)
+    asked: list[object] = []
+    if facts.model is not None and not isinstance(options.get(facts.model.name), Mapping):
+        asked = _asked(where, facts.model, options.pop(facts.model.name, None), models)
     for key in options:
         with place(where):
             facts.option(key)
-    return Analysis(name=name, command=command, model=model, options=options)
+    names = tuple(_model_of(where, model, models, folder) for model in asked)
+    return Analysis(name=name, command=command, models=names, options=options)
+
+
+def _asked(where: str, option: Option, given: object, models: Mapping[str, Change]) -> list[object]:
+    """Return the models that an analysis names: one, or as many as its command takes."""
+    if given is None:
+        raise InputError(f"{where}: key '{option.name}' is missing; models: {', '.join(models) or 'none'}")
+    if not isinstance(given, list):
+        return [given]
+    if not option.multiple or not given:
+        raise InputError(f"{where}: key '{option.name}' takes {'at least ' if option.multiple else ''}one model")
+    return given
 
 
 def _model_of(where: str, model: object, models: dict[str, Change], folder: Path) -> str:
     """Return the name of an analysis's model; a file or `fmu:NAME` is taken as a model of that name."""
     if not isinstance(model, str):
-        raise InputError(f"{where}: key 'model' must be the name of a model, not {model!r}")
+        raise InputError(f"{where}: a model must be named by a string, not {model!r}")
     if model not in models and (":" in model or Path(model).suffix.lower() in _FILES):
         existing(model, folder, where)
         models[model] = Change(model=model)

@@ -74,8 +74,7 @@ def check_arguments(analysis: Analysis, commands: Commands) -> None:
     Raises:
         InputError: one is missing, or has a value of another type.
     """
-    model = [analysis.model] if analysis.model is not None else []
     words = words_of(analysis, commands)
     texts = [w if isinstance(w, str) else f"{w.prefix}{w.analysis}.{w.kind}" for w in words]
     with place(f"[analyses.{analysis.name}]"):
-        commands.check(analysis.command, [*model, *texts])
+        commands.check(analysis.command, [*analysis.models, *texts])
