@@ -99,6 +99,9 @@ def test_measured_is_the_closed_form() -> None:
     assert found.method == "measured"
     assert found.gain[:, 0].real == pytest.approx(exact, rel=1e-3)
     assert np.abs(found.gain.imag).max() < 1e-3
+    wanted = np.abs(standard_block("saturation").harmonics(2.0))
+    assert found.harmonics[1, 0] == pytest.approx(wanted / wanted[1], abs=1e-3)
+    assert found.harmonics[0, 0, 2:] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_measured_in_a_box_with_dynamics_depends_on_the_frequency() -> None:

@@ -11,6 +11,7 @@ import control
 import numpy as np
 import pytest
 
+from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import closeness
 from workbench.analysis.modes.modes import modes
@@ -283,6 +284,16 @@ def test_models_of_different_order_cannot_be_followed() -> None:
 def test_a_sampled_model_shows_its_poles_in_continuous_time() -> None:
     a = control.c2d(control.ss(control.tf([4.0], [1.0, 0.4, 4.0])), 0.01).A
     assert poles_of(a, dt=0.01).value == pytest.approx(np.array([-0.2 + 1j * math.sqrt(3.96)]), rel=1e-9)
+
+
+@needs_gemseo
+def test_a_third_party_fmu_over_its_mass() -> None:
+    """Mass, damper 10 N.s/m and spring 1e4 N/m: ω² = k/m, ζ = c/(2 √(k m))."""
+    with load(gemseo_fmu("Mass_Damper")) as body:
+        (only,) = modes(body, vary="mass.m", values=[0.5, 1.0, 2.0]).sets
+    (mode,) = only.modes
+    assert np.abs(mode.pole) == pytest.approx(np.sqrt(1e4 / only.value), rel=1e-5)
+    assert mode.damping == pytest.approx(5.0 / np.sqrt(1e4 * only.value), rel=1e-5)
 
 
 # -- the aircraft ----------------------------------------------------------------------------

@@ -126,6 +126,7 @@ def test_a_run_without_bound_is_reported_and_the_others_count() -> None:
         ({"signals": ["z"]}, "lag has no variable 'z'"),
         ({"signals": []}, "at least one"),
         ({"windows": [(2.0, 1.0)]}, "must rise"),
+        ({"unit": "furlong"}, "no signal can be shown in 'furlong'"),
         ({"stop": 0.5}, "before the last window"),
         ({"inputs": {"v": Step(time=0.0, value=1.0)}}, "lag has no input 'v'"),
     ],

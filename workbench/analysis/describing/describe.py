@@ -199,7 +199,7 @@ def _rising(what: str, values: Sequence[float] | Floats) -> Floats:
 def _harmonics(block: Block, a: Floats, f: Floats) -> Floats:
     shape = (len(a), len(f), HARMONICS + 1)
     if isinstance(block, MeasuredBlock):
-        return np.full(shape, np.nan)
+        return np.array([[block.harmonic_sizes(x, y) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
     found = np.array([[np.abs(block.harmonics(x, y)) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(found / found[:, :, 1:2], dtype=np.float64)

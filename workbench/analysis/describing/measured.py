@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from workbench.analysis.describing.base import Block, Complex, Floats
+from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
 from workbench.analysis.nfr_result import NfrResult
 from workbench.errors import InputError
 
@@ -15,9 +15,10 @@ __all__ = ["MeasuredBlock"]
 class MeasuredBlock(Block):
     """N(A, f) interpolated in a measured frequency response; outside the grid it has no value.
 
-    Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. The
-    harmonics are unknown: no judgement of the filter hypothesis is possible with it. Harmonic balance drives the block
-    itself instead (`workbench.analysis.limit_cycle.driven`).
+    Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. Of the
+    harmonics the sizes are known, which is what the filter hypothesis is judged by; their phases are not, and what a
+    block answers to a motion that is no sine cannot be put together from sines: harmonic balance drives the block
+    itself (`workbench.analysis.limit_cycle.driven`).
 
     Args:
         response: over a grid of amplitudes and frequencies.
@@ -41,6 +42,8 @@ class MeasuredBlock(Block):
         self._logarithmic = bool(np.all(gain > 0.0))
         values = [np.log(gain) if self._logarithmic else gain, np.unwrap(np.radians(response.phase_deg), axis=1)]
         self._tables = [self._table(v) for v in values]
+        sizes = _sizes(response)
+        self._harmonics = [self._table(sizes[:, :, k]) for k in range(HARMONICS + 1)]
 
     def _table(self, values: Floats) -> RegularGridInterpolator:
         axes = [np.log(self.response.amplitude), np.log(self.response.frequency_hz)]
@@ -55,8 +58,33 @@ class MeasuredBlock(Block):
         size, phase = (float(t((np.log(amplitude), np.log(frequency)))) for t in self._tables)
         return complex((np.exp(size) if self._logarithmic else size) * np.exp(1j * phase))
 
+    def harmonic_sizes(self, amplitude: float, frequency: float) -> Floats:
+        """Return the sizes of harmonics 0 … 7 of the output over that of its fundamental, shape (8,); NaN: not known.
+
+        Args:
+            amplitude: of the sine.
+            frequency: [Hz].
+        """
+        where = np.log(amplitude), np.log(frequency)
+        return np.array([float(t(where)) for t in self._harmonics])
+
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
         """Return the fundamental alone; the other harmonics are not known and count as zero."""
         found: Complex = np.zeros(count + 1, dtype=np.complex128)
         found[1] = v[1] * self.gain(float(abs(v[1])), frequency)
         return found
+
+
+def _sizes(response: NfrResult) -> Floats:
+    """Return the sizes of the harmonics at each point, shape (amplitudes, frequencies, 8)."""
+    found = np.full((*response.response.shape, HARMONICS + 1), np.nan)
+    fundamental = np.abs(response.response) * response.amplitude[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found[:, :, 0] = np.abs(response.offset) / fundamental
+    found[:, :, 1] = 1.0
+    for i, row in enumerate(response.certificates):
+        for j, certificate in enumerate(row):
+            if certificate is not None:
+                known = certificate.harmonics[: HARMONICS - 1]
+                found[i, j, 2 : 2 + len(known)] = [np.nan if h is None else h for h in known]
+    return found

@@ -70,6 +70,12 @@ def compare_motions(
         InputError: unknown name, a window that is empty or outside the run, a unit that no signal has.
     """
     _check(systems, signals, windows, inputs or {})
+    first = next(iter(systems.values()))
+    units = {v.name: v.unit for v in first.description.variables if v.name in signals}
+    shown = {s: shown_unit(units.get(s), unit) for s in signals}
+    if unit is not None and not any(u.unit == unit for u in shown.values()):
+        known = ", ".join(sorted({u for u in units.values() if u})) or "none declared"
+        raise InputError(f"compare: no signal can be shown in '{unit}'; their units: {known}")
     end = max(w[1] for w in windows) if stop is None else stop
     if end < max(w[1] for w in windows):
         raise InputError(f"compare: the run ends at {end:g} s, before the last window does")
@@ -88,15 +94,13 @@ def compare_motions(
             histories.append(_history(name, run, signals))
         if progress is not None:
             progress(name, number, len(systems))
-    first = next(iter(systems.values()))
-    units = {v.name: v.unit for v in first.description.variables if v.name in signals}
     return MotionComparison(
         systems=tuple(systems),
         models=tuple(m.name for m in systems.values()),
         signals=tuple(signals),
         windows=tuple((float(a), float(b)) for a, b in windows),
         units={s: units.get(s) for s in signals},
-        shown={s: shown_unit(units.get(s), unit) for s in signals},
+        shown=shown,
         motions=tuple(m for h in histories for m in _motions(h, windows)),
         histories=tuple(histories),
         failed=tuple(failed),

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workbench.analysis.blas import one_thread
-from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.analysis.describing.base import HARMONICS, Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.lin.result import LinearModel
 from workbench.analysis.nyquist.axis import AxisCrossing, axis_crossings
@@ -196,7 +196,8 @@ def _complex_crossing(part: LinearPart, block: Block, amplitude: float, frequenc
 def _distortion(part: LinearPart, block: Block, amplitude: float, frequency: float) -> float | None:
     """Return the largest harmonic at the block's input over the fundamental, the loop opened there."""
     if isinstance(block, MeasuredBlock):
-        return None
-    w = block.harmonics(amplitude, frequency)
-    back: Complex = part.response(frequency * np.arange(2.0, HARMONICS + 1)) * w[2:]
-    return float(np.max(np.abs(back))) / amplitude if np.isfinite(back).all() else None
+        w = block.harmonic_sizes(amplitude, frequency) * abs(block.gain(amplitude, frequency)) * amplitude
+    else:
+        w = np.abs(block.harmonics(amplitude, frequency))
+    back = np.abs(part.response(frequency * np.arange(2.0, HARMONICS + 1))) * w[2:]
+    return float(np.max(back)) / amplitude if np.isfinite(back).all() else None
