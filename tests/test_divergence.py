@@ -130,7 +130,12 @@ def test_exponential_overflow_is_no_escape() -> None:
 
 def test_a_bounded_run_of_an_unstable_system_is_left_alone() -> None:
     with closing(lambda u: 0.0 * u, 1e-6, a=1.0) as model:
-        assert wb.simulate(model, stop=10.0).signals["y"][-1] == pytest.approx(1e-6 * math.exp(10.0), rel=1e-4)
+        result = wb.simulate(model, stop=10.0)
+        assert result.signals["y"][-1] == pytest.approx(1e-6 * math.exp(10.0), rel=1e-4)
+        assert result.notes == ()
+        # Longer, it says so.
+        (note,) = wb.simulate(model, stop=40.0).notes
+        assert note.startswith("y grows exponentially, doubling every 0.693 s, to 2.35e+11")
 
 
 def test_another_failure_keeps_its_words() -> None:

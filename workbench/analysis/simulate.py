@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from workbench.analysis.divergence import divergence
 from workbench.analysis.divergence_run import explained
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, SimulationError, article, suggest
@@ -126,7 +127,17 @@ def simulate(
     notes = () if step is None or not verify_step else run.doubts(record, step)
     units = _units(model, [*names, *inputs])
     columns = {**record.values, **record.inputs}
+    notes += _growth(record, units)
     return SimulationResult(model.name, model.interface, model.solver, record.time, columns, units, notes)
+
+
+def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:
+    """Return a note on what still grows without bound at the end, by more than a million times."""
+    for name, values in record.values.items():
+        found = divergence(record.time, values, variable=name, unit=units.get(name))
+        if found is not None:
+            return (found.words,)
+    return ()
 
 
 @dataclass(frozen=True)

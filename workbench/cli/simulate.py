@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["simulate"]
 
-# A failed run is repeated up to just before the failure.
-_BEFORE = 1.0 - 1e-6
+# A failed run is repeated up to just before the failure, which need not come at the same time again.
+_BEFORE = (1e-6, 1e-3, 0.1)
 
 
 def simulate(
@@ -74,6 +74,7 @@ def simulate(
     Example: `workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png`
     """
     from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
+    from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.signals import parse_signal
 
@@ -94,9 +95,17 @@ def simulate(
             if error.time is None or not error.time > 0.0:
                 raise
             # Nothing is lost: what came before the failure is run once more and written.
-            _write(simulate_in_worker(loaded, replace(job, stop=error.time * _BEFORE), workers=where), out)
+            for part in _BEFORE:
+                try:
+                    before = simulate_in_worker(loaded, replace(job, stop=error.time * (1.0 - part)), workers=where)
+                except SimulationError:
+                    continue
+                _write(before, out)
+                break
             raise
     _write(result, out)
+    for text in result.notes:
+        note(text)
     return 0
 
 
