@@ -12,9 +12,15 @@ __all__ = ["with_mathml"]
 _FORMULA = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">(?P<open>\\\(|\\\[)(?P<latex>.*?)(?:\\\)|\\\])</(?P=tag)>', re.DOTALL
 )
-# What browsers read another way than latex2mathml writes it: dots over letters, alignment of columns.
+# What browsers read another way than latex2mathml writes it: dots over letters, alignment of columns, bars and
+# slashes that are set apart as if they were relations, names of functions likewise.
 _REPAIRS = (
     (re.compile(r"<mover>(?=(?:<mi>[^<]*</mi>)<mo>&#x0*2D9;</mo>)"), '<mover accent="true">'),
+    (
+        re.compile(r"<mo(?P<how>[^>]*)>(?P<bar>/|\||&#x0*(?:2F|7C|2016);|‖)</mo>"),
+        r'<mo\g<how> lspace="0" rspace="0">\g<bar></mo>',
+    ),
+    (re.compile(r"<mo>(?P<name>[A-Za-z]{2,})</mo>"), r'<mo lspace="0.17em" rspace="0.05em">\g<name></mo>'),
     (re.compile(r' columnalign="(left|right)"'), r' style="text-align: \1"'),
 )
 _UNKNOWN = re.compile(r"\\[A-Za-z]+")
