@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from workbench.plotting.branch import draw_branch
 from workbench.plotting.figure import COLOURS, label, save
@@ -43,15 +44,17 @@ def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -
     title = f"{result.model}: limit cycles of the loop through {result.block}"
     names = [] if result.simulated is None else [n for n in result.simulated.amplitude if n != result.input]
     parameters = list(dict.fromkeys(b.parameter for b in result.branches))
-    rows = 2 + len(parameters) + (0 if result.free_run is None else 2)
+    motions = 0 if result.simulated is None else 1
+    rows = 1 + motions + len(parameters) + (0 if result.free_run is None else 2)
     figure, grid = panels(rows, 2, title=title, width=10.0, height=3.0)
     plane, methods = grid[0]
     draw_plane(plane, result.nyquist, reach=_reach(result))
     plane.legend(**{**LEGEND, "loc": "best"})
     _methods(methods, result)
-    _motion(grid[1][0], result, [result.input])
-    _outputs(grid[1][1], result, names[:_OUTPUTS])
-    for row, parameter in zip(grid[2:], parameters, strict=False):
+    if motions:
+        _motion(grid[1][0], result, [result.input])
+        _outputs(grid[1][1], result, names[:_OUTPUTS])
+    for row, parameter in zip(grid[1 + motions :], parameters, strict=False):
         _branches(row, result, parameter)
     if result.free_run is not None:
         _free_run(grid[-2:], result)
@@ -130,6 +133,7 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
         ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
     ax.set(xlabel="frequency [Hz]", ylabel=label(f"fundamental of {result.input}", result.input_unit))
     ax.margins(0.3)
+    ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.ticklabel_format(useOffset=False)
     if seen:
         ax.legend(**{**LEGEND, "loc": "best"})
@@ -141,8 +145,6 @@ def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     """Draw the last periods of the simulation."""
     cycle = result.simulated
     if cycle is None:
-        ax.axis("off")
-        ax.text(0.5, 0.5, "nothing simulated", transform=ax.transAxes, ha="center", color="#666666")
         return
     shown = cycle.time >= cycle.time[-1] - _SHOWN / cycle.frequency_hz
     for number, name in enumerate(names):
