@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from workbench.cli.app import app, run
-from workbench.cli.run_commands import AppCommands, run_command
+from workbench.cli.run_commands import AppCommands, run_command, run_study
 from workbench.errors import InputError
 from workbench.study.arguments import arguments
 from workbench.study.bundled import bundled_studies
@@ -98,6 +98,17 @@ def test_a_command_runs_silently(capfd: pytest.CaptureFixture[str]) -> None:
     assert "did you mean FirstOrderLag" in missing.reason
     captured = capfd.readouterr()
     assert (captured.out, captured.err) == ("", "")
+
+
+def test_a_study_in_python(facts: Path) -> None:
+    first = run_study(facts, jobs=1)
+    assert first.passed
+    assert (first.measured, first.reused) == (1, 0)
+    second = run_study(facts)
+    assert (second.measured, second.reused) == (0, 1)
+    assert [c.finding for c in second.checked] == [c.finding for c in first.checked]
+    assert first.checked[0].finding.value == 1.0
+    assert second.words == "the requirement is met; 0 analyses measured, 1 taken from the store"
 
 
 def test_json_goes_to_standard_output_alone(facts: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -155,6 +155,9 @@ def _show(result: StudyResult, out: Output) -> None:
     console = out.console
     if result.checked:
         console.print(_table(result))
+        hidden = len(result.checked) - len(result.shown)
+        if hidden:
+            console.print(f"{hidden} more that passed, with larger margins, are not shown")
     for checked in result.violated:
         if checked.finding.reason:
             console.print(f"{checked.name}: {checked.finding.reason}", markup=False, soft_wrap=True)

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,7 +15,10 @@ from workbench.cli import asked, notes
 from workbench.errors import InputError, WorkbenchError, one_line
 from workbench.study.commands import Command, Commands, Ended, Option
 
-__all__ = ["AppCommands", "run_command"]
+if TYPE_CHECKING:
+    from workbench.study.result import StudyResult
+
+__all__ = ["AppCommands", "run_command", "run_study"]
 
 # A study in a study would write into the same store twice.
 _NOT_IN_STUDIES = ("run",)
@@ -115,3 +118,37 @@ def _bug(error: Exception) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(last.filename).name}, line {last.lineno}"
     return f"{type(error).__name__}: {error} ({place}); this is a bug of the workbench"
+
+
+def run_study(
+    study: str | Path,
+    *,
+    store: str | Path | None = "auto",
+    fresh: bool = False,
+    jobs: int | None = None,
+    timeout: float | None = None,
+) -> StudyResult:
+    """Run a study: analyses over a grid of parameters, held against requirements.
+
+    Args:
+        study: file (.toml), or a bundled one, `study:NAME`.
+        store: folder of finished analyses; "auto": .workbench-store beside the study (of a bundled one in the present
+            folder); None: nothing is kept or reused.
+        fresh: measure again what the store has.
+        jobs: worker processes at a time; None: one per core.
+        timeout: longest time for one analysis [s]; None: an hour.
+
+    Returns:
+        Values, limits and margins, with `.passed`, `.to_dict()`, `.to_csv()`, `.to_junit()` and `.report()`.
+
+    Raises:
+        InputError: the study is wrong: one line with the file, the table and the key.
+        FmuError: a model cannot be opened.
+    """
+    from workbench.cli.app import app
+    from workbench.cli.options import workers
+    from workbench.study.run import StudyRun, default_store
+
+    folder = default_store(study) if store == "auto" else None if store is None else Path(store)
+    prepared = StudyRun(study, AppCommands(typer.main.get_command(app)), store=folder, fresh=fresh)
+    return prepared.run(lambda: workers(jobs=jobs, timeout=timeout))

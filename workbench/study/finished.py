@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -24,6 +25,7 @@ __all__ = ["FOLDER", "Finished"]
 
 FOLDER = ".workbench-store"
 _UNFINISHED = "unfinished"
+_FORGOTTEN = 30 * 86400.0  # what was left behind is removed after so long [s]
 _LAYOUT = 1  # to be raised when what is stored changes
 _ONE = "SELECT value FROM measurements WHERE settings = ? AND point = ?"
 
@@ -123,18 +125,21 @@ class Finished:
             shutil.rmtree(path, ignore_errors=True)
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._ignore()
+            self._tidy()
         except OSError as error:
             raise InputError(
                 f"store {self.folder}: cannot be made: {error.strerror or error}; name one by --store"
             ) from None
         return path.resolve()
 
-    def _ignore(self) -> None:
-        """Keep the store out of version control, as other tools do with their caches."""
+    def _tidy(self) -> None:
+        """Keep the store out of version control, as other tools do with their caches, and free of what is forgotten."""
         file = self.folder / ".gitignore"
         if not file.exists():
             file.write_text("*\n", encoding="utf-8")
+        for left in (self.folder / _UNFINISHED).iterdir():
+            if time.time() - left.stat().st_mtime > _FORGOTTEN:
+                shutil.rmtree(left, ignore_errors=True)
 
     def _results(self) -> _Results:
         if self._opened is None:
