@@ -65,22 +65,23 @@ def _finding(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Fi
     results: list[Result] = []
     for name, outcome in zip(requirement.analyses, outcomes, strict=True):
         if outcome is None:
-            return Finding(value=None, reason=f"{name} was not run")
+            return _none(requirement, f"{name} was not run")
         if outcome.result is None:
-            return Finding(value=None, reason=f"{name} failed: {outcome.reason}")
+            return _none(requirement, f"{name} failed: {outcome.reason}")
         results.append(outcome.result)
     try:
         return requirement.find(results)
     except NotMeasured as error:
-        return Finding(value=None, limit=_limit(requirement), reason=str(error))
+        return _none(requirement, str(error))
     except InputError as error:
         raise InputError(f'[[requirements]] "{requirement.name}": {_without(str(error), requirement.name)}') from None
 
 
-def _limit(requirement: Requirement) -> dict[str, float]:
-    """Return the limits that stand in the file, to be shown beside the reason."""
+def _none(requirement: Requirement, reason: str) -> Finding:
+    """Return that nothing was measured, and why; the limits that stand in the file are shown beside it."""
     given = {name: getattr(requirement, name, None) for name in ("min", "max")}
-    return {name: value for name, value in given.items() if isinstance(value, int | float)}
+    limit = {name: float(value) for name, value in given.items() if value is not None}
+    return Finding(value=None, limit=limit, unit=getattr(requirement, "unit", None), reason=reason)
 
 
 def _without(message: str, name: str) -> str:

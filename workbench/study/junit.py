@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from workbench.errors import InputError
+from workbench.study.plan import Run
 from workbench.study.result import Checked, StudyResult
 from workbench.study.words import said
 
@@ -33,7 +34,7 @@ def write_junit(result: StudyResult, path: str | Path) -> None:
     shares = Counter(run for checked in result.checked for run in checked.runs)
     for checked in result.checked:
         seconds = sum(_seconds(result, run) / shares[run] for run in checked.runs)
-        _case(suite, checked, seconds)
+        _case(suite, checked, seconds, lost=any(_lost(result, run) for run in checked.runs))
     for run, outcome in result.failed:
         if run not in shares:
             reason = outcome.reason or "points of it failed"
@@ -50,18 +51,24 @@ def write_junit(result: StudyResult, path: str | Path) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def _seconds(result: StudyResult, run: object) -> float:
+def _seconds(result: StudyResult, run: Run) -> float:
     """Time that an analysis took now; a reused one took none."""
-    return next((o.seconds for r, o in result.runs.items() if r is run and not o.reused), 0.0)
+    outcome = result.runs.get(run)
+    return 0.0 if outcome is None or outcome.reused else outcome.seconds
 
 
-def _case(suite: ET.Element, checked: Checked, seconds: float) -> None:
+def _lost(result: StudyResult, run: Run) -> bool:
+    """Whether an analysis gave no result, which is an error rather than a failure."""
+    return run not in result.runs or result.runs[run].result is None
+
+
+def _case(suite: ET.Element, checked: Checked, seconds: float, *, lost: bool) -> None:
     case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
     found = checked.finding
     if found.passed:
         ET.SubElement(case, "system-out").text = _clean(said(found))
         return
-    kind = "failure" if not found.reason or found.limit else "error"
+    kind = "error" if lost else "failure"
     message = _clean(said(found))
     ET.SubElement(case, kind, {"message": message, "type": checked.requirement.kind}).text = message
 
