@@ -45,9 +45,9 @@ def check_page(page: str, folder: Path) -> None:
         pytest.skip("needs the extra build")
     if not provide(text, folder):
         pytest.skip("needs the package gemseo-fmu and Linux on x86_64")
-    shown = run_page(text, folder)
-    assert shown
-    assert list(compare(shown)) == []
+    wrong = list(compare(run_page(text, folder)))
     for owner, picture in pictures_of(text):
-        assert owner == Path(page).stem, f"{page} shows a picture of another page"
-        assert (folder / picture).is_file(), f"{page} does not make {picture}"
+        if owner != Path(page).stem or not (folder / picture).is_file():
+            wrong.append(f"{picture} is not made here")
+    if wrong:
+        pytest.fail("\n".join([page, *wrong]), pytrace=False)

@@ -192,4 +192,5 @@ def _captured(out: io.StringIO) -> Iterator[None]:
     """Standard output and error go to `out`, as one stream without a terminal."""
     plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "110"}
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out), mock.patch.dict(os.environ, plain):
+        os.environ.pop("FORCE_COLOR", None)
         yield
