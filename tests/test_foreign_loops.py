@@ -149,12 +149,19 @@ def test_the_history_of_a_growing_chirp() -> None:
         assert span.growth == pytest.approx(growth, rel=0.03)
 
 
-def test_a_run_that_changes_its_frequency_says_when() -> None:
+def test_a_run_that_changes_its_frequency_says_when(tmp_path: Path) -> None:
     time = np.linspace(0.0, 40.0, 40_001)
     value = np.where(time < 25.0, np.sin(2.0 * math.pi * 3.4 * time), np.sin(2.0 * math.pi * 2.6 * time))
-    words = oscillation_history("x", None, time, value).words()
+    history = oscillation_history("x", None, time, value)
+    words = history.words()
     assert words.startswith("3.4 Hz at first, 2.6 Hz in the end, changing over at about 2")
     assert abs(float(words.split()[-2]) - 25.0) < 2.0
+    history.plot(tmp_path / "history.png")
+    history.to_csv(tmp_path / "history.csv")
+    history.report(tmp_path / "history.html")
+    lines = (tmp_path / "history.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == len(history.frequency_hz) + 1
+    assert "3.4 Hz at first" in (tmp_path / "history.html").read_text(encoding="utf-8")
 
 
 def test_nothing_that_moves_asks_for_an_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

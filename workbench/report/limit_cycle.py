@@ -13,7 +13,7 @@ from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, number, sampled_rows
 from workbench.report.tones import Verdict
 
-__all__ = ["branch_page", "describing_page", "limit_cycle_page", "nyquist_page"]
+__all__ = ["branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
 
 _STABLE = {True: "stable", False: "unstable", None: "not known"}
 _MOST_ROWS = 60  # of a curve; the others are in the data of the page
@@ -135,6 +135,20 @@ def _free_run(run: FreeRun) -> Section:
     ]
     headings = ("from [s]", "to [s]", "frequency [Hz]", bracketed("amplitude", run.unit), "growth [1/s]")
     return Section("Run from rest", paragraphs=[f"{run.signal}: {run.words()}."], tables=[Table(headings, rows)])
+
+
+def free_run_page(run: FreeRun) -> Page:
+    """Return the page of an oscillation's history."""
+    return Page(
+        title=f"{run.signal}: frequency and amplitude over time",
+        lead=f"{run.words()}.",
+        facts={"record": f"{run.time[0]:g} to {run.time[-1]:g} s, {counted(len(run.frequency_hz), 'period')}"},
+        sections=[
+            Section("History", figures=[(run.plot(), "The signal; frequency and amplitude of each period.")]),
+            _free_run(run),
+        ],
+        kind="limit-cycle",
+    )
 
 
 # -- branches ----------------------------------------------------------------------------------

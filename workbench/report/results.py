@@ -29,6 +29,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.feedback.settling.SettlingStudy": "workbench.report.feedback:settling_page",
     "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
     "workbench.analysis.limit_cycle.branch.Branch": "workbench.report.limit_cycle:branch_page",
+    "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.report.limit_cycle:free_run_page",
     "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",
     "workbench.analysis.lin.compare.LinComparison": "workbench.report.lin:comparison_page",
     "workbench.analysis.lin.result.LinResult": "workbench.report.lin:lin_page",

@@ -15,6 +15,7 @@ from workbench.analysis.describing.base import Floats
 from workbench.analysis.simulate import simulate
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
+from workbench.origin import Reportable
 from workbench.signals import Signal
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Span:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FreeRun:
+class FreeRun(Reportable):
     """A simulated signal and what it oscillates with, period by period.
 
     Attributes:
