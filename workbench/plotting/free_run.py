@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_amplitude", "draw_frequency", "draw_signal", "plot_free_run"]
 
 _SMOOTHED = 9  # periods of the running median
+_LEAST = 2.0  # ratio of amplitudes below which the picture is not made to show it
 _ROOM = 0.35  # of the range of the medians, around them
 
 
@@ -85,6 +86,9 @@ def draw_amplitude(ax: Axes, run: FreeRun, marks: Mapping[float, str]) -> None:
     """
     shown = run.amplitude > 0.0
     ax.semilogy(run.period_time[shown], run.amplitude[shown], color=COLOURS[1], linewidth=1.3)
+    known = [*run.amplitude[shown].tolist(), *marks]
+    if known and max(known) < _LEAST * min(known):
+        ax.set_ylim(min(known) / _LEAST, max(known) * _LEAST)
     _across(ax, run, marks)
     ax.set(xlabel="time [s]", ylabel=label("amplitude", run.unit))
 

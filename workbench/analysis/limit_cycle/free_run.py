@@ -96,7 +96,7 @@ class FreeRun(Reportable):
         windows = np.lib.stride_tricks.sliding_window_view(self.frequency_hz, size)
         nearer = np.abs(np.median(windows, axis=1) - last) < abs(first - last) / 2.0
         late = np.flatnonzero(~nearer)
-        at = self.period_time[min(int(late[-1]) + size, len(self.period_time) - 1)] if len(late) else self.time[0]
+        at = self.period_time[int(late[-1]) + size // 2] if len(late) else self.time[0]
         return f", changing over at about {at:.3g} s"
 
     def plot(self, path: str | Path | None = None) -> Figure:
