@@ -17,12 +17,15 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate import simulate
 from workbench.analysis.trim import trim
 from workbench.errors import InputError, SimulationError
+from workbench.fmi.bundled import bundled_path, bundled_systems, name_of_bundled
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.model.load import load
 from workbench.signals import Constant, Sine, Step
+from workbench.study.fingerprint import Hashes
 from workbench.system.connect import connect
 from workbench.system.load import load as load_any
+from workbench.system.read import read_system
 from workbench.workers import Workers
 
 both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
@@ -344,6 +347,37 @@ def test_load_opens_system_files(tmp_path: Path) -> None:
         load_any(file, hold_inputs=True)
     with load_any(file, interface="cs") as model:
         assert model.interface == "cs"
+
+
+@pytest.mark.parametrize("name", bundled_systems())
+def test_bundled_systems_are_opened_by_name(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert read_system(f"system:{name}").name == name
+    (tmp_path / "around.toml").write_text(f'[components]\ninner = "system:{name}"\n[inputs]\npulse = "inner.pulse"\n')
+    around = read_system("around.toml")
+    assert {f"inner.{c.name}" for c in read_system(f"system:{name}").components} == {c.name for c in around.components}
+    # A study measures again where the system or one of its FMUs is another.
+    hashes = Hashes(tmp_path)
+    assert {f"system:{name}", "fmu:Aircraft"} <= set(hashes.of_model(f"system:{name}"))
+    assert hashes.of_word(f"--of=system:{name}") == hashes.of_model(f"system:{name}")
+    assert hashes.of_word("system:none") == {}
+
+
+def test_a_misspelt_bundled_system_is_told_the_near_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"system:failed_aleron: no bundled system .* did you mean failed_aileron,"):
+        load_any("system:failed_aleron")
+    with pytest.raises(InputError, match=r"system:x: no bundled system of that name; known: failed_aileron,"):
+        load_any("system:x")
+    (tmp_path / "around.toml").write_text('[components]\ninner = "system:failed_aleron"\n')
+    with pytest.raises(InputError, match=r"\[components\] inner: system:failed_aleron: .* did you mean"):
+        load_any(tmp_path / "around.toml")
+
+
+def test_what_is_bundled_is_told_by_its_name(tmp_path: Path) -> None:
+    for name in ("fmu:Rudder", "fmu:Rudder@3", "system:failed_aileron"):
+        assert name_of_bundled(bundled_path(name)) == name
+        # A file of the same name in such a folder of the user is not the bundled one.
+        assert not name_of_bundled(tmp_path / bundled_path(name).parent.name / bundled_path(name).name)
 
 
 def test_a_chain_of_many_is_read_in_levels_and_shares_its_binary() -> None:

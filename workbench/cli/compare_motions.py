@@ -41,7 +41,10 @@ _POINTS_FAILED = 1
 
 def compare(
     systems: Annotated[
-        list[str], typer.Argument(metavar="MODEL..", help="Systems (.toml, .ssp) or FMUs; the first is the reference.")
+        list[str],
+        typer.Argument(
+            metavar="MODEL..", help="Systems (.toml, .ssp, system:NAME) or FMUs; the first is the reference."
+        ),
     ],
     signal: Annotated[list[str], typer.Option("--signal", metavar="NAME", help="Variable to compare; repeatable.")],
     window: Annotated[
@@ -125,7 +128,7 @@ def _labels(systems: list[str], labels: list[str]) -> list[str]:
     """Return a name for each model: as given, else from its file, numbered where it stands twice."""
     if labels and len(labels) != len(systems):
         raise InputError(f"--label: {len(labels)} names for {len(systems)} models")
-    found = labels or [Path(s.removeprefix("fmu:")).stem for s in systems]
+    found = labels or [Path(s.removeprefix("fmu:").removeprefix("system:")).stem for s in systems]
     twice = {n for n in found if found.count(n) > 1}
     if labels and twice:
         raise InputError(f"--label: '{twice.pop()}' is given twice")

@@ -23,7 +23,8 @@ def export(
     model: Annotated[
         Path,
         typer.Argument(
-            metavar="MODEL", help="Linear model: the JSON of workbench identify or lin. Or a system: .toml, .ssp."
+            metavar="MODEL",
+            help="Linear model: the JSON of workbench identify or lin. Or a system: .toml, .ssp, system:NAME.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="X.fmu", help="FMU to write.")],

@@ -117,7 +117,7 @@ def feed_forward(
     zeros that meet are cancelled, unstable poles mirrored, the sign set, and a low-pass put behind. Each step is held
     against H/G. With --input the system is simulated: scalar feedback alone, with the filter, with a crude one.
 
-    Example: `workbench feed-forward failed_aileron.toml --block damper --to aircraft.inner_aileron --feedback
+    Example: `workbench feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback
     aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse.csv --closes-at 140
     --actuator fmu:LimitedActuator --plot filter.png`
     """

@@ -126,8 +126,8 @@ def feedback(
     All gains at which a pole reaches the border of stability, exactly; the poles between them counted; the limit cycles
     that a nonlinear block keeps; with --settle the settling times of the nonlinear system and the best gain.
 
-    Example: `workbench feedback failed_aileron.toml --from aircraft.outer_aileron_position --to aircraft.inner_aileron
-    --settle --plot feedback.png`
+    Example: `workbench feedback system:failed_aileron --from aircraft.outer_aileron_position
+    --to aircraft.inner_aileron --settle --plot feedback.png`
     """
     from workbench.analysis.feedback.feedback import ALL
     from workbench.analysis.feedback.feedback import feedback as analyse

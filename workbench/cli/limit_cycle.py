@@ -99,7 +99,7 @@ def limit_cycle(
     The system is cut at the block; the rest is taken as linear. Harmonic balance and shooting refine what the
     describing function predicts; a simulation from the predicted state confirms it.
 
-    Example: `workbench limit-cycle failed_aileron.toml --block damper --output z_wing_tip --plot cycle.png`
+    Example: `workbench limit-cycle system:failed_aileron --block damper --output z_wing_tip --plot cycle.png`
     """
     from workbench.analysis.limit_cycle.limit_cycle import METHODS
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle as analyse

@@ -39,7 +39,8 @@ __all__ = [
 ]
 
 ModelName = Annotated[
-    str, typer.Argument(metavar="MODEL", help="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp.")
+    str,
+    typer.Argument(metavar="MODEL", help="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME."),
 ]
 Interface = Annotated[
     Literal["auto", "me", "cs"],

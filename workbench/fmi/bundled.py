@@ -1,42 +1,58 @@
-"""FMUs that ship with the workbench: `fmu:NAME` (FMI 2.0) and `fmu:NAME@3` (FMI 3.0)."""
+"""Models that ship with the workbench: `fmu:NAME` (FMI 2.0), `fmu:NAME@3` (FMI 3.0) and `system:NAME` (system file)."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from workbench.errors import InputError, suggest
+from workbench.bundled import bundled_files, find_bundled
+from workbench.errors import InputError
 
-__all__ = ["bundled_names", "bundled_path", "is_bundled"]
+__all__ = ["bundled_names", "bundled_path", "bundled_systems", "is_bundled", "is_bundled_system", "name_of_bundled"]
 
-_PACKAGE = Path(__file__).resolve().parent.parent
-# In a wheel the folder lies inside the package, in a checkout beside it.
-_ROOTS = (_PACKAGE / "fmus", _PACKAGE.parent / "fmus")
-_FOLDERS = {"2": "fmi2", "3": "fmi3"}
+_FMU, _SYSTEM = "fmu:", "system:"
+_FOLDERS = {"2": "fmus/fmi2", "3": "fmus/fmi3"}
 
 
 def is_bundled(name: str) -> bool:
-    """Whether `name` asks for a bundled FMU."""
-    return name.startswith("fmu:")
+    """Whether `name` asks for a bundled FMU or system."""
+    return name.startswith((_FMU, _SYSTEM))
+
+
+def is_bundled_system(name: str) -> bool:
+    """Whether `name` asks for a bundled system."""
+    return name.startswith(_SYSTEM)
 
 
 def bundled_names(version: str = "2") -> tuple[str, ...]:
     """Return the names of the bundled FMUs of one FMI version, sorted."""
-    found = {p.stem for root in _ROOTS for p in (root / _FOLDERS[version]).glob("*.fmu")}
-    return tuple(sorted(found))
+    return tuple(bundled_files(_FOLDERS[version], ".fmu"))
+
+
+def bundled_systems() -> tuple[str, ...]:
+    """Return the names of the bundled systems, sorted."""
+    return tuple(bundled_files("systems"))
+
+
+def name_of_bundled(path: Path) -> str:
+    """Return `fmu:NAME`, `fmu:NAME@3` or `system:NAME`; empty where the file is not a bundled one."""
+    names = {"fmi2": f"fmu:{path.stem}", "fmi3": f"fmu:{path.stem}@3", "systems": f"system:{path.stem}"}
+    name = names.get(path.parent.name, "")
+    try:
+        return name if name and bundled_path(name) == path else ""
+    except InputError:
+        return ""
 
 
 def bundled_path(name: str) -> Path:
-    """Return the file of `fmu:NAME` or `fmu:NAME@3`.
+    """Return the file of `fmu:NAME`, `fmu:NAME@3` or `system:NAME`.
 
     Raises:
         InputError: no such name; the message lists the known ones.
     """
-    stem, _, version = name.removeprefix("fmu:").partition("@")
+    if is_bundled_system(name):
+        return find_bundled(name, bundled_files("systems"), "system")
+    stem, _, version = name.partition("@")
     version = version or "2"
     if version not in _FOLDERS:
         raise InputError(f"{name}: FMI version '{version}' is not bundled; write @2 or @3")
-    known = bundled_names(version)
-    if stem not in known:
-        raise InputError(f"{name}: no bundled FMU of that name; {suggest(stem, known)}")
-    candidates = (root / _FOLDERS[version] / f"{stem}.fmu" for root in _ROOTS)
-    return next(path for path in candidates if path.is_file())
+    return find_bundled(stem, bundled_files(_FOLDERS[version], ".fmu"), "FMU")

@@ -12,6 +12,7 @@ from typing import BinaryIO
 from lxml import etree
 
 from workbench.errors import InputError, WorkbenchError
+from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import Description
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
@@ -22,7 +23,6 @@ from workbench.system.recipe import SystemRecipe
 
 __all__ = ["facts_of", "fmu_facts", "hash_of"]
 
-_BUNDLED = {"fmi2": "fmu:{}", "fmi3": "fmu:{}@3"}
 _CO_SIMULATION = ("CoSimulation", "Implementation")  # FMI 2.0 and 3.0, FMI 1.0
 
 
@@ -62,11 +62,9 @@ def _is_fmu(component: Component) -> bool:
 
 
 def _source(recipe: LoadRecipe) -> str:
-    """Return what `load` takes: a bundled FMU by its name, another by its file's name alone."""
+    """Return what `load` takes: what is bundled by its name, another by its file's name alone."""
     path = Path(recipe.source)
-    if path.parent.parent.name == "fmus" and path.parent.name in _BUNDLED:
-        return _BUNDLED[path.parent.name].format(path.stem)
-    return path.name if path.exists() else ""
+    return name_of_bundled(path) or (path.name if path.exists() else "")
 
 
 def _tolerance(model: DescribedModel, recipe: LoadRecipe) -> float | None:

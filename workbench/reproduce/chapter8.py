@@ -18,7 +18,6 @@ from workbench.fmi.variable import Value
 from workbench.plotting.nyquist import plot_nyquist
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
-from workbench.reproduce.systems import system_file
 from workbench.reproduce.targets import read_targets
 from workbench.signals import Constant
 from workbench.system.description import FmuComponent
@@ -55,7 +54,7 @@ def _aircraft() -> Measurement:
 
 def _elevator_settings() -> Mapping[str, Value]:
     """Return the parameters that the bundled system gives the elevator's actuator."""
-    parts = read_system(system_file("failed_aileron_comfort")).components
+    parts = read_system("system:failed_aileron_comfort").components
     actuator = next(part for part in parts if part.name == "actuator")
     return dict(actuator.set) if isinstance(actuator, FmuComponent) else {}
 
@@ -90,7 +89,7 @@ def _crossings(result: LimitCycleResult) -> list[Crossing]:
 
 
 def _limit_cycle() -> Measurement:
-    with load(system_file("failed_aileron")) as system:
+    with load("system:failed_aileron") as system:
         result = limit_cycle(system, block="damper", band=BAND, outputs=["outer_aileron_rate"], workers=HERE)
     named = _crossings(result)
     rising = sorted(result.crossings, key=lambda c: c.gain)

@@ -10,7 +10,6 @@ from workbench.analysis.feed_forward.step import FilterStep
 from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
-from workbench.reproduce.systems import system_file
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]
@@ -33,7 +32,7 @@ _PICTURES: Mapping[str, tuple[tuple[int, ...], str, str]] = {
 
 
 def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForwardResult:
-    with load(system_file("failed_aileron")) as system:
+    with load("system:failed_aileron") as system:
         return feed_forward(
             system,
             block="damper",

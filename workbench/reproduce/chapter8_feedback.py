@@ -9,7 +9,6 @@ from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
-from workbench.reproduce.systems import system_file
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]
@@ -20,7 +19,7 @@ GAINS = 15  # of the settling study
 
 
 def _over_gains(source: str, *, settle: bool = False) -> FeedbackResult:
-    with load(system_file("failed_aileron")) as system:
+    with load("system:failed_aileron") as system:
         return feedback(system, source=source, target=TARGET, settle=settle, count=GAINS)
 
 

@@ -12,7 +12,6 @@ from workbench.analysis.simulate import SimulationResult, simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.oscillation import frequency, peak
-from workbench.reproduce.systems import system_file
 from workbench.reproduce.targets import read_targets
 from workbench.signals import Table
 from workbench.system.load import load
@@ -33,7 +32,7 @@ _DEGREES = float(np.degrees(1.0))
 
 
 def _run(name: str, outputs: Sequence[str]) -> SimulationResult:
-    with load(system_file(name)) as system:
+    with load(f"system:{name}") as system:
         return simulate(system, stop=STOP, inputs={"pulse": PULSE}, outputs=outputs, interval=STEP)
 
 

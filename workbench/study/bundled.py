@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from workbench.bundled import bundled_files, find_bundled
 from workbench.errors import InputError, suggest
 
 __all__ = ["bundled_studies", "is_bundled_study", "locate_study"]
 
-_PACKAGE = Path(__file__).resolve().parent.parent
-# In a wheel the folder lies inside the package, in a checkout beside it.
-_ROOTS = (_PACKAGE / "studies", _PACKAGE.parent / "studies")
 _PREFIX = "study:"
 
 
@@ -21,8 +19,7 @@ def is_bundled_study(name: str) -> bool:
 
 def bundled_studies() -> dict[str, Path]:
     """Return the bundled studies, name → file."""
-    files = [path for root in reversed(_ROOTS) for path in sorted(root.glob("*.toml"))]
-    return {path.stem: path for path in files}
+    return bundled_files("studies")
 
 
 def locate_study(name: str | Path) -> Path:
@@ -32,11 +29,7 @@ def locate_study(name: str | Path) -> Path:
         InputError: nothing there; the message names near files.
     """
     if is_bundled_study(str(name)):
-        known = bundled_studies()
-        stem = str(name).removeprefix(_PREFIX)
-        if stem not in known:
-            raise InputError(f"{name}: no bundled study of that name; {suggest(stem, known)}")
-        return known[stem]
+        return find_bundled(str(name), bundled_studies(), "study")
     path = Path(name).expanduser()
     if path.is_file():
         return path

@@ -12,7 +12,8 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
-from workbench.fmi.bundled import bundled_names, bundled_path, is_bundled
+from workbench.errors import InputError
+from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.model.recipe import content_hash
 
 __all__ = ["Hashes", "code_hash"]
@@ -81,7 +82,7 @@ class Hashes:
         """
         name = word.rpartition("=")[2].strip()
         if is_bundled(name):
-            return self.of_model(name) if name.removeprefix("fmu:").partition("@")[0] in bundled_names() else {}
+            return self.of_model(name) if _exists(name) else {}
         return self.of_model(name) if self._is_file(name) else {}
 
     def _is_file(self, name: str) -> bool:
@@ -100,16 +101,21 @@ class Hashes:
             return path.as_posix()
 
     def _files(self, model: str, folder: Path, before: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
-        if is_bundled(model):
-            yield model, self.of_file(bundled_path(model))
-            return
-        path = (folder / Path(model).expanduser()).resolve()
+        path = bundled_path(model) if is_bundled(model) else (folder / Path(model).expanduser()).resolve()
         if path in before:
             return
-        yield self._name(path), self.of_file(path)
+        yield (model if is_bundled(model) else self._name(path)), self.of_file(path)
         for name in _named_in(path):
             if is_bundled(name) or (path.parent / name).exists():
                 yield from self._files(name, path.parent, (*before, path))
+
+
+def _exists(bundled: str) -> bool:
+    try:
+        bundled_path(bundled)
+    except InputError:
+        return False
+    return True
 
 
 def _named_in(path: Path) -> Iterator[str]:

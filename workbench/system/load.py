@@ -30,7 +30,7 @@ def load(
 
     Args:
         path: an `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`; or a system: a `.toml`, `.ssp`
-            or `.ssd` file, or the folder of an unpacked `.ssp`.
+            or `.ssd` file, the folder of an unpacked `.ssp`, or `system:NAME`.
         interface: "me", "cs", or "auto", which takes model exchange where both are offered. The components of a system
             name their own.
         solver: "vkm", "gear", or "auto"; co-simulation FMUs bring their own.

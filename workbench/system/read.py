@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
+from workbench.fmi.bundled import bundled_path, is_bundled_system
 
 if TYPE_CHECKING:  # telling systems from FMUs stays quick
     from workbench.system.description import SystemDescription
@@ -15,7 +16,9 @@ __all__ = ["is_system_file", "read_system"]
 
 
 def is_system_file(path: str | Path) -> bool:
-    """Whether `path` names a system by its suffix, or is a folder with a SystemStructure.ssd."""
+    """Whether `path` is `system:NAME`, names a system by its suffix, or is a folder with a SystemStructure.ssd."""
+    if is_bundled_system(str(path)):
+        return True
     return Path(path).suffix.lower() in _READERS or (Path(path) / "SystemStructure.ssd").is_file()
 
 
@@ -25,15 +28,15 @@ def read_system(path: str | Path) -> SystemDescription:
     The FMUs are there, but nothing is connected yet: `health.resolve` checks names, types and units.
 
     Args:
-        path: of the file or folder.
+        path: of the file or folder, or `system:NAME`, a bundled one.
 
     Raises:
         InputError: one line: no such file, or what in it is wrong, where, and what to do.
         FmuError: an .ssp that is no zip archive, is damaged or would write outside of its folder.
     """
-    file = Path(path).expanduser()
+    file = bundled_path(str(path)) if is_bundled_system(str(path)) else Path(path).expanduser()
     if not file.exists():
-        raise InputError(f"{path}: no such file; give a system as .toml, .ssp or .ssd")
+        raise InputError(f"{path}: no such file; give a system as .toml, .ssp or .ssd, or system:NAME")
     if file.is_dir():
         if not is_system_file(file):
             raise InputError(f"{path}: a folder without SystemStructure.ssd; give a system as .toml, .ssp or .ssd")

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import tf2ss
 
 from workbench.errors import InputError, suggest
-from workbench.fmi.bundled import bundled_path, is_bundled
+from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
 from workbench.system.toml_schema import (
     FmuTable,
@@ -81,17 +81,17 @@ def _fmu(name: str, given: Mapping[str, Any], place: _Place) -> FmuComponent:
 
 
 def existing_fmu(model: str, folder: Path, where: str) -> str:
-    """Return the absolute path of an FMU, or `fmu:NAME` as it is.
+    """Return the absolute path of an FMU or a system, or `fmu:NAME` as it is.
 
     Raises:
         InputError: nothing there; the message names near files of that folder.
     """
     if is_bundled(model):
         try:
-            bundled_path(model)
+            bundled = bundled_path(model)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        return model
+        return str(bundled) if is_bundled_system(model) else model
     path = (folder / Path(model).expanduser()).resolve()
     if path.exists():
         return str(path)

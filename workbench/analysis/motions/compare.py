@@ -41,7 +41,7 @@ def compare_motions(
     """Simulate several models under the same signals, and compare peak and rms of variables in windows of time.
 
     ```python
-    systems = {name: wb.load(f"systems/failed_aileron{name}.toml") for name in ("", "_comfort", "_feedback")}
+    systems = {name: wb.load(f"system:failed_aileron{name}") for name in ("", "_comfort", "_feedback")}
     found = wb.compare_motions(
         systems, signals=["aircraft.z_front_fuselage_acceleration"], windows=[(120, 140), (200, 260)],
         inputs={"pulse": wb.parse_signal("pulse:value=0.8,duration=0.1")}, unit="g",
