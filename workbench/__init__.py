@@ -74,11 +74,13 @@ if TYPE_CHECKING:
     from workbench.analysis.validate.validate import validate
     from workbench.analysis.zero_input import ZeroInput
     from workbench.build.export import ExportResult, export
+    from workbench.cli.run_commands import run_study
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
     from workbench.model.described import DescribedModel
     from workbench.session import Record, Session, Snapshot
-    from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
+    from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, parse_signal, pulse
+    from workbench.study.result import StudyResult
     from workbench.system.connect import connect
     from workbench.system.container import ContainerResult, export_container
     from workbench.system.description import (
@@ -184,6 +186,7 @@ __all__ = [
     "SpectralDensity",
     "Step",
     "StepCheck",
+    "StudyResult",
     "SubspaceEstimate",
     "SumComponent",
     "SystemDescription",
@@ -215,6 +218,7 @@ __all__ = [
     "export_container",
     "feed_forward",
     "feedback",
+    "gust",
     "identify",
     "limit_cycle",
     "lin",
@@ -228,11 +232,13 @@ __all__ = [
     "nyquist",
     "overlay",
     "parse_signal",
+    "pulse",
     "read_experiment",
     "read_system",
     "remove_offset",
     "remove_outliers",
     "resample",
+    "run_study",
     "scale",
     "sdf",
     "simulate",
@@ -301,11 +307,13 @@ _HOMES = {
     "workbench.analysis.trim": ("trim",),
     "workbench.analysis.trim_result": ("TrimResult",),
     "workbench.analysis.zero_input": ("ZeroInput",),
+    "workbench.cli.run_commands": ("run_study",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable"),
     "workbench.model.described": ("DescribedModel",),
     "workbench.session": ("Record", "Session", "Snapshot"),
-    "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "parse_signal"),
+    "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "gust", "parse_signal", "pulse"),
+    "workbench.study.result": ("StudyResult",),
     "workbench.system.connect": ("connect",),
     "workbench.system.container": ("ContainerResult", "export_container"),
     "workbench.system.description": (
