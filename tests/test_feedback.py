@@ -67,6 +67,42 @@ def test_double_integrator_alone_is_never_stable() -> None:
     assert [c.gain for c in every] == [0.0]
 
 
+def turned(system: Plant) -> Plant:
+    """Return the same G in coordinates of no meaning: rounding moves its poles on the border off it."""
+    T = np.random.default_rng(0).normal(size=system.A.shape)
+    C: Floats = np.linalg.solve(T.T, system.C)
+    return Plant(T @ system.A @ np.linalg.inv(T), T @ system.B, C, system.D, system.dt)
+
+
+def test_integrators_that_rounding_moved() -> None:
+    """1/(z − 1): z = 1 + g. z/(z − 1)²: z² − (2 + g) z + 1, on the circle for −4 < g < 0."""
+    single = plant(control.tf([1.0], [1.0, -1.0], 1.0))
+    check(turned(single), [(-2.0, 0.0)], [(-2.0, 0.5), (0.0, 0.0)])
+    double = plant(control.tf([1.0, 0.0], [1.0, -2.0, 1.0], 1.0))
+    check(turned(double), [], [(-4.0, 0.5), (0.0, 0.0)])
+    check(turned(plant(control.tf([1.0], [1.0, 0.0, 0.0]))), [], [(0.0, 0.0)])
+
+
+def test_undamped_structure_in_any_coordinates() -> None:
+    """1/(s² + 1) + 1/(s² + 4) is real for all ω; the one gain that counts is 1/G(0) = 0.8, where it diverges."""
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([1.0, 4.0]), np.zeros((2, 2))]])
+    structure = Plant(A, np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 0.0]))
+    check(turned(structure), [], [(0.0, 1.0 / HZ), (0.0, 2.0 / HZ), (0.8, 0.0)])
+
+
+def test_repeated_undamped_pair() -> None:
+    """(s² + 2s + 3)/(s² + 1)²: a double pair on the border, and G(0) = 3."""
+    double = plant(control.tf([1.0, 2.0, 3.0], np.polymul([1.0, 0.0, 1.0], [1.0, 0.0, 1.0])))
+    check(turned(double), [], [(0.0, 1.0 / HZ), (1.0 / 3.0, 0.0)])
+
+
+def test_poles_that_cross_at_one_gain_have_the_same_sides() -> None:
+    """1/z³: z³ = g; at ±1 a real pole and a pair cross together, a rounding error apart."""
+    delay = turned(Plant(np.eye(3, k=1), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), 0.0, 1.0))
+    every, _ = found(delay)
+    assert [(round(c.gain), c.unstable_below, c.unstable_above) for c in every] == [(-1, 3, 0)] * 2 + [(1, 0, 3)] * 2
+
+
 def test_undamped_oscillator_with_rate_feedback() -> None:
     check(plant(control.tf([3.0, 0.0], [1.0, 0.0, 4.0])), [(-math.inf, 0.0)], [(0.0, 2.0 / HZ)])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
-from scipy.linalg import eig, solve_continuous_lyapunov
+from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
@@ -111,6 +111,23 @@ def test_unstable_poles_are_kept_where_they_are() -> None:
     assert found.hankel == pytest.approx(hankel(part), rel=1e-6)
     error = float(np.max(np.abs(both.response(F) - found.part.response(F))))
     assert error <= found.bound * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("integrators", [1, 2])
+def test_integrators_moved_by_rounding_count_as_unstable(seed: int, integrators: int) -> None:
+    """In coordinates of no meaning an integrator stands a rounding error left or right of the axis."""
+    rng = np.random.default_rng(seed)
+    slow = np.diag(np.ones(integrators - 1), 1)
+    A = block_diag(slow, *[np.array([[-0.1 * w, w], [-w, -0.1 * w]]) for w in (1.0, 3.0, 10.0)])
+    T = rng.normal(size=A.shape)
+    b, c = rng.normal(size=(2, len(A)))
+    part = LinearPart(T @ A @ np.linalg.inv(T), T @ b, np.linalg.solve(T.T, c))
+    found = balanced_reduction(part, order=len(A) - 1)
+    assert found.unstable == integrators
+    f = np.geomspace(1e-3, 1e2, 400)
+    error = np.abs(part.response(f) - found.part.response(f)).max()
+    assert 0.0 < error <= found.bound * (1.0 + 1e-3)
 
 
 def test_order_by_tolerance() -> None:
@@ -249,6 +266,15 @@ def test_unstable_pairs_can_be_kept() -> None:
     assert cancel(found, keep_unstable=True).factored.order == 2
     with pytest.raises(InputError, match="between 0 and 1"):
         cancel(found, tolerance=2.0)
+
+
+@pytest.mark.parametrize(("pole", "zero"), [(5e-6, -5e-6), (-2e-5, -9e-5), (0.0, 1e-5), (0.0, 0.0)])
+def test_slow_pairs_leave_what_is_above_them_as_it_was(pole: float, zero: float) -> None:
+    whole = Factored(zeros=np.array([zero + 0j]), poles=np.array([pole + 0j, -1.0]), gain=2.0)
+    left = cancel(whole, tolerance=1e-4).factored
+    s = 2j * np.pi * np.array([0.1, 1.0, 10.0])
+    assert left.order == 1
+    assert left.at(s) == pytest.approx(whole.at(s), rel=1e-3)
 
 
 def test_a_real_pole_never_takes_half_a_pair() -> None:

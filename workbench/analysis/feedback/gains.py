@@ -12,11 +12,13 @@ import numpy as np
 
 from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.loop.crossings import real_crossings
+from workbench.analysis.modes.poles import poles_of
 
 __all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
 
 _SAME = 1e-9  # relative difference of two gains that are one
 _ZERO = 1e-10  # |G| below this part of its size elsewhere is a zero of G, which no finite gain belongs to
+_BESIDE = (0.6, 1.7)  # times the size of a pole
 _AXIS = 1e-9  # relative distance of an open-loop pole from the border that counts as on it
 _WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
 _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
@@ -96,10 +98,13 @@ def crossings(plant: Plant) -> tuple[Crossing, ...]:
     """
     places = _distinct(sorted(_places(plant), key=lambda p: (p.gain, p.frequency)))
     counted = intervals(plant, [p.gain for p in places])
+    ends = np.array([i.high for i in counted[:-1]])
     found = []
     for place in places:
-        below = next(i for i in counted if i.high >= place.gain > i.low)
-        above = next(i for i in counted if i.low <= place.gain < i.high)
+        end = int(np.argmin(np.abs(ends - place.gain)))  # gains that differ by rounding share an end
+        below, above = counted[end], counted[end + 1]
+        if place.gain != 0.0 and below.border and (below.unstable, below.border) == (above.unstable, above.border):
+            continue  # undamped, poles stand on the border for each gain, and no gain is their crossing
         found.append(
             Crossing(
                 gain=place.gain,
@@ -133,22 +138,30 @@ def _places(plant: Plant) -> Iterator[_Place]:
 
 
 def _border_poles(plant: Plant) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return the frequencies of the open-loop poles on the border [Hz]."""
-    poles = plant.poles
+    """Return the frequencies of the open-loop poles on the border, as far as rounding lets them be known [Hz]."""
+    poles = poles_of(plant.A, dt=plant.dt)
+    # Its balancing takes entries that are rounding only for exact ones: hence the second bound.
     rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(plant.A)) if len(plant.A) else 0.0
-    size = np.ones(len(poles)) if plant.dt > 0.0 else np.abs(poles)
-    distance = np.abs(np.abs(poles) - 1.0) if plant.dt > 0.0 else np.abs(poles.real)
-    near = poles[distance <= _AXIS * size + rounding]
-    found = [plant.frequency(p) for p in near.tolist()]
-    return np.array([f if f * 2.0 * math.pi > _AXIS + rounding else 0.0 for f in found], dtype=np.float64)
+    value, uncertain = poles.value, np.maximum(5.0 * poles.uncertain, rounding / (plant.dt or 1.0))
+    size = np.full(len(value), 1.0 / plant.dt) if plant.dt > 0.0 else np.abs(value)
+    near = np.abs(value.real) <= _AXIS * size + uncertain
+    found = np.where(value.imag > _AXIS + uncertain, value.imag, 0.0)
+    if plant.dt > 0.0:
+        found = np.where(found > math.pi / plant.dt - uncertain, math.pi / plant.dt, found)
+    kept: list[float] = []
+    for turn, apart in zip(found[near].tolist(), uncertain[near].tolist(), strict=True):
+        if all(abs(turn - other) > 2.0 * apart for other in kept):
+            kept.append(turn)
+    return np.array(kept) / (2.0 * math.pi)
 
 
 def _size(plant: Plant) -> float:
-    """Return how large G is where it is large."""
-    rates = np.abs(plant.transfer.rates)
-    f = np.unique(np.concatenate([rates, [1.0]])) / (2.0 * math.pi)
-    f = f[f < plant.transfer.highest_hz]
-    value = np.abs(plant.transfer.response(f)) if len(f) else np.zeros(0)
+    """Return how large G is where it is large, beside its poles: on the border G is as large as rounding makes it."""
+    poles = poles_of(plant.A, dt=plant.dt)
+    rates = np.abs(poles.value[np.abs(poles.value) > 10.0 * poles.uncertain]) / (2.0 * math.pi)
+    own = 1.0 / (2.0 * math.pi) if plant.dt == 0.0 else 0.3 * plant.transfer.highest_hz
+    f = np.concatenate([factor * np.append(rates, own) for factor in _BESIDE])
+    value = np.abs(plant.transfer.response(f[f < plant.transfer.highest_hz]))
     value = value[np.isfinite(value)]
     return max(float(np.median(value)) if len(value) else 0.0, abs(plant.D), 1e-300)
 
@@ -173,7 +186,8 @@ def _residual(plant: Plant, place: _Place) -> float:
     poles = plant.poles_at(place.gain)
     s = 2j * math.pi * place.frequency
     wanted = np.exp(s * plant.dt) if plant.dt > 0.0 else s
-    scale = max(abs(wanted), 1e-3 * float(np.median(np.abs(poles))), 1e-300)
+    size = max(float(np.median(np.abs(p))) for p in (poles, plant.poles))
+    scale = max(abs(wanted), 1e-3 * size, 1e-300)
     return float(np.abs(poles - wanted).min() / scale)
 
 
@@ -211,10 +225,9 @@ def _inside(low: float, high: float) -> list[float]:
 
 
 def stable_gains(found: Sequence[Interval], limits: tuple[float, float]) -> tuple[tuple[float, float], ...]:
-    """Return the intervals of gains for which all poles decay, those that touch joined, within limits.
+    """Return the intervals of gains for which all poles decay, within limits.
 
-    Two stable intervals touch where a pole reaches the border and turns back: that gain alone is not stable, and splits
-    them.
+    Where a pole reaches the border and turns back, two of them touch: they are not joined, that gain is not stable.
 
     Args:
         found: from `intervals`.

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from workbench.analysis.describing.base import Floats
+from workbench.analysis.modes.poles import poles_of
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.origin import Reportable, with_origin
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["METHODS", "BalancedReduction", "balanced_reduction"]
 
 METHODS = ("match-dc", "truncate")
+_ROUNDING = 100.0  # times that of the whole matrix
 _KEPT = 1e-4  # Hankel singular values below this part of the largest are left out, unless told otherwise
 
 
@@ -90,14 +92,15 @@ def balanced_reduction(
         InputError: unknown method, order out of range, both order and tolerance given.
         SimulationError: the decomposition failed: unstable and stable poles too near each other.
     """
-    _check(part, order, tolerance, method)
-    scaled, factor = _scaled(part)
-    unstable = int(np.sum(part.poles.real >= 0.0))
     n = len(part.A)
+    scaled, factor = _scaled(part)
+    border = _border(scaled)
+    unstable = int(np.sum(scaled.poles.real >= border))
+    _check(n, unstable, order, tolerance, method)
     with warnings.catch_warnings():
-        hankel = _run(scaled, n, "truncate")[1][: n - unstable] * factor
+        hankel = _run(scaled, n, "truncate", border)[1][: n - unstable] * factor
         wanted = order if order is not None else unstable + _count(hankel, _KEPT if tolerance is None else tolerance)
-        reduced = scaled if wanted == n else _run(scaled, wanted, method)[0]
+        reduced = scaled if wanted == n else _run(scaled, wanted, method, border)[0]
     kept = len(reduced.A) - unstable
     return BalancedReduction(
         part=LinearPart(reduced.A, reduced.B, reduced.C * factor, reduced.D * factor) if wanted < n else part,
@@ -111,22 +114,34 @@ def balanced_reduction(
     )
 
 
-def _check(part: LinearPart, order: int | None, tolerance: float | None, method: str) -> None:
-    n = len(part.A)
+def _check(n: int, unstable: int, order: int | None, tolerance: float | None, method: str) -> None:
+    if not n:
+        raise InputError("the system has no states: there is nothing to reduce")
     if method not in METHODS:
         raise InputError(f"method: '{method}' is unknown; {suggest(method, METHODS)}")
     if order is not None and tolerance is not None:
         raise InputError("order and tolerance are both given; one of them says how much is kept")
     if tolerance is not None and not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance must lie between 0 and 1, not at {tolerance:g}: a part of the largest value")
-    least = int(np.sum(part.poles.real >= 0.0))
-    if order is not None and not max(1, least) <= order <= n:
-        why = f" ({least} unstable poles stay)" if least else ""
-        raise InputError(f"order must lie between {max(1, least)}{why} and {n}, the order of the system, not {order}")
+    if order is not None and not max(1, unstable) <= order <= n:
+        why = f" ({unstable} unstable poles stay)" if unstable else ""
+        least = max(1, unstable)
+        raise InputError(f"order must lie between {least}{why} and {n}, the order of the system, not {order}")
 
 
 def _count(hankel: Floats, tolerance: float) -> int:
     return int(np.sum(hankel >= tolerance * hankel[0])) if len(hankel) else 0
+
+
+def _border(part: LinearPart) -> float:
+    """Return the real part from which on poles count as unstable: left of those that rounding may have moved there.
+
+    An integrator that stands a rounding error left of the axis would have a Hankel singular value without bound.
+    """
+    poles = poles_of(part.A)
+    near = poles.value.real[np.abs(poles.value.real) <= 5.0 * poles.uncertain]
+    rounding = _ROUNDING * np.finfo(float).eps * float(np.linalg.norm(part.A)) if len(part.A) else 0.0
+    return min(-rounding, 1.01 * float(near.min(initial=0.0)))
 
 
 def _scaled(part: LinearPart) -> tuple[LinearPart, float]:
@@ -138,7 +153,7 @@ def _scaled(part: LinearPart) -> tuple[LinearPart, float]:
     return LinearPart(np.ascontiguousarray(A), B / b, C / c, part.D / (b * c)), b * c
 
 
-def _run(part: LinearPart, order: int, method: str) -> tuple[LinearPart, Floats]:
+def _run(part: LinearPart, order: int, method: str, border: float) -> tuple[LinearPart, Floats]:
     """Return the reduced system and the Hankel singular values of the stable part, zeros behind them."""
     import slycot  # noqa: PLC0415  slow to import
 
@@ -147,10 +162,10 @@ def _run(part: LinearPart, order: int, method: str) -> tuple[LinearPart, Floats]
     A, B, C, D = part.A.copy(), part.B[:, None].copy(), part.C[None, :].copy(), np.array([[part.D]])
     try:
         if method == "truncate":
-            _, a, b, c, _, hankel = slycot.ab09md("C", "B", "N", n, 1, 1, A, B, C, alpha=0.0, nr=order)
+            _, a, b, c, _, hankel = slycot.ab09md("C", "B", "N", n, 1, 1, A, B, C, alpha=border, nr=order)
             d = D
         else:
-            _, a, b, c, d, _, hankel = slycot.ab09nd("C", "B", "N", n, 1, 1, A, B, C, D, alpha=0.0, nr=order)
+            _, a, b, c, d, _, hankel = slycot.ab09nd("C", "B", "N", n, 1, 1, A, B, C, D, alpha=border, nr=order)
     except slycot.exceptions.SlycotError as error:
         raise SimulationError(f"balanced reduction failed: {error}") from None
     size = len(a)

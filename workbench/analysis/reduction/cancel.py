@@ -34,9 +34,10 @@ def cancel(found: Factored, *, tolerance: float = 1e-5, keep_unstable: bool = Fa
     """Take out pairs of a pole p and a zero z with |p − z| ≤ tolerance · max(|p|, 1/s).
 
     Nearest pairs go first; complex pairs go with their conjugates, real poles with real zeros, so that what is left
-    is real. The gain is corrected so that the product of the factors left out is 1 at frequency 0 (for pairs at
-    0: at infinity). A cancelled pair right of the axis hides an instability: in an open-loop filter such a pair must
-    not be taken out if pole and zero are those of two different physical systems; `keep_unstable` leaves them.
+    is real. The gain is corrected so that the product of the factors left out is 1 at frequency 0; for slow pairs,
+    which are near each other only because both are near 0, at infinity. A cancelled pair right of the axis hides an
+    instability: in an open-loop filter such a pair must not be taken out if pole and zero are those of two different
+    physical systems; `keep_unstable` leaves them.
 
     Args:
         found: zeros, poles and gain.
@@ -57,7 +58,7 @@ def cancel(found: Factored, *, tolerance: float = 1e-5, keep_unstable: bool = Fa
             zeros.remove(_nearest(zeros, b))
             gone_poles.append(a)
             gone_zeros.append(b)
-        gain *= _factor(p, z)
+        gain *= _factor(p, z, tolerance)
     left = Factored(zeros=np.array(zeros, dtype=complex), poles=np.array(poles, dtype=complex), gain=gain)
     return Cancellation(
         factored=left,
@@ -100,8 +101,8 @@ def _nearest(roots: list[complex], wanted: complex) -> complex:
     return min(roots, key=lambda r: abs(r - wanted))
 
 
-def _factor(p: complex, z: complex) -> float:
-    """Return (s − z)/(s − p) at s = 0, of a complex pair with its conjugate."""
-    if abs(p) < 1e-6 or abs(z) < 1e-6:
+def _factor(p: complex, z: complex, tolerance: float) -> float:
+    """Return (s − z)/(s − p) at s = 0, of a complex pair with its conjugate; of a slow pair its value far above."""
+    if p == z or abs(p - z) > tolerance * max(abs(p), abs(z)):
         return 1.0
     return (z / p).real if p.imag == 0.0 else abs(z / p) ** 2
