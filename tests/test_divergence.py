@@ -162,3 +162,19 @@ def test_settling() -> None:
     assert settling(t, x, 0.0, 0.1) == pytest.approx(10.0 * math.log(10.0), abs=math.pi / 20.0)
     assert settling(t, x, 0.0, 2.0) == 0.0
     assert settling(t, np.cos(t), 0.0, 0.5) is None
+
+
+@pytest.mark.parametrize("stop", [0.3, 0.5, 2.0])
+def test_a_step_response_is_no_growth(stop: float) -> None:
+    with wb.load("fmu:Rudder") as rudder:
+        found = wb.simulate(rudder, stop=stop, inputs={"delC": wb.Step(time=0.1, value=1.0)}, outputs=["del"])
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 6])
+@pytest.mark.parametrize("noise", [0.0, 1e-17])
+def test_a_rise_from_nothing_is_no_growth(power: int, noise: float) -> None:
+    time = np.linspace(0.0, 1.0, 501)
+    assert divergence(time, noise + np.clip(time - 0.2, 0.0, None) ** power) is None
+    assert divergence(time, noise + np.clip(np.minimum(time, 0.21) - 0.2, 0.0, None) ** power) is None
+    assert divergence(time, noise * (1.0 + time) + np.where(time > 0.5, 1.0, 0.0)) is None

@@ -149,10 +149,12 @@ def _doublings(time: Floats, size: Floats, floor: float) -> Floats:
     time, size = time[usable], size[usable]
     if len(size) < 2 or not np.any(size > floor):
         return np.zeros(0)
-    early = float(np.max(size[: max(1, len(size) // 20)]))
+    # A rise from exactly zero passes infinitely many doublings at once; they are no growth that was seen.
+    seen = size[size > 0.0]
+    early = max(float(np.max(size[: max(1, len(size) // 20)])), float(seen[0]))
     top = np.maximum.accumulate(size)
-    begin = _BEGIN * max(early, floor, float(top[-1]) * 2.0**-900)
-    if not top[-1] > begin > 0.0:
+    begin = _BEGIN * max(early, floor)
+    if not top[-1] > begin:
         return np.zeros(0)
     levels = begin * 2.0 ** np.arange(math.floor(math.log2(float(top[-1]) / begin)) + 1)
     after = np.searchsorted(top, levels, side="left")
@@ -175,6 +177,8 @@ def _judged(gaps: Floats) -> tuple[str | None, float]:
     usual = gaps[gaps > 0.0]  # several doublings between two points take no time
     quarter = max(1, len(usual) // 4)
     change = float(np.median(usual[-quarter:]) / np.median(usual[:quarter]))
+    if float(gaps[-1]) > _STOPPED * float(np.median(usual[-quarter:])):
+        return None, ratio  # a rise that ends, after doublings that no point lies between
     if 1.0 / _STEADY < change < _STEADY:
         return "exponential", 1.0
     return ("growing" if change < 1.0 else None), ratio
