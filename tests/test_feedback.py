@@ -70,7 +70,7 @@ def test_double_integrator_alone_is_never_stable() -> None:
 def turned(system: Plant) -> Plant:
     """Return the same G in coordinates of no meaning: rounding moves its poles on the border off it."""
     T = np.random.default_rng(0).normal(size=system.A.shape)
-    C: Floats = np.linalg.solve(T.T, system.C)
+    C = np.asarray(np.linalg.solve(T.T, system.C), dtype=np.float64)
     return Plant(T @ system.A @ np.linalg.inv(T), T @ system.B, C, system.D, system.dt)
 
 

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import closeness
-from workbench.analysis.modes.modes import modes
+from workbench.analysis.modes.modes import critical_values, modes
 from workbench.analysis.modes.poles import Poles, poles_of
+from workbench.analysis.modes.result import Critical, Mode
+from workbench.analysis.modes.source import Source
 from workbench.analysis.modes.track import Track, track
 from workbench.cli.app import run
 from workbench.errors import InputError
@@ -38,6 +42,23 @@ def second_order(k: object, c: object = 0.0, m: object = 1.0) -> Poles:
 def frequencies(found: Track) -> Floats:
     """Undamped frequencies [rad/s], shape (values, branches)."""
     return np.asarray(np.abs(found.table()[0]), dtype=np.float64)
+
+
+class Family(Source):
+    """Poles as a function of the parameter, without a model."""
+
+    def __init__(self, poles: Callable[[float], Poles]) -> None:
+        self._family = poles
+
+    def __call__(self, value: float) -> Poles:
+        return self._family(value)
+
+
+def criticals(family: Callable[[float], Poles], values: list[float]) -> list[Critical]:
+    found = track(family, values)
+    poles, uncertain = found.table()
+    lines = [Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=()) for b in range(found.count)]
+    return [c for line in lines for c in critical_values(Family(family), found, line, 1e-8)]
 
 
 # -- crossings and veering -------------------------------------------------------------------
@@ -229,6 +250,36 @@ def test_divergence_is_a_real_pole() -> None:
     (critical,) = result.sets[0].critical
     assert critical.kind == "divergence"
     assert critical.value == pytest.approx(1.0 / 16.0, abs=2e-7)
+
+
+@pytest.mark.parametrize(("damping", "points"), [(0.3, 2), (0.3, 11), (0.0, 2), (0.0, 11)])
+def test_divergence_in_the_step_in_which_the_pair_splits(damping: float, points: int) -> None:
+    """s² + d s + 0.55 − k: two real poles from k = 0.55 − d²/4 on, one of them unstable from 0.55 on."""
+    plant = control.ss(control.tf([1.0], [1.0, damping, 0.55]))
+    with connect({"k": 1.0, "plant": plant}, [("plant.y", "k.u"), ("k.y", "plant.u")]) as system:
+        result = modes(system, vary="k.gain", band=(0.0, 1.0), points=points)
+    (critical,) = result.sets[0].critical
+    assert (critical.kind, critical.becomes) == ("divergence", "unstable")
+    assert critical.value == pytest.approx(0.55, abs=2e-6)
+
+
+def test_two_divergences_in_one_step() -> None:
+    """Neither takes the other's value, and an undamped one is found beside a damped one."""
+
+    def family(p: float) -> Poles:
+        parts = [[[0.0, 1.0], [p - 0.55, -0.3]], [[0.0, 2.0], [p - 0.56, -0.3]]]
+        return poles_of(block_diag(*parts))
+
+    assert [c.value for c in criticals(family, [0.0, 0.5, 1.0])] == pytest.approx([0.55, 0.56], abs=1e-6)
+
+
+@pytest.mark.parametrize(("sign", "flat"), [(1.0, 0.0), (1.0, 0.2), (-1.0, 0.0), (-1.0, 0.2)])
+def test_a_mode_that_only_touches_zero_has_no_critical_value(sign: float, flat: float) -> None:
+    def family(p: float) -> Poles:
+        growth = sign * max(0.0, abs(p - 0.5) - flat) ** 2
+        return poles_of(np.array([[growth, 1.0], [-1.0, growth]]))
+
+    assert not criticals(family, np.linspace(0.0, 1.0, 11).tolist())
 
 
 def test_configurations_beside_each_other_and_parameters_of_all() -> None:

@@ -72,4 +72,7 @@ def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Root:
             neutral = middle
         else:
             moving = middle
-    return Root(0.5 * (neutral + moving), pole(neutral)[0], count)
+    beyond = pole(moving)[
+        0
+    ]  # real: an undamped pair that slows down to a standstill and parts diverges, without flutter
+    return Root(0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0], count)

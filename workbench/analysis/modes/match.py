@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.analysis.modes.poles import Complex, Poles
 from workbench.session.base import Floats
 
-__all__ = ["Group", "Match", "closeness", "coincide", "match", "passing"]
+__all__ = ["Group", "Match", "closeness", "coincide", "match", "passing", "turning"]
 
 _RELATED = 0.25  # closeness that makes two modes candidates for each other
 _CLEAR = 0.75  # closeness at which a mode is the same mode
@@ -155,3 +155,22 @@ def passing(before: Poles, after: Poles, found: Match) -> float:
     shown = close & (share > 0.0) & (share < 1.0)
     inside = share[shown]
     return float(np.clip(inside.min(), _MARGIN, 1.0 - _MARGIN)) if len(inside) else 0.0
+
+
+def turning(before: Poles, after: Poles, found: Match) -> bool:
+    """Whether a pair becomes two real poles within a step, and one of them changes its stability there, too.
+
+    Half of a pair has no pole of its own on the other side: only a smaller step shows where that one changes.
+
+    Args:
+        before: modes at the beginning of the step.
+        after: modes at its end.
+        found: their match.
+    """
+    for group in found.groups:
+        if group.kind == "real axis":
+            ends = ((before, group.before), (after, group.after))
+            poles = [(p.value[i].real, p.uncertain[i]) for p, places in ends for i in places]
+            if len({r > 0.0 for r, u in poles if abs(r) > u}) > 1:
+                return True
+    return False

@@ -19,7 +19,7 @@ from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
 
-__all__ = ["modes"]
+__all__ = ["critical_values", "modes"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
@@ -166,7 +166,7 @@ def _one_set(source: Source, grid: list[float], label: str, settings: Settings, 
         Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(found, b, names))
         for b in range(found.count)
     ]
-    critical = [c for line in lines for c in _criticals(source, found, line, tolerance)]
+    critical = [c for line in lines for c in critical_values(source, found, line, tolerance)]
     meetings = [ModesMeeting(**{**vars(m), "modes": tuple(b + 1 for b in m.modes)}) for m in found.meetings]
     return ModeSet(
         label=label,
@@ -190,8 +190,15 @@ def _states(found: Track, branch: int, names: Sequence[str]) -> tuple[str, ...]:
     return ()
 
 
-def _criticals(source: Source, found: Track, line: Mode, tolerance: float) -> list[Critical]:
-    """Return where a mode's real part changes its sign, each refined between two frames."""
+def critical_values(source: Source, found: Track, line: Mode, tolerance: float) -> list[Critical]:
+    """Return where a mode's real part changes its sign, each refined between two frames; not where it only touches 0.
+
+    Args:
+        source: of the models between.
+        found: all modes.
+        line: the mode.
+        tolerance: of the values.
+    """
     known = ~np.isnan(line.pole)
     signs = [
         sign_of(p, u) if exists else None
@@ -202,15 +209,50 @@ def _criticals(source: Source, found: Track, line: Mode, tolerance: float) -> li
         here, there = signs[k], signs[k + 1]
         if here is None or there is None:
             last = 0
+            if 1 in {here, there}:
+                criticals += _on_real_axis(source, found, k, line.number, tolerance)
             continue
         last = here or last
         if here == there or not (here > 0 or there > 0):
             continue
         if here == 0 and there > 0 and last > 0:  # it only grazed zero
             continue
+        if here > 0 and there == 0 and next((s for s in signs[k + 1 :] if s != 0), 0) == 1:
+            continue
         frames = found.frames[k], found.frames[k + 1]
         criticals.append(_refined(source, frames, line.number, tolerance, rising=there > here))
     return criticals
+
+
+def _on_real_axis(source: Source, found: Track, step: int, number: int, tolerance: float) -> list[Critical]:
+    """Return where a real pole becomes unstable within the step in which its pair has split (or the reverse).
+
+    Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed.
+    """
+    low, high = (f.value for f in found.frames[step : step + 2])
+    rising = found.frames[step].place(number - 1) is None
+    stable, unstable = (low, high) if rising else (high, low)
+    fewest = _unstable(source, stable)
+    if fewest is None or fewest >= (_unstable(source, unstable) or 0):
+        return []  # the pair was unstable before
+    while abs(unstable - stable) > tolerance:
+        middle = 0.5 * (stable + unstable)
+        if (_unstable(source, middle) or 0) > fewest:
+            unstable = middle
+        else:
+            stable = middle
+    becomes = "unstable" if rising else "stable"
+    value = 0.5 * (stable + unstable)
+    return [Critical(mode=number, value=value, frequency_hz=0.0, becomes=becomes, real=0.0)]
+
+
+def _unstable(source: Source, value: float) -> int | None:
+    """Return how many poles are unstable, those of a pair as two; None: there is no linear model."""
+    poles = source(value)
+    if poles is None:
+        return None
+    growing = [sign_of(p, u) > 0 for p, u in zip(poles.value.tolist(), poles.uncertain.tolist(), strict=True)]
+    return int(np.sum(np.where(poles.real, 1, 2)[growing]))
 
 
 def _refined(source: Source, ends: tuple[Frame, Frame], number: int, tolerance: float, *, rising: bool) -> Critical:

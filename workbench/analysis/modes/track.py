@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.modes.match import Group, Match, coincide, match, passing
+from workbench.analysis.modes.match import Group, Match, coincide, match, passing, turning
 from workbench.analysis.modes.poles import Complex, Poles
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -142,7 +142,8 @@ class _Tracking:
                 "modes of models of different order cannot be followed"
             )
         found = match(here.poles, poles)
-        share = 0.5 if not found.clear else passing(here.poles, poles, found)
+        halve = not found.clear or turning(here.poles, poles, found)
+        share = 0.5 if halve else passing(here.poles, poles, found)
         between = here.value + share * (value - here.value)
         if share and value - here.value > 1.5 * self._smallest and self._made < _MOST:
             self._pending.append(between)
