@@ -143,7 +143,9 @@ class ReproduceResult:
         """The whole in one line."""
         count = Counter(o.verdict for o in self.outcomes)
         parts = [f"{count[v]} {v}" for v in (MET, MISSED, NOT_REACHABLE) if count[v]]
-        return f"{len(self.outcomes)} targets: {', '.join(parts)}; {self.seconds:.1f} s with {self.jobs} processes"
+        targets = "1 target" if len(self.outcomes) == 1 else f"{len(self.outcomes)} targets"
+        processes = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
+        return f"{targets}: {', '.join(parts)}; {self.seconds:.1f} s with {processes}"
 
     def outcome(self, name: str) -> Outcome:
         """Return what came of one target.

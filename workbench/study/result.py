@@ -130,7 +130,8 @@ class StudyResult:
             names = ", ".join(c.name for c in bad[:_NAMED]) + (" and others" if len(bad) > _NAMED else "")
             said = f"{len(bad)} of {every} requirements {'is' if len(bad) == 1 else 'are'} not met: {names}"
         missing = f", {self.missing} not run" if self.missing else ""
-        return f"{said}; {self.measured} analyses measured, {self.reused} taken from the store{missing}"
+        analyses = "analysis" if self.measured == 1 else "analyses"
+        return f"{said}; {self.measured} {analyses} measured, {self.reused} taken from the store{missing}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON, the results of the analyses in full."""

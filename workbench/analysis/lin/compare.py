@@ -171,7 +171,7 @@ def compare(
     measured, words = _measure(task, input, output, grid, amplitude) if measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
-    spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts)]
+    spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]
     return LinComparison(input, output, results, failed, measured, verdicts, interfaces, tuple(spoken))
 
 
@@ -326,6 +326,18 @@ def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> l
         most = f"{worst.gain_db:+.3g} dB and {worst.phase_deg:+.3g}° at {worst.frequency_hz:.4g} Hz"
         limits = f"{GAIN_DB:g} dB and {PHASE_DEG:g}°"
         words.append(f"{name}: within {limits} of the measurement at {good} of {len(mine)} frequencies, at most {most}")
+    return words
+
+
+def _remarks(results: Mapping[str, LinResult]) -> list[str]:
+    """Return what each method says of its own model: a verdict without it would be trusted too far."""
+    words = []
+    for name, result in results.items():
+        words += [f"{name}: {note}" for note in result.notes]
+        if result.doubts:
+            first, more = result.doubts[0], len(result.doubts) - 1
+            others = f", and {more} more" if more else ""
+            words.append(f"{name}: doubtful: {first.row} by {first.column} = {first.value:.6g}: {first.reason}{others}")
     return words
 
 
