@@ -8,16 +8,11 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-import fmpy
-
+from tests.stub_fmus import stub_library
 from workbench.build.pack import pack
-from workbench.toolchain import compile_library, host_only
-
-CODE = Path(__file__).parent / "c" / "hostile" / "hostile.c"
+from workbench.toolchain import host_only
 
 
 @dataclass(frozen=True)
@@ -60,19 +55,6 @@ HOSTILE = {
 NEEDS_WORKER = tuple(name for name, hostile in HOSTILE.items() if hostile.needs_worker)
 
 
-@lru_cache(maxsize=1)
-def _library() -> bytes:
-    (host,) = host_only()
-    with TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        (folder / CODE.name).write_bytes(CODE.read_bytes())
-        for header in (Path(fmpy.__file__).parent / "c-code").glob("fmi2*.h"):
-            (folder / header.name).write_bytes(header.read_bytes())
-        library = folder / "lib" / f"hostile{host.suffix}"
-        compile_library(folder, [CODE.name], host, library)
-        return library.read_bytes()
-
-
 def description(guid: str, *, once: bool = False) -> str:
     """Return a model description of FMI 2.0 that asks the library for the behaviour in `guid`."""
     flags = 'modelIdentifier="hostile" canGetAndSetFMUstate="true"'
@@ -109,7 +91,8 @@ def _binary_name() -> str:
 
 
 def _write(file: Path, xml: str, *, binary: bytes | None = None) -> Path:
-    pack(file, {"modelDescription.xml": xml.encode(), _binary_name(): _library() if binary is None else binary})
+    library = stub_library("hostile") if binary is None else binary
+    pack(file, {"modelDescription.xml": xml.encode(), _binary_name(): library})
     return file
 
 

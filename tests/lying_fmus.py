@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-import fmpy
-
+from tests.stub_fmus import stub_library
 from workbench.build.pack import pack
-from workbench.toolchain import compile_library, host_only
-
-CODE = Path(__file__).parent / "c" / "lying" / "lying.c"
+from workbench.toolchain import host_only
 
 
 @dataclass(frozen=True)
@@ -71,19 +66,6 @@ LIES = {
 _DESCRIBED = ("undeclared", "nameless")
 
 
-@lru_cache(maxsize=1)
-def _library() -> bytes:
-    (host,) = host_only()
-    with TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        (folder / CODE.name).write_bytes(CODE.read_bytes())
-        for header in (Path(fmpy.__file__).parent / "c-code").glob("fmi2*.h"):
-            (folder / header.name).write_bytes(header.read_bytes())
-        library = folder / "lib" / f"lying{host.suffix}"
-        compile_library(folder, [CODE.name], host, library)
-        return library.read_bytes()
-
-
 def description(name: str) -> str:
     """Return the model description of a lie, or of "honest" or "unstable"."""
     guid = "honest" if name in _DESCRIBED else name
@@ -130,5 +112,5 @@ def build_lying(folder: Path, name: str) -> Path:
     (host,) = host_only()
     binary = f"binaries/{host.name_2}/lying{host.suffix}"
     file = folder / f"{name}.fmu"
-    pack(file, {"modelDescription.xml": description(name).encode(), binary: _library()})
+    pack(file, {"modelDescription.xml": description(name).encode(), binary: stub_library("lying")})
     return file

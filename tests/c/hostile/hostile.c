@@ -4,12 +4,11 @@
  * Co-Simulation is one step of the explicit Euler method per communication step.
  */
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "fmi2Functions.h"
+#include "fmi2_stub.h"
 
 #define FROM 0.5
 #define BLOCK ((size_t)64 << 20)
@@ -99,34 +98,12 @@ static double rate(Model *model)
     return model->behaviour == NAN_STATE && model->time >= FROM ? NAN : dx;
 }
 
-static Behaviour choose(const char *guid)
-{
-    char wanted[64];
-    for (int i = 0; i < N_BEHAVIOURS; i++) {
-        snprintf(wanted, sizeof wanted, "{hostile-%s}", names[i]);
-        if (guid != NULL && strcmp(guid, wanted) == 0) {
-            return (Behaviour)i;
-        }
-    }
-    return N_BEHAVIOURS;
-}
-
 /* ---- life ---- */
-
-const char *fmi2GetTypesPlatform(void)
-{
-    return fmi2TypesPlatform;
-}
-
-const char *fmi2GetVersion(void)
-{
-    return fmi2Version;
-}
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
-    Behaviour behaviour = choose(guid);
+    Behaviour behaviour = (Behaviour)chosen(guid, "hostile", names, N_BEHAVIOURS);
     (void)type;
     (void)location;
     (void)visible;
@@ -158,15 +135,6 @@ void fmi2FreeInstance(fmi2Component c)
     free(c);
 }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
-{
-    (void)c;
-    (void)on;
-    (void)n;
-    (void)categories;
-    return fmi2OK;
-}
-
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop)
 {
@@ -178,17 +146,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
     return fmi2OK;
 }
 
-#define NOTHING_TO_DO(name)                                                                                            \
-    fmi2Status name(fmi2Component c)                                                                                   \
-    {                                                                                                                  \
-        (void)c;                                                                                                       \
-        return fmi2OK;                                                                                                 \
-    }
-NOTHING_TO_DO(fmi2EnterInitializationMode)
 NOTHING_TO_DO(fmi2ExitInitializationMode)
-NOTHING_TO_DO(fmi2EnterEventMode)
-NOTHING_TO_DO(fmi2EnterContinuousTimeMode)
-NOTHING_TO_DO(fmi2Terminate)
 NOTHING_TO_DO(fmi2Reset)
 
 /* ---- values ---- */
@@ -237,14 +195,6 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
     return fmi2OK;
 }
 
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
 /* ---- Model Exchange ---- */
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
@@ -288,14 +238,6 @@ fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n)
     (void)n;
     dx[0] = rate(c);
     return misbehave(c);
-}
-
-fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n)
-{
-    (void)c;
-    (void)z;
-    (void)n;
-    return fmi2OK;
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t n)
