@@ -103,6 +103,8 @@ def test_simulate_keeps_standard_output_for_the_csv(capsys: pytest.CaptureFixtur
         (["--stop", "1", "--input", "y=1"], "an input is needed"),
         (["--stop", "1", "--output", "yy"], "yy"),
         (["--stop", "1", "--plot", "x.bmp"], ".png"),
+        (["--stop", "1", "--csv", "x.png"], "--csv: 'x.png' must end in .csv"),
+        (["--stop", "1", "--json", "loop.toml"], "--json: 'loop.toml' must end in .json"),
     ],
 )
 def test_simulate_complains_in_one_line(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:
@@ -111,6 +113,25 @@ def test_simulate_complains_in_one_line(capsys: pytest.CaptureFixture[str], argu
     lines = captured.err.splitlines()
     assert len(lines) == 1, captured.err
     assert message in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("Rudder", "did you mean fmu:Rudder?"),
+        ("failed_aileron", "did you mean system:failed_aileron?"),
+        ("lop.toml", "did you mean loop.toml?"),
+        ("else.fmu", "else.fmu: no such file; give an .fmu"),
+    ],
+)
+def test_a_missing_model_is_told_what_may_be_meant(
+    name: str, hint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "loop.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    assert run(["check", name]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert hint in line
 
 
 def test_build_says_what_is_missing(

@@ -268,6 +268,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
         ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),
         ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "not one"),
+        ({"actuator": "fmu:LimitdActuator"}, "did you mean LimitedActuator"),
     ],
 )
 def test_what_makes_no_sense_is_refused(options: dict[str, object], words: str) -> None:

@@ -148,6 +148,9 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["--over", "mH=1", "--compare"], "only one of them"),
         (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),
         (["--snapshot", "2,1"], "must rise"),
+        (["--compare", "--amplitude", "-2"], "--amplitude: -2 is not a positive number"),
+        (["--compare", "--freq", "0,1"], "--freq: 0 is not a positive number"),
+        (["--inputs="], "Rudder: a linear model needs an input, and there is none"),
     ],
 )
 def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -111,6 +111,10 @@ def test_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "no such file; did you mean rudder.toml?" in one_line(capsys)
     assert run(["run", "study:ruder_loop"]) == 2
     assert "did you mean rudder_loop?" in one_line(capsys)
+    assert run(["run", "rudder_loop"]) == 2
+    assert "did you mean study:rudder_loop?" in one_line(capsys)
+    assert run(["run", "study:rudder_loop", "--junit", "page.html"]) == 2
+    assert "--junit: 'page.html' must end in .xml" in one_line(capsys)
     assert run(["run", str(tmp_path)]) == 2
     assert "is a folder" in one_line(capsys)
     assert run(["run"]) == 2

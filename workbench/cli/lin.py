@@ -114,6 +114,7 @@ def lin(
 
     Example: `workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json`
     """
+    from workbench.analysis.frequency_grid import positive_values
     from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
 
@@ -141,7 +142,9 @@ def lin(
         if snapshot is not None:
             return _along(loaded, snapshot, input, {**where, **chosen}, out)
         if compare:
-            grid = numbers("--freq", freq) if freq is not None else None
+            grid = positive_values("--freq", numbers("--freq", freq), unit="Hz") if freq is not None else None
+            if amplitude is not None:
+                positive_values("--amplitude", [amplitude], unit="unit of the input")
             pair = _pair(loaded, chosen)
             return _compare(loaded, pair, {**where, **sampled, "frequencies": grid, "amplitude": amplitude}, out)
         more = {"points": points, "order": order, "continuous": continuous}

@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 
     from workbench.report import Page
 
-__all__ = ["Output"]
+__all__ = ["Output", "check_kind"]
 
 _PICTURES = (".png", ".svg", ".pdf")
 _PAGES = (".html", ".htm")
+_JSON, _CSV = ".json", ".csv"
+_FOREIGN = (*_PICTURES, *_PAGES, _JSON, _CSV, ".fmu", ".toml", ".xml")  # what names another kind of file
 
 
 class Output:
@@ -61,6 +63,8 @@ class Output:
         for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot), ("--report", report)):
             if path is not None and path != "-":
                 _check_writable(option, Path(path))
+        check_kind("--json", json_path, _JSON)
+        check_kind("--csv", csv_path, _CSV)
         if plot is not None and plot.suffix.lower() not in _PICTURES:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
         if report is not None and report.suffix.lower() not in _PAGES:
@@ -139,6 +143,22 @@ class Output:
             Path(str(self.json_path)).write_text(text, encoding="utf-8")
         except OSError as error:
             raise InputError(f"{self.json_path}: cannot be written: {error.strerror or error}") from None
+
+
+def check_kind(option: str, path: str | None, suffix: str) -> None:
+    """Refuse a suffix of another kind of file: a CSV named .png is a slip, and .toml may overwrite a model.
+
+    Args:
+        option: that was given.
+        path: to be written; "-" and None are no file.
+        suffix: that belongs to it; none at all, or one that nothing here has, is taken, too.
+
+    Raises:
+        InputError: another one.
+    """
+    found = Path(path or "").suffix.lower()
+    if found in _FOREIGN and found != suffix:
+        raise InputError(f"{option}: '{path}' must end in {suffix}")
 
 
 def _check_writable(option: str, path: Path) -> None:

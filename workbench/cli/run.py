@@ -92,6 +92,9 @@ def _print_example() -> int:
 
 
 def _check_junit(path: Path | None) -> None:
+    from workbench.cli.output import check_kind
+
+    check_kind("--junit", str(path or ""), ".xml")
     if path is not None and path.is_dir():
         raise InputError(f"--junit: '{path}' is a folder; name a file in it")
     if path is not None and not path.parent.is_dir():

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Self
 
 from workbench.errors import FmuError, InputError
-from workbench.fmi.bundled import bundled_path, is_bundled
+from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
 from workbench.fmi.platforms import is_foreign, note_foreign
 
 __all__ = ["Unpacked", "extract", "locate", "unpack"]
@@ -78,7 +78,7 @@ def locate(model: str | Path) -> Path:
         return bundled_path(str(model))
     path = Path(model).expanduser()
     if not path.exists():
-        raise InputError(f"{model}: no such file; give an .fmu, an unpacked FMU, or fmu:NAME")
+        raise InputError(f"{model}: no such file; {what_is_meant(path)}give an .fmu, an unpacked FMU, or fmu:NAME")
     return path
 
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from workbench.bundled import bundled_files, find_bundled
 from workbench.errors import InputError
 
-__all__ = ["bundled_names", "bundled_path", "bundled_systems", "is_bundled", "is_bundled_system", "name_of_bundled"]
+__all__ = [
+    "bundled_names",
+    "bundled_path",
+    "bundled_systems",
+    "is_bundled",
+    "is_bundled_system",
+    "name_of_bundled",
+    "what_is_meant",
+]
 
 _FMU, _SYSTEM = "fmu:", "system:"
+_MODELS = (".fmu", ".toml", ".ssp", ".ssd")  # what a misspelt file may have been
 _FOLDERS = {"2": "fmus/fmi2", "3": "fmus/fmi3"}
 
 
@@ -56,3 +66,13 @@ def bundled_path(name: str) -> Path:
     if version not in _FOLDERS:
         raise InputError(f"{name}: FMI version '{version}' is not bundled; write @2 or @3")
     return find_bundled(stem, bundled_files(_FOLDERS[version], ".fmu"), "FMU")
+
+
+def what_is_meant(missing: Path) -> str:
+    """Return a hint for a file that is not there: a bundled model without its prefix, or files of nearly that name."""
+    name, folder = str(missing), missing.parent
+    meant = [f"{_FMU}{n}" for n in bundled_names() if n == name]
+    meant += [f"{_SYSTEM}{n}" for n in bundled_systems() if n == name]
+    files = [p.name for p in folder.iterdir() if p.suffix.lower() in _MODELS] if folder.is_dir() else []
+    meant = meant or [str(folder / n) for n in get_close_matches(missing.name, files, n=3)]
+    return f"did you mean {', '.join(meant)}? Else " if meant else ""

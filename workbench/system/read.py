@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
-from workbench.fmi.bundled import bundled_path, is_bundled_system
+from workbench.fmi.bundled import bundled_path, is_bundled_system, what_is_meant
 
 if TYPE_CHECKING:  # telling systems from FMUs stays quick
     from workbench.system.description import SystemDescription
@@ -36,7 +36,9 @@ def read_system(path: str | Path) -> SystemDescription:
     """
     file = bundled_path(str(path)) if is_bundled_system(str(path)) else Path(path).expanduser()
     if not file.exists():
-        raise InputError(f"{path}: no such file; give a system as .toml, .ssp or .ssd, or system:NAME")
+        raise InputError(
+            f"{path}: no such file; {what_is_meant(file)}give a system as .toml, .ssp or .ssd, or system:NAME"
+        )
     if file.is_dir():
         if not is_system_file(file):
             raise InputError(f"{path}: a folder without SystemStructure.ssd; give a system as .toml, .ssp or .ssd")

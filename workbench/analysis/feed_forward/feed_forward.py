@@ -15,7 +15,7 @@ from workbench.analysis.feed_forward.remaining import remaining
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
-from workbench.analysis.feed_forward.wiring import Loops, variable_of
+from workbench.analysis.feed_forward.wiring import Loops, ends_of_actuator, variable_of
 from workbench.analysis.limit_cycle.cut import find_ports
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
@@ -132,6 +132,8 @@ def _loops(
 ) -> Loops:
     ports = find_ports(model, block)
     variable_of(model, target, "target")
+    if actuator is not None:
+        ends_of_actuator(actuator)  # said also where nothing is simulated with it
     if feedback is None:
         return Loops(ports=ports, target=target, actuator=actuator)
     variable_of(model, feedback[0], "feedback")

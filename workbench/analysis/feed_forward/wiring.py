@@ -24,7 +24,7 @@ from workbench.system.description import (
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Loops", "closed", "opened", "reopen", "system_of", "variable_of"]
+__all__ = ["Loops", "closed", "ends_of_actuator", "opened", "reopen", "system_of", "variable_of"]
 
 OPENED, COMMAND = "opened", "commanded"
 
@@ -176,13 +176,18 @@ def _drive(loops: Loops, made: list[Component], ends: _Ends) -> None:
     if loops.actuator is None:
         ends.join("command.y", loops.target, late=True)
         return
-    into, out = _through(loops.actuator)
+    into, out = ends_of_actuator(loops.actuator)
     made.append(FmuComponent(name="actuator", file=loops.actuator))
     ends.join("command.y", f"actuator.{into}", late=True)
     ends.join(f"actuator.{out}", loops.target)
 
 
-def _through(file: str) -> tuple[str, str]:
+def ends_of_actuator(file: str) -> tuple[str, str]:
+    """Return the names of an actuator's one input and one output.
+
+    Raises:
+        InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
+    """
     from workbench.model.load import load  # noqa: PLC0415  only where there is an actuator
 
     with load(file) as model:

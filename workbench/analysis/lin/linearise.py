@@ -96,6 +96,8 @@ def lin(
         order=order,
         continuous=continuous,
     )
+    if not task.inputs:
+        raise InputError(f"{task.model.name}: a linear model needs an input, and there is none; poles: workbench modes")
     return LinearModel(run(task, method))
 
 
