@@ -24,6 +24,7 @@ from workbench.cli.options import (
     open_model,
     pairs,
 )
+from workbench.cli.table import table_of
 from workbench.errors import BuildError, InputError, suggest
 
 if TYPE_CHECKING:
@@ -238,21 +239,10 @@ def _show(result: FeedForwardResult, console: Console) -> None:
         console.print(_trials(result))
 
 
-def _table(title: str, *headings: str) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in headings:
-        table.add_column(escape(heading), justify="left" if heading in {"step", "what", "control"} else "right")
-    return table
-
-
 def _steps(result: FeedForwardResult) -> Table:
-    table = _table(
+    table = table_of(
         f"{result.model}: filter from {result.output} to {result.target}",
-        "step", "order", "gain error at", "phase error at", "residual", "unstable", "what",
+        "step", "order", "gain error at", "phase error at", "residual", "unstable", "what", left=("step", "what"),
     )  # fmt: skip
     for s in result.steps:
         table.add_row(
@@ -265,9 +255,10 @@ def _steps(result: FeedForwardResult) -> Table:
 
 def _trials(result: FeedForwardResult) -> Table:
     first = result.trials[0]
-    table = _table(
+    table = table_of(
         f"simulated: seconds after {first.closes_at:g} s until {result.input} stays below a part of {first.before:.4g}",
         "control", "limits", *(f"{100.0 * p:g} %" for p in first.settling_seconds), "left at the end",
+        left=("control",),
     )  # fmt: skip
     for t in result.trials:
         row = ["never" if s is None else f"{s:.2f} s" for s in t.settling_seconds.values()]

@@ -25,6 +25,7 @@ from workbench.cli.options import (
     open_model,
     pairs,
 )
+from workbench.cli.table import table_of
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -281,19 +282,8 @@ def _show(result: FeedbackResult, console: Console) -> None:
         )
 
 
-def _table(title: str, *headings: str) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in headings:
-        table.add_column(escape(heading), justify="right")
-    return table
-
-
 def _crossings(result: FeedbackResult) -> Table:
-    table = _table(
+    table = table_of(
         f"{result.model}: u = g·y from {result.source} to {result.target}; poles on the border of stability",
         "gain", "f [Hz]", "G = 1/gain", "unstable below", "above",
     )  # fmt: skip
@@ -329,7 +319,7 @@ def _seconds(value: float | None) -> str:
 def _runs(study: SettlingStudy) -> Table:
     unit = study.target_unit or "-"
     heads = [f"to {100.0 * t:g} % [s]" for t in _levels(study)]
-    table = _table(
+    table = table_of(
         f"settling of {study.variable} ({study.start.how})",
         "gain",
         *heads,
@@ -362,7 +352,7 @@ def _levels(study: SettlingStudy) -> Sequence[float]:
 
 
 def _optima(study: SettlingStudy) -> Table:
-    table = _table(
+    table = table_of(
         f"best gain, polynomial of order {study.settings.order}",
         "threshold [%]", "best gain", "[s]", "fastest measured", "[s]", "not settled",
     )  # fmt: skip

@@ -27,6 +27,7 @@ from workbench.cli.options import (
     pairs,
     workers,
 )
+from workbench.cli.table import table_of
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -178,19 +179,8 @@ def _show(result: LimitCycleResult, console: Console) -> None:
         )
 
 
-def _table(title: str, *headings: str) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in headings:
-        table.add_column(escape(heading), justify="right")
-    return table
-
-
 def _crossings(result: LimitCycleResult) -> Table:
-    table = _table(
+    table = table_of(
         f"{result.model}: crossings of the loop through {result.block}",
         "", "f [Hz]", "real part", "gain", "amplitude", "unstable below", "above", "stable",
     )  # fmt: skip
@@ -206,7 +196,7 @@ def _crossings(result: LimitCycleResult) -> Table:
 
 def _cycles(result: LimitCycleResult) -> Table:
     unit = f" [{result.input_unit}]" if result.input_unit else ""
-    table = _table(
+    table = table_of(
         f"limit cycles, amplitude of {result.input}{unit}",
         "crossing", "method", "f [Hz]", "amplitude", "fundamental", "mean", "multiplier", "stable",
     )  # fmt: skip
@@ -220,7 +210,7 @@ def _cycles(result: LimitCycleResult) -> Table:
 
 
 def _outputs(cycle: SimulatedCycle) -> Table:
-    table = _table(
+    table = table_of(
         f"simulated at {cycle.frequency_hz:.6g} Hz from the predicted state, {cycle.periods} periods",
         "variable", "unit", "amplitude", "fundamental", "mean",
     )  # fmt: skip
@@ -234,7 +224,7 @@ def _outputs(cycle: SimulatedCycle) -> Table:
 
 def _history(run: FreeRun) -> Table:
     unit = f" [{run.unit}]" if run.unit else ""
-    table = _table(
+    table = table_of(
         f"run from rest, {run.signal}",
         "from [s]", "to [s]", "f [Hz]", "scatter of the periods", f"largest amplitude{unit}", "growth [1/s]",
     )  # fmt: skip

@@ -25,6 +25,7 @@ from workbench.cli.options import (
     pairs,
     start_value,
 )
+from workbench.cli.table import table_of
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -144,23 +145,12 @@ def _show(result: ModesResult, console: Console) -> None:
             console.print(line, markup=False, soft_wrap=True)
 
 
-def _table(title: str, *headings: str) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in headings:
-        table.add_column(escape(heading), justify="right")
-    return table
-
-
 def _modes_table(result: ModesResult, modes: ModeSet) -> Table:
     import numpy as np
 
     title = f"{result.model}{': ' if modes.label else ''}{modes.label}"
     first, last = modes.value[0], modes.value[-1]
-    table = _table(
+    table = table_of(
         title, "mode", f"Hz at {first:g}", f"at {last:g}", f"damping at {first:g}", f"at {last:g}", "least", "states"
     )
     shown = {m.number for m in modes.modes} if len(modes.modes) <= _MOST_ROWS else modes.relevant(_MOST_ROWS)
@@ -187,7 +177,7 @@ def _names(mode: Mode) -> str:
 
 
 def _critical_table(modes: ModeSet, heading: str) -> Table:
-    table = _table("critical values", heading, "mode", "f [Hz]", "becomes", "kind")
+    table = table_of("critical values", heading, "mode", "f [Hz]", "becomes", "kind")
     for c in modes.critical:
         table.add_row(f"{c.value:.8g}", str(c.mode), f"{c.frequency_hz:.5g}", c.becomes, c.kind)
     return table

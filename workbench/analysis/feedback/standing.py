@@ -9,14 +9,12 @@ from workbench.analysis.feedback.place import DRIVE, SEEN, Place
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.operating_point import OperatingPoint
-from workbench.analysis.trim import trim
-from workbench.errors import WorkbenchError
+from workbench.analysis.rest import rest_of
 from workbench.model.described import DescribedModel
 from workbench.system.description import SystemDescription
 
 __all__ = ["Standing", "linear", "standing"]
 
-_AT_REST = 1e-9
 _SHIFT = 1e-4  # relative
 
 
@@ -51,7 +49,7 @@ def standing(place: Place, *, at: OperatingPoint | None, time: float) -> Standin
     if model.interface == "me":
         hidden = _hides(model, time) or not _takes_states(model, time)
         if at is None:
-            point, notes = _rest(model, time)
+            point, notes = rest_of(model, time=time, what="the gains are looked for at")
     return Standing(point, hidden, tuple(notes))
 
 
@@ -69,30 +67,6 @@ def _takes_states(model: DescribedModel, time: float) -> bool:
     with model.open_at(time=time, values=wanted) as session:
         found = session.values(names)
     return all(abs(found[n] - x) <= _SHIFT**2 * (1.0 + abs(x)) for n, x in wanted.items())
-
-
-def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:
-    start = _start(model, time)
-    if all(abs(v) <= _AT_REST for v in start.dx.values()):
-        return start, []
-    try:
-        found = trim(model, time=time)
-    except WorkbenchError as error:
-        return start, [f"trim failed ({error}); the start values are taken, which are not at rest"]
-    if found.converged:
-        return found.point, ["the start is not at rest; the point that trim finds is taken"]
-    return start, ["neither the start nor what trim finds is at rest; the start values are taken"]
-
-
-def _start(model: DescribedModel, time: float) -> OperatingPoint:
-    with model.open_point(time=time) as point:
-        dx = point.at(point.x0, point.u0).dx
-        return OperatingPoint(
-            x={v.name: x for v, x in zip(point.states, point.x0.tolist(), strict=True)},
-            u={v.name: u for v, u in zip(point.inputs, point.u0.tolist(), strict=True)},
-            dx={v.name: d for v, d in zip(point.states, dx.tolist(), strict=True)},
-            time=time,
-        )
 
 
 def linear(

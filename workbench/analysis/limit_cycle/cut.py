@@ -14,8 +14,8 @@ from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
-from workbench.analysis.trim import trim
-from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.analysis.rest import rest_of
+from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
@@ -36,7 +36,7 @@ __all__ = ["Cut", "Ports", "cut", "driven_block", "find_ports", "only_block", "r
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
-_AT_REST = 1e-9
+_WHAT = "the block is taken about"
 _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
 
 
@@ -135,7 +135,7 @@ def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, tim
         FmuError, SimulationError: the model cannot be opened or evaluated.
     """
     ports = find_ports(model, component)
-    point, notes = (at, []) if at is not None else _rest(model, time)
+    point, notes = (at, []) if at is not None else rest_of(model, time=time, what=_WHAT)
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([ports.v, ports.w])
     rest = _linear_rest(model, ports, point, time, here[ports.w])
@@ -162,7 +162,7 @@ def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: Exi
     Raises:
         InputError, FmuError, SimulationError: see `cut`.
     """
-    point, _ = _rest(model, time)
+    point, _ = rest_of(model, time=time, what=_WHAT)
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([base.ports.v, base.ports.w])
     centre, part, block, rest = here[base.ports.v], base.part, base.block, base.rest
@@ -194,31 +194,6 @@ def reblock(
     block = fresh.negated() if fresh is not None and base.turned else fresh
     same = block is not None and block.static(zero)[0] == base.block.static(zero)[0]
     return replace(base, block=block) if same else None
-
-
-def _rest(model: DescribedModel, time: float) -> tuple[OperatingPoint, list[str]]:
-    """Return where the system is at rest."""
-    start = _start(model, time)
-    if all(abs(v) <= _AT_REST for v in start.dx.values()):
-        return start, []
-    try:
-        found = trim(model, time=time)
-    except WorkbenchError as error:
-        return start, [f"trim failed ({error}); the block is taken about the start values"]
-    if found.converged:
-        return found.point, ["the start is not at rest; the block is taken about the point that trim finds"]
-    return start, ["neither the start nor what trim finds is at rest; the block is taken about the start values"]
-
-
-def _start(model: DescribedModel, time: float) -> OperatingPoint:
-    with model.open_point(time=time) as point:
-        dx = point.at(point.x0, point.u0).dx
-        return OperatingPoint(
-            x={v.name: x for v, x in zip(point.states, point.x0.tolist(), strict=True)},
-            u={v.name: u for v, u in zip(point.inputs, point.u0.tolist(), strict=True)},
-            dx={v.name: d for v, d in zip(point.states, dx.tolist(), strict=True)},
-            time=time,
-        )
 
 
 # -- the linear part --------------------------------------------------------------------------
