@@ -16,8 +16,10 @@ import pytest
 
 import workbench as wb
 from tests.worker_tasks import obey
+from workbench.workers.child import READY
 from workbench.workers.limits import Limits, memory_limit_works
 from workbench.workers.pool import Pool
+from workbench.workers.process import WorkerProcess
 from workbench.workers.reasons import died
 from workbench.workers.runner import Lost, Reply
 
@@ -135,6 +137,21 @@ def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.DescribedModel) -
 @posix
 def test_ctrl_c_is_the_parents_affair(model: wb.DescribedModel) -> None:
     assert do(model, ("interrupt",)) == {("interrupt",): ["still here"]}
+
+
+@posix
+def test_ctrl_c_at_once_does_not_end_a_worker_that_still_starts(
+    model: wb.DescribedModel, capfd: pytest.CaptureFixture[str]
+) -> None:
+    worker = WorkerProcess(model.recipe, Limits())
+    try:
+        assert worker.pid is not None
+        os.kill(worker.pid, signal.SIGINT)
+        assert worker.receive() == (READY, None)
+    finally:
+        worker.kill()
+    assert capfd.readouterr().err == ""
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])  # the parent hears it again
 
 
 def test_a_worker_loads_only_what_it_needs(model: wb.DescribedModel) -> None:

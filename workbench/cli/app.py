@@ -117,6 +117,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
         notes.flush()
+        sys.stderr.write("workbench: interrupted\n")
         return INTERRUPTED
     notes.flush()
     return code if isinstance(code, int) else 0
