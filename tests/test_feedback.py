@@ -14,6 +14,7 @@ from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Crossing, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus
 from workbench.analysis.feedback.plant import Plant
+from workbench.analysis.feedback.settling import GainRun, optimum_of
 from workbench.analysis.feedback.start import mean_magnitude
 
 Floats = NDArray[np.float64]
@@ -67,9 +68,9 @@ def test_double_integrator_alone_is_never_stable() -> None:
     assert [c.gain for c in every] == [0.0]
 
 
-def turned(system: Plant) -> Plant:
+def turned(system: Plant, seed: int = 0) -> Plant:
     """Return the same G in coordinates of no meaning: rounding moves its poles on the border off it."""
-    T = np.random.default_rng(0).normal(size=system.A.shape)
+    T = np.random.default_rng(seed).normal(size=system.A.shape)
     C = np.asarray(np.linalg.solve(T.T, system.C), dtype=np.float64)
     return Plant(T @ system.A @ np.linalg.inv(T), T @ system.B, C, system.D, system.dt)
 
@@ -94,6 +95,14 @@ def test_repeated_undamped_pair() -> None:
     """(s² + 2s + 3)/(s² + 1)²: a double pair on the border, and G(0) = 3."""
     double = plant(control.tf([1.0, 2.0, 3.0], np.polymul([1.0, 0.0, 1.0], [1.0, 0.0, 1.0])))
     check(turned(double), [], [(0.0, 1.0 / HZ), (1.0 / 3.0, 0.0)])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_integrator_that_is_not_seen_hides_no_crossing(seed: int) -> None:
+    """1/(s + 1) + 1/(s + 2) + 1/(s + 3) beside an integrator that y does not see: G(0) = 11/6."""
+    one = np.ones(4)
+    hidden = Plant(np.diag([0.0, -1.0, -2.0, -3.0]), one, np.array([0.0, 1.0, 1.0, 1.0]))
+    check(turned(hidden, seed), [], [(0.0, 0.0), (6.0 / 11.0, 0.0)])
 
 
 def test_poles_that_cross_at_one_gain_have_the_same_sides() -> None:
@@ -285,3 +294,22 @@ def test_mean_magnitude_of_a_sine_is_two_over_pi() -> None:
     time = np.linspace(0.0, 3.0, 3001)
     size = mean_magnitude(time, 2.0 * np.sin(2.0 * np.pi * 5.0 * time), 0.2)
     assert size[time > 0.2] == pytest.approx(4.0 / math.pi, rel=1e-4)
+
+
+# -- settling ----------------------------------------------------------------------------------
+
+
+def gain_run(gain: float, seconds: float) -> GainRun:
+    none = np.zeros(0)
+    return GainRun(
+        gain=gain, settled={0.01: seconds}, seconds=100.0, left=0.0, peak_deflection=0.0, peak_rate=0.0,
+        deflection_limited=None, rate_limited=None, why="", time=none, magnitude=none,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_optimum_of_an_exact_parabola_by_polynomials_of_any_order(order: int) -> None:
+    """Coefficients that are rounding have roots far away, which must not spoil the near one."""
+    found = optimum_of([gain_run(g, 3.0 + (g - 0.4) ** 2) for g in np.linspace(-1.0, 2.0, 13).tolist()], 0.01, order)
+    assert (found.gain, found.seconds) == pytest.approx((0.4, 3.0), abs=1e-9)
+    assert not found.at_end

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.passes import rising_passes
+
 __all__ = ["frequency", "peak"]
 
 Floats = NDArray[np.float64]
@@ -27,8 +29,7 @@ def frequency(time: Floats, values: Floats) -> float:
         values: shape (n,).
     """
     moved = values - (values.max() + values.min()) / 2.0
-    i = np.flatnonzero((moved[:-1] < 0.0) & (moved[1:] >= 0.0))
-    if len(i) < 2:
+    at = rising_passes(time, moved)
+    if len(at) < 2:
         return float("nan")
-    at = time[i] - moved[i] * (time[i + 1] - time[i]) / (moved[i + 1] - moved[i])
     return float((len(at) - 1) / (at[-1] - at[0]))

@@ -13,12 +13,14 @@ import numpy as np
 from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.loop.crossings import real_crossings
 from workbench.analysis.modes.poles import poles_of
+from workbench.session.base import Floats
 
 __all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
 
 _SAME = 1e-9  # relative difference of two gains that are one
 _ZERO = 1e-10  # |G| below this part of its size elsewhere is a zero of G, which no finite gain belongs to
 _BESIDE = (0.6, 1.7)  # times the size of a pole
+_NEAR = 1e-5  # of the slowest pole: so near 0 a pole there would dominate G, if G had it
 _AXIS = 1e-9  # relative distance of an open-loop pole from the border that counts as on it
 _WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
 _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
@@ -122,14 +124,17 @@ def _places(plant: Plant) -> Iterator[_Place]:
     g = plant.transfer
     poles = _border_poles(plant)
     size = _size(plant)
+    near_zero = _NEAR * float(_sizes(plant).min()) if np.any(poles == 0.0) else 0.0
     for frequency in real_crossings(g):
         value = g.at(frequency)
-        if abs(value) > _ZERO * size and not np.any(np.abs(poles - frequency) < 1e-7 * frequency):
+        beside = frequency > near_zero and not np.any(np.abs(poles - frequency) < 1e-7 * frequency)
+        if abs(value) > _ZERO * size and beside:
             yield _Place(1.0 / value.real, frequency, value.real)
     ends = [0.0, g.highest_hz] if plant.dt > 0.0 else [0.0]
     for frequency in ends:
-        value = g.at(frequency)
-        if np.isfinite(value) and abs(value) > _ZERO * size and not np.any(np.abs(poles - frequency) < 1e-12):
+        value = _at_zero(plant, near_zero) if frequency == 0.0 and near_zero else g.at(frequency)
+        on_pole = frequency > 0.0 and np.any(np.abs(poles - frequency) < 1e-12)
+        if np.isfinite(value) and abs(value) > _ZERO * size and not on_pole:
             yield _Place(1.0 / value.real, frequency, value.real)
     if plant.D != 0.0:
         yield _Place(1.0 / plant.D, math.inf, plant.D)
@@ -137,7 +142,22 @@ def _places(plant: Plant) -> Iterator[_Place]:
         yield _Place(0.0, frequency, math.inf)
 
 
-def _border_poles(plant: Plant) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _sizes(plant: Plant) -> Floats:
+    """Return the sizes of the open-loop poles that are not 0, and one of its own [Hz]."""
+    poles = poles_of(plant.A, dt=plant.dt)
+    rates = np.abs(poles.value[np.abs(poles.value) > 10.0 * poles.uncertain])
+    own = 1.0 if plant.dt == 0.0 else 0.3 * math.pi / plant.dt
+    return np.append(rates, own) / (2.0 * math.pi)
+
+
+def _at_zero(plant: Plant, near: float) -> complex:
+    """Return G(0) of a system with poles at 0 where u does not reach them or y does not see them; else infinity."""
+    values = [plant.transfer.at(f) for f in (near, 0.1 * near)]
+    alike = abs(values[0] - values[1]) <= 1e-3 * abs(values[0])
+    return complex(values[0].real) if alike else complex(math.inf)
+
+
+def _border_poles(plant: Plant) -> Floats:
     """Return the frequencies of the open-loop poles on the border, as far as rounding lets them be known [Hz]."""
     poles = poles_of(plant.A, dt=plant.dt)
     # Its balancing takes entries that are rounding only for exact ones: hence the second bound.
@@ -157,10 +177,7 @@ def _border_poles(plant: Plant) -> np.ndarray[tuple[int, ...], np.dtype[np.float
 
 def _size(plant: Plant) -> float:
     """Return how large G is where it is large, beside its poles: on the border G is as large as rounding makes it."""
-    poles = poles_of(plant.A, dt=plant.dt)
-    rates = np.abs(poles.value[np.abs(poles.value) > 10.0 * poles.uncertain]) / (2.0 * math.pi)
-    own = 1.0 / (2.0 * math.pi) if plant.dt == 0.0 else 0.3 * plant.transfer.highest_hz
-    f = np.concatenate([factor * np.append(rates, own) for factor in _BESIDE])
+    f = np.concatenate([factor * _sizes(plant) for factor in _BESIDE])
     value = np.abs(plant.transfer.response(f[f < plant.transfer.highest_hz]))
     value = value[np.isfinite(value)]
     return max(float(np.median(value)) if len(value) else 0.0, abs(plant.D), 1e-300)

@@ -23,13 +23,14 @@ from workbench.signals import Signal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["THRESHOLDS", "GainRun", "Optimum", "Settings", "SettlingStudy", "settling_study"]
+__all__ = ["THRESHOLDS", "GainRun", "Optimum", "Settings", "SettlingStudy", "optimum_of", "settling_study"]
 
 THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
 _GROWN = 100.0  # times the motion at the beginning: it does not settle
 _AT_LIMIT = 0.98
+_NOTHING = 1e-11  # of the largest coefficient
 _DRAWN = 400  # points kept of each run
 
 
@@ -264,7 +265,7 @@ def settling_study(
         start=start,
         actuator=actuator,
         runs=tuple(runs),
-        optima=tuple(_optimum(runs, threshold, settings.order) for threshold in settings.every),
+        optima=tuple(optimum_of(runs, threshold, settings.order) for threshold in settings.every),
     )
 
 
@@ -370,7 +371,14 @@ def _settled(time: Floats, size: Floats, threshold: float) -> float | None:
     return float(time[last] + part * (time[last + 1] - time[last]))
 
 
-def _optimum(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
+def optimum_of(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
+    """Return the gain at which a polynomial through the settling times is smallest.
+
+    Args:
+        runs: rising in the gain.
+        threshold: one that all of them know.
+        order: of the polynomial.
+    """
     times = [(r.gain, r.settled[threshold]) for r in runs]
     found = [(gain, seconds) for gain, seconds in times if seconds is not None]
     missing = len(runs) - len(found)
@@ -382,7 +390,10 @@ def _optimum(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
         )  # fmt: skip
     g, t = np.array(found).T
     fit = Polynomial.fit(g, t, order)
-    inner = [float(r.real) for r in fit.deriv().roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
+    slope = fit.deriv()
+    # Over its domain scaled to −1 … 1 a coefficient so small is rounding; its far roots would spoil the near ones.
+    slope = slope.trim(_NOTHING * float(np.abs(slope.coef).max()))
+    inner = [float(r.real) for r in slope.roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
     best = min([float(g[0]), float(g[-1]), *inner], key=lambda x: float(fit(x)))
     return Optimum(
         threshold=threshold,

@@ -11,6 +11,7 @@ from workbench.analysis.feedback.block import TwoPorts
 from workbench.analysis.feedback.place import Place
 from workbench.analysis.feedback.standing import Standing
 from workbench.analysis.limit_cycle.harmonic_balance import balance, states_of
+from workbench.analysis.passes import rising_passes
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.signals import Signal
@@ -197,10 +198,9 @@ def _simulated(
 
 def _frequency(time: Floats, x: Floats, guess: float | None) -> float | None:
     """Return passes through zero per time at the end of a record [Hz]."""
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))[-_PASSES:]
-    if len(up) < 3:
+    at = rising_passes(time, x)[-_PASSES:]
+    if len(at) < 3:
         return guess
-    at = time[up] - x[up] * (time[up + 1] - time[up]) / (x[up + 1] - x[up])
     found = float((len(at) - 1) / (at[-1] - at[0]))
     return found if guess is None or found < 1.5 * guess else guess
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.peaks import half_range
+from workbench.analysis.passes import rising_passes
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 
@@ -114,10 +115,9 @@ def _measured(at: Floats, values: Mapping[str, Floats], f: float, *, steady: boo
 def _frequency(at: Floats, v: Floats, guess: float) -> float:
     """Return the frequency of a periodic record: rising passes of the mean, then the phase of both halves."""
     x = v - np.mean(v)
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    if len(up) < 3:
+    passes = rising_passes(at, x)
+    if len(passes) < 3:
         return guess
-    passes = at[up] - x[up] * (at[up + 1] - at[up]) / (x[up + 1] - x[up])
     f = _rate(passes, guess)
     for _ in range(3):
         half = int(len(at) / 2)

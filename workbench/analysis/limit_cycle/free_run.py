@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
+from workbench.analysis.passes import rising_passes
 from workbench.analysis.simulate import simulate
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
@@ -181,7 +182,8 @@ def oscillation_history(
         value: shape (n,).
         centre: about which it oscillates, such as its value at rest; None: the mean of the second half.
     """
-    passes = _passes(time, value - (float(np.mean(value[len(value) // 2 :])) if centre is None else centre))
+    x = value - (float(np.mean(value[len(value) // 2 :])) if centre is None else centre)
+    passes = rising_passes(time, x, least=_SMALL * float(np.abs(x).max()))
     amplitude = [0.5 * float(np.ptp(value[a:b])) for a, b in zip(*_rows(time, passes), strict=True)]
     period = np.diff(passes)
     return FreeRun(
@@ -194,13 +196,6 @@ def oscillation_history(
         amplitude=np.array(amplitude),
         spans=_spans(time, passes, np.array(amplitude)),
     )
-
-
-def _passes(time: Floats, x: Floats) -> Floats:
-    """Return the times of rising passes through zero."""
-    size = _SMALL * float(np.abs(x).max())
-    up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0) & (np.abs(np.diff(x)) > size))
-    return np.asarray(time[up] - x[up] * (time[up + 1] - time[up]) / (x[up + 1] - x[up]), dtype=np.float64)
 
 
 def _rows(time: Floats, passes: Floats) -> tuple[list[int], list[int]]:
