@@ -6,10 +6,12 @@ import csv
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -161,11 +163,24 @@ def test_help_needs_no_numerics() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one process on Windows")
+def points_kept(store: Path) -> int:
+    """Return how many points are in a store that another process may be making."""
+    if not list(store.glob("*.sqlite")):
+        return 0
+    with closing(sqlite3.connect(store / "measurements.sqlite")) as connection:
+        try:
+            return int(connection.execute("SELECT count(*) FROM measurements").fetchone()[0])
+        except sqlite3.OperationalError:  # no table yet
+            return 0
+
+
 def test_an_interrupted_sweep_keeps_what_was_measured(tmp_path: Path) -> None:
     path = tmp_path / "r.json"
     command = [sys.executable, "-m", "workbench", *LAG, "--band", "0.001:10", "--ratio", "1.0005", "--json", str(path)]
+    command += ["--store", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(3.0)
+    while process.poll() is None and not points_kept(tmp_path):
+        time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30.0)
     assert process.returncode == 130
