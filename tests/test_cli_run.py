@@ -158,8 +158,12 @@ def test_wrong_options_are_one_line(
     assert message in line
 
 
-def test_the_example_is_a_study(capsys: pytest.CaptureFixture[str], tmp_path: Path, commands: AppCommands) -> None:
-    assert run(["run", "--example"]) == 0
+@pytest.mark.parametrize("name", bundled_studies())
+def test_an_example_is_a_study_wherever_it_is_put(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, commands: AppCommands
+) -> None:
+    named = [] if name == "rudder_specification" else [f"study:{name}"]
+    assert run(["run", *named, "--example"]) == 0
     text = capsys.readouterr().out
     assert tomllib.loads(text)["analyses"]
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")

@@ -42,7 +42,9 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what the store has.")] = False,
     jobs: Jobs = None,
     timeout: Timeout = None,
-    example: Annotated[bool, typer.Option("--example", help="Print a small study to begin with.")] = False,
+    example: Annotated[
+        bool, typer.Option("--example", help="Print a small study to begin with, or the one named.")
+    ] = False,
     json_path: Json = None,
     csv_path: Csv = None,
     junit: Annotated[
@@ -53,7 +55,8 @@ def run(
     """Run a study: analyses over a grid of parameters, held against requirements. Exit code 1: one is not met.
 
     A study file names models, analyses (any command with its options) and requirements; `workbench run --example`
-    prints one. What an unchanged FMU with unchanged options already gave is not measured again.
+    prints one, `workbench run study:NAME --example` a bundled one. What an unchanged FMU with unchanged options already
+    gave is not measured again.
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """
@@ -62,7 +65,7 @@ def run(
     from workbench.study.run import StudyRun, default_store
 
     if example:
-        return _print_example()
+        return _print_example(study or "study:rudder_specification")
     if study is None:
         raise InputError(
             "name a study: a .toml file, or study:NAME; 'workbench run --example' prints one to begin with"
@@ -84,10 +87,10 @@ def run(
     return 0 if result.passed else _NOT_MET
 
 
-def _print_example() -> int:
+def _print_example(name: str) -> int:
     from workbench.study.bundled import locate_study
 
-    sys.stdout.write(locate_study("study:rudder_specification").read_text(encoding="utf-8"))
+    sys.stdout.write(locate_study(name).read_text(encoding="utf-8"))
     return 0
 
 
