@@ -13,8 +13,9 @@ from scipy.linalg import matrix_balance
 from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Crossing, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus
+from workbench.analysis.feedback.optimum import optimum_of
 from workbench.analysis.feedback.plant import Plant
-from workbench.analysis.feedback.settling import GainRun, optimum_of
+from workbench.analysis.feedback.settling import GainRun
 from workbench.analysis.feedback.start import mean_magnitude
 
 Floats = NDArray[np.float64]

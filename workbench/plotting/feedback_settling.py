@@ -17,7 +17,8 @@ from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
-    from workbench.analysis.feedback.settling import Optimum, SettlingStudy
+    from workbench.analysis.feedback.optimum import Optimum
+    from workbench.analysis.feedback.settling import SettlingStudy
 
 __all__ = ["draw_settling", "plot_settling"]
 

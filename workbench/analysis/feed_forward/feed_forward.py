@@ -20,6 +20,7 @@ from workbench.analysis.limit_cycle.cut import find_ports
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.reduction.band_error import dense_grid
+from workbench.analysis.reduction.factored import right_of_axis
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
@@ -189,7 +190,7 @@ def _plain_gain(judge: Judge) -> float:
 
 
 def _right(poles: Complex) -> Complex:
-    return np.asarray(poles[poles.real > 0.0], dtype=np.complex128)
+    return np.asarray(poles[right_of_axis(poles)], dtype=np.complex128)
 
 
 def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:

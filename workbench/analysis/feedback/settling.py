@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from workbench.analysis.feedback.actuator import Actuator
+from workbench.analysis.feedback.optimum import Optimum, optimum_of
 from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.errors import InputError, SimulationError
@@ -23,14 +23,13 @@ from workbench.signals import Signal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["THRESHOLDS", "GainRun", "Optimum", "Settings", "SettlingStudy", "optimum_of", "settling_study"]
+__all__ = ["THRESHOLDS", "GainRun", "Settings", "SettlingStudy", "settling_study"]
 
 THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
 _GROWN = 100.0  # times the motion at the beginning: it does not settle
 _AT_LIMIT = 0.98
-_NOTHING = 1e-11  # of the largest coefficient
 _DRAWN = 400  # points kept of each run
 
 
@@ -109,37 +108,6 @@ class GainRun:
         plain = {k: v for k, v in vars(self).items() if k not in skipped}
         settled = [{"threshold": k, "seconds": v} for k, v in self.settled.items()]
         return {**plain, "settled": settled, "limit_reached": self.limit_reached}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Optimum:
-    """The best gain for one threshold.
-
-    Attributes:
-        threshold: see `Settings`.
-        gain: at which the fitted polynomial is smallest, between the lowest and the highest gain measured; None: too
-            few gains settled.
-        seconds: of the polynomial there [s].
-        at_end: it is the lowest or highest gain: the polynomial has no smaller minimum inside.
-        fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
-        unsettled: how many did not settle.
-        coefficients: of the polynomial in g, from g⁰ on.
-        misfit: root mean square of what the polynomial misses [s]; None: there is none.
-    """
-
-    threshold: float
-    gain: float | None
-    seconds: float | None
-    at_end: bool
-    fastest_gain: float | None
-    fastest_seconds: float | None
-    unsettled: int
-    coefficients: tuple[float, ...] = ()
-    misfit: float | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "coefficients": list(self.coefficients)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -369,40 +337,3 @@ def _settled(time: Floats, size: Floats, threshold: float) -> float | None:
     a, b = math.log(size[last]), math.log(max(size[last + 1], 1e-300))
     part = (a - math.log(threshold)) / (a - b) if a > b else 1.0
     return float(time[last] + part * (time[last + 1] - time[last]))
-
-
-def optimum_of(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:
-    """Return the gain at which a polynomial through the settling times is smallest.
-
-    Args:
-        runs: rising in the gain.
-        threshold: one that all of them know.
-        order: of the polynomial.
-    """
-    times = [(r.gain, r.settled[threshold]) for r in runs]
-    found = [(gain, seconds) for gain, seconds in times if seconds is not None]
-    missing = len(runs) - len(found)
-    fastest: tuple[float | None, float | None] = min(found, key=lambda p: p[1]) if found else (None, None)
-    if len(found) < order + 1:
-        return Optimum(
-            threshold=threshold, gain=None, seconds=None, at_end=False, fastest_gain=fastest[0],
-            fastest_seconds=fastest[1], unsettled=missing,
-        )  # fmt: skip
-    g, t = np.array(found).T
-    fit = Polynomial.fit(g, t, order)
-    slope = fit.deriv()
-    # Over its domain scaled to −1 … 1 a coefficient so small is rounding; its far roots would spoil the near ones.
-    slope = slope.trim(_NOTHING * float(np.abs(slope.coef).max()))
-    inner = [float(r.real) for r in slope.roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
-    best = min([float(g[0]), float(g[-1]), *inner], key=lambda x: float(fit(x)))
-    return Optimum(
-        threshold=threshold,
-        gain=best,
-        seconds=float(fit(best)),
-        at_end=best not in inner,
-        fastest_gain=fastest[0],
-        fastest_seconds=fastest[1],
-        unsettled=missing,
-        coefficients=tuple(fit.convert().coef.tolist()),
-        misfit=float(np.sqrt(np.mean((fit(g) - t) ** 2))),
-    )

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.errors import SimulationError
 
-__all__ = ["Factored", "factored"]
+__all__ = ["Factored", "factored", "right_of_axis"]
+
+_AXIS = 1e-9  # poles so near the axis, relative to their size or 1/s, count as on it
 
 _PLACES = 9  # where the gain is measured
 
@@ -39,7 +42,7 @@ class Factored:
     @property
     def unstable_poles(self) -> Complex:
         """Poles right of the imaginary axis [1/s]."""
-        return self.poles[self.poles.real > 0.0]
+        return self.poles[right_of_axis(self.poles)]
 
     def at(self, s: Complex) -> Complex:
         """Return F(s), shape (k,); computed factor by factor, so that no power of s overflows.
@@ -116,6 +119,15 @@ def factored(part: LinearPart) -> Factored:
     if gain == 0.0:
         raise SimulationError("the transfer function is zero: the output does not depend on the input")
     return Factored(zeros=zeros, poles=poles, gain=gain)
+
+
+def right_of_axis(poles: Complex) -> NDArray[np.bool_]:
+    """Return which poles lie right of the imaginary axis, shape of the poles; integrators that rounding moved do not.
+
+    Args:
+        poles: shape (n,) [1/s].
+    """
+    return np.asarray(poles.real > _AXIS * np.maximum(1.0, np.abs(poles)))
 
 
 def by_size(roots: Complex) -> Complex:

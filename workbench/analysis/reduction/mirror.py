@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Complex
-from workbench.analysis.reduction.factored import Factored
+from workbench.analysis.reduction.factored import Factored, right_of_axis
 
 __all__ = ["Mirrored", "mirror"]
-
-_AXIS = 1e-9  # poles so near the axis, relative to the largest or 1/s, count as on it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,8 +42,8 @@ def mirror(found: Factored) -> Mirrored:
     Args:
         found: zeros, poles and gain.
     """
-    limit = _AXIS * np.maximum(1.0, np.abs(found.poles))
-    right, on = found.poles.real > limit, np.abs(found.poles.real) <= limit
+    right = right_of_axis(found.poles)
+    on = ~right & ~right_of_axis(-found.poles)
     poles = np.where(right, -found.poles.conj(), found.poles)
     moved = found.poles[right]
     return Mirrored(
