@@ -116,6 +116,28 @@ def test_unstable_poles_are_mirrored_and_the_sign_changed() -> None:
     assert any("mirrored at 0.318 Hz" in note for note in found.notes)
 
 
+def test_a_block_that_is_not_at_zero_is_told() -> None:
+    """w = v·|v| + 0.2: the plant rests where v·16 = −2.5 w, and the filter moves it from there to 0."""
+    rest = -0.03109888428070242
+    assert 16.0 * rest == pytest.approx(-2.5 * (rest * abs(rest) + 0.2), rel=1e-12)
+
+    def pushing(v: np.ndarray) -> float:
+        return float(v[0] * abs(v[0]) + 0.2)
+
+    part = plant(G, H, POLES)
+    x0 = np.linalg.solve(part.A, part.B[:, 1] * pushing(np.array([rest]))).tolist()
+    block = wb.FunctionComponent(name="block", function=pushing, units={"u": "rad/s", "y": "N.m"})
+    brake = wb.Connection(source="block.y", destination="plant.w", gain=-1.0)
+    wires = [wb.Connection(source="plant.y", destination="block.u"), brake]
+    parts = {"plant": plant(G, H, POLES, x0=x0), "block": block}
+    with wb.connect(parts, wires, inputs={"u": "plant.u"}, outputs={"y": "plant.y"}) as model:
+        found = design(model, orders=(4, 4), inputs={}, stop=40.0, closes_at=10.0)
+    assert any("moves about -0.0311, not about 0" in note for note in found.notes)
+    assert abs(found.trials[0].signals["block.u"][-1]) < 0.1 * abs(rest)
+    with system(plant(G, H, POLES, x0=[1.0, 0.3, -0.2, 0.1])) as model:
+        assert not any("not about 0" in note for note in design(model, inputs={}, stop=40.0, closes_at=10.0).notes)
+
+
 def test_a_low_pass_lies_behind() -> None:
     with system(plant(G, H, POLES)) as model:
         found = design(model, orders=(4, 4), low_pass=3.0, low_pass_order=2)

@@ -29,6 +29,7 @@ from workbench.signals import Signal
 __all__ = ["feed_forward"]
 
 _WIDER = 4.0  # times the band's edge: how far the curves are computed
+_OFF_ZERO = 0.2  # of the amplitude: a mean beyond is no asymmetry of a motion
 _SHORTEST = 4  # digits of a frequency in words
 
 
@@ -124,7 +125,10 @@ def feed_forward(
         filter_units=(units[0], units[1]), band=settings.band, frequency_hz=frequency, g=judge.g, h=judge.h,
         open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made,
         limit_cycles=None if isinstance(left, str) else left, trials=trials,
-        notes=(*plant.notes, *_doubts(plant, made, loops), *made.notes, *said, *_failures(trials)),
+        notes=(
+            *plant.notes, *_doubts(plant, made, loops), *made.notes, *said, *_off_zero(trials, loops),
+            *_failures(trials),
+        ),
     )  # fmt: skip
 
 
@@ -205,6 +209,23 @@ def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
             "without filter: the mirrored poles lie in the band"
         )
     return notes
+
+
+def _off_zero(trials: Sequence[Trial], loops: Loops) -> list[str]:
+    """Tell where the block's input does not move about 0: the filter takes the block's constant part out, too."""
+    if not trials or trials[0].closes_at <= 0.0:
+        return []
+    first = trials[0]
+    late = (first.time >= 0.5 * first.closes_at) & (first.time < first.closes_at)
+    v = first.signals[loops.ports.v][late]
+    middle = 0.5 * float(v.max(initial=-np.inf) + v.min(initial=np.inf)) if len(v) else 0.0
+    if abs(middle) <= _OFF_ZERO * first.before:
+        return []
+    words = (
+        f"before the control closes {loops.ports.v} moves about {middle:.3g}, not about 0: the filter acts on the "
+        "block's constant output, too, and moves the operating point; amplitudes and settling are measured from 0"
+    )
+    return [words]
 
 
 def _failures(trials: Sequence[Trial]) -> list[str]:
