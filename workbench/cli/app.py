@@ -116,9 +116,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except WorkbenchError as error:
         return _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
-        notes.flush()
-        sys.stderr.write("workbench: interrupted\n")
-        return INTERRUPTED
+        code = INTERRUPTED  # the version of typer decides whether it is raised or returned
+    if code == INTERRUPTED and not any(text.startswith("interrupted") for text in notes.said()):
+        notes.note("interrupted: there is no result")
     notes.flush()
     return code if isinstance(code, int) else 0
 

@@ -80,7 +80,7 @@ def check(
     Checks: validation, runs, step, reset, determinism, instances, snapshots, directional, dependencies, drift,
     start-time, nominals, inputs, memory.
 
-    Example: `workbench check actuator.fmu --report health.html`
+    Example: `workbench check fmu:Rudder --report health.html`
     """
     from workbench.analysis.check import check as run
     from workbench.cli.notes import note

@@ -80,7 +80,8 @@ def compare(
 ) -> int:
     """Simulate several models under the same signals; peak and rms of chosen variables in windows of time.
 
-    Example: `workbench compare open.toml closed.toml --signal plant.az --input gust=pulse:duration=0.5 --window 0:9`
+    Example: `workbench compare system:failed_aileron system:failed_aileron_feedback --signal z_wing_tip
+    --input pulse=pulse:value=0.8,duration=0.1 --window 120:140 --window 200:260`
     """
     from workbench.analysis.motions.compare import compare_motions
     from workbench.cli.output import Output

@@ -119,8 +119,8 @@ def feed_forward(
     against H/G. With --input the system is simulated: scalar feedback alone, with the filter, with a crude one.
 
     Example: `workbench feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback
-    aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse.csv --closes-at 140
-    --actuator fmu:LimitedActuator --plot filter.png`
+    aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse:value=0.8,duration=0.1
+    --closes-at 140 --actuator fmu:LimitedActuator --plot filter.png`
     """
     from workbench.analysis.feed_forward.feed_forward import feed_forward as analyse
     from workbench.cli.notes import note

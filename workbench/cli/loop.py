@@ -97,7 +97,7 @@ def loop(
     Negative feedback: L is minus what returns over what is passed on, the closed loop 1/(1 + L). With amplitudes the
     loop is measured too, for loops that are not linear.
 
-    Example: `workbench loop drive.toml --at plant.w --amplitude 1,4 --band 0.1:10 --plot loop.png`
+    Example: `workbench loop system:rudder_loop --at plant.del --amplitude 1,4 --band 4:15 --plot loop.png`
     """
     from workbench.analysis.loop.loop import loop as run
     from workbench.cli.interrupt import OnInterrupt
