@@ -193,6 +193,26 @@ def test_an_interrupted_sweep_keeps_what_was_measured(tmp_path: Path) -> None:
     assert "interrupted" in result["failed"][-1]["reason"]
 
 
+def test_an_interrupt_that_python_drops_in_a_finaliser_comes_again() -> None:
+    code = """
+import time
+from workbench.cli.interrupt import insist_on_interrupts
+
+class Finalised:
+    def __del__(self):
+        raise KeyboardInterrupt
+
+insist_on_interrupts()
+try:
+    Finalised()
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("heard")
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert (done.stdout.strip(), done.stderr) == ("heard", "")
+
+
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     run([])
     assert "simulate" in capsys.readouterr().out

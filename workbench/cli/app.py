@@ -20,6 +20,7 @@ from workbench.cli.feed_forward import feed_forward
 from workbench.cli.feedback import feedback
 from workbench.cli.identify import identify
 from workbench.cli.info import info
+from workbench.cli.interrupt import insist_on_interrupts
 from workbench.cli.limit_cycle import limit_cycle
 from workbench.cli.lin import lin
 from workbench.cli.loop import loop
@@ -95,6 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         arguments: in place of the process's own.
     """
     _use_utf8()
+    insist_on_interrupts()
     sys.exit(run(arguments))
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Self
 
-__all__ = ["OnInterrupt"]
+__all__ = ["OnInterrupt", "insist_on_interrupts"]
+
+_LATER = 0.05  # [s]
 
 
 class OnInterrupt:
@@ -43,3 +47,29 @@ class OnInterrupt:
     ) -> None:
         if self._active:
             signal.signal(signal.SIGINT, self._before or signal.SIG_DFL)  # type: ignore[arg-type]
+
+
+def insist_on_interrupts() -> None:
+    """Raise a KeyboardInterrupt again where Python drops it: in callbacks of weak references and finalisers.
+
+    Without this, Ctrl-C at such a moment writes a traceback, and the command goes on as if nothing had been said.
+    """
+    before = sys.unraisablehook
+
+    def hook(what: sys.UnraisableHookArgs) -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt):
+            before(what)
+            return
+        again = threading.Timer(_LATER, _interrupt)  # not here, where it would be dropped, too
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = hook
+
+
+def _interrupt() -> None:
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, signal.SIGINT)  # also ends what the main thread waits for
+    else:  # Windows
+        _thread.interrupt_main()
