@@ -7,9 +7,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import typer
 
 from workbench.cli.app import app, run
+from workbench.cli.program import Lazily, program
 from workbench.cli.run_commands import AppCommands, run_command, run_study
 from workbench.errors import InputError
 from workbench.study.arguments import arguments
@@ -36,7 +36,7 @@ tolerance = 0
 
 @pytest.fixture
 def commands() -> AppCommands:
-    return AppCommands(typer.main.get_command(app))
+    return AppCommands(app)
 
 
 @pytest.fixture
@@ -247,3 +247,12 @@ def test_what_a_system_and_an_option_name_is_part_of_the_key(tmp_path: Path, com
         (after,) = plan_of(tmp_path, text, commands)
         assert after.subject != before.subject
         before = after
+
+
+def test_a_command_is_built_alone_as_with_the_others() -> None:
+    together = program(app, None).commands
+    for name, command in Lazily(app).items():
+        assert [p.opts for p in command.params] == [p.opts for p in together[name].params]
+        assert command.help == together[name].help
+    assert list(program(app, "nfr").commands) == ["nfr"]
+    assert list(program(app, "nrf").commands) == list(together)

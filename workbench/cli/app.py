@@ -26,6 +26,7 @@ from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
+from workbench.cli.program import program
 from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
@@ -108,7 +109,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     notes.drop()
     asked.keep(arguments)
-    command = typer.main.get_command(app)
+    words = sys.argv[1:] if arguments is None else arguments
+    command = program(app, next((w for w in words if not w.startswith("-")), None))
     try:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
     except typer.TyperException as error:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from workbench.cli import asked, notes
+from workbench.cli.program import Lazily, program
 from workbench.errors import InputError, WorkbenchError, one_line
 from workbench.study.commands import Command, Commands, Ended, Option
 
@@ -30,15 +31,18 @@ class AppCommands(Commands):
     """The commands of the program, whatever they are: read from the options that they declare.
 
     Args:
-        group: the program.
+        app: the program.
     """
 
-    def __init__(self, group: Any) -> None:  # noqa: ANN401 - typer's own class of a command is not public
+    def __init__(self, app: typer.Typer) -> None:
         self.run = run_command
-        self._commands: dict[str, Any] = dict(group.commands)
+        self._commands = Lazily(app)
+
+    def __contains__(self, name: str) -> bool:
+        return name not in _NOT_IN_STUDIES and name in self._commands and _takes(self._commands[name], "--json")
 
     def names(self) -> tuple[str, ...]:
-        return tuple(n for n, c in self._commands.items() if n not in _NOT_IN_STUDIES and _takes(c, "--json"))
+        return tuple(n for n in self._commands if n in self)
 
     def get(self, name: str) -> Command:
         options: dict[str, Option] = {}
@@ -100,7 +104,7 @@ def _run(arguments: Sequence[str]) -> tuple[int, str, bool]:
     """Return exit code, reason, and whether the input was bad."""
     from workbench.cli.app import app
 
-    command = typer.main.get_command(app)
+    command = program(app, arguments[0] if arguments else None)
     try:
         code = command.main(list(arguments), "workbench", standalone_mode=False)
     except typer.TyperException as error:
@@ -150,5 +154,5 @@ def run_study(
     from workbench.study.run import StudyRun, default_store
 
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
-    prepared = StudyRun(study, AppCommands(typer.main.get_command(app)), store=folder, fresh=fresh)
+    prepared = StudyRun(study, AppCommands(app), store=folder, fresh=fresh)
     return prepared.run(lambda: workers(jobs=jobs, timeout=timeout))

@@ -96,6 +96,10 @@ class Commands(ABC):
 
     run: RunCommand
 
+    def __contains__(self, name: str) -> bool:
+        """Tell whether a study can use a command of that name."""
+        return name in self.names()
+
     @abstractmethod
     def names(self) -> tuple[str, ...]:
         """Names of the commands."""

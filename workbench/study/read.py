@@ -167,7 +167,8 @@ def _analysis(name: str, given: object, models: dict[str, Change], commands: Com
         raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
     own = {k: v for k, v in given.items() if k in AnalysisTable.model_fields}
     command = read_table(AnalysisTable, own, where).command
-    known(where, "command", command, commands.names())
+    if command not in commands:  # the names of all take longer to find
+        known(where, "command", command, commands.names())
     facts = commands.get(command)
     options = {k: v for k, v in given.items() if k not in own}
     asked: list[object] = []
