@@ -4,6 +4,7 @@ import ctypes
 import shutil
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from pathlib import Path
@@ -96,7 +97,7 @@ def _as_c(argument: object) -> object:
     return argument
 
 
-class Fmu:
+class Fmu(ABC):
     """One instance; calling it calls a function of the interface by its name without the prefix."""
 
     prefix = ""
@@ -143,8 +144,9 @@ class Fmu:
         self.release(state)
         return data.raw
 
+    @abstractmethod
     def state_name(self, before: str, after: str = "") -> str:
-        raise NotImplementedError
+        """Return the name of a function about saved states."""
 
 
 def _references(references: Sequence[int]) -> ctypes.Array[ctypes.c_uint]:
