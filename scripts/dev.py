@@ -3,6 +3,7 @@
 
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
     python3 scripts/dev.py test       lint, types, tests, documentation
+    python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
     python3 scripts/dev.py build      rebuild the bundled FMUs from modelica_src/ (--check: only compare)
     python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
 
@@ -30,8 +31,21 @@ PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
 STAMP = VENV / "workbench-installed"
 DEMO = ROOT / "demo"
 
+# Whose results depend on the order in which BLAS adds: it takes other paths on other processors.
+NUMERICAL = (
+    *("advice", "describing", "feed_forward", "feedback", "identified", "identify", "limit_cycle", "lin_", "loop"),
+    *("modes", "nfr_accuracy", "nfr_settling", "nyquist", "reduction", "spectra", "subspace", "trim", "validate"),
+)
+
+# The oldest x86 processor that OpenBLAS knows: 128-bit vectors without fused multiplication, so that it differs most
+# from what a present machine takes by itself.
+OTHER_PROCESSOR = "Prescott"
+
 # OpenModelica's FMUs come in this wheel; what else it depends on is not needed to run them.
 THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
+
+# Two test processes at most: many tests have worker processes of their own.
+PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too.
 KERNEL = """
@@ -93,12 +107,20 @@ def demo() -> int:
 def test() -> int:
     """Check lint, format and types, run the tests, build the documentation."""
     _ensure_installed()
-    # Two test processes at most: many tests have worker processes of their own.
-    pytest = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
     pages = ("mkdocs", "build", "--strict", "--quiet")
-    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), pytest, pages):
+    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), PYTEST, pages):
         print(f"$ {shlex.join(module)}", flush=True)
         _run([PYTHON, "-m", *module])
+    return 0
+
+
+def numerical() -> int:
+    """Run the numerical tests and measure the published figures in the arithmetic of another processor."""
+    _ensure_installed()
+    files = sorted(str(f.relative_to(ROOT)) for name in NUMERICAL for f in (ROOT / "tests").glob(f"test_{name}*.py"))
+    print(f"with OPENBLAS_CORETYPE={OTHER_PROCESSOR}:", flush=True)
+    for module in ((*PYTEST, *files), ("workbench", "reproduce")):
+        _run([PYTHON, "-m", *module], OPENBLAS_CORETYPE=OTHER_PROCESSOR)
     return 0
 
 
@@ -145,9 +167,10 @@ def _fingerprint() -> str:
     return digest.hexdigest()
 
 
-def _run(command: Sequence[str | Path]) -> None:
+def _run(command: Sequence[str | Path], **settings: str) -> None:
     # Small matrices gain nothing from several BLAS threads, which wait for each other on a busy machine.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")}
+    environment |= settings
     environment["NO_MKDOCS_2_WARNING"] = "1"  # the theme's advertisement; what we use is pinned below version 2
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True, env=environment)
 
@@ -157,7 +180,13 @@ def _complain(message: str) -> int:
     return 1
 
 
-COMMANDS: dict[str, Callable[[], int]] = {"install": install, "demo": demo, "test": test, "build": build}
+COMMANDS: dict[str, Callable[[], int]] = {
+    "install": install,
+    "demo": demo,
+    "test": test,
+    "numerical": numerical,
+    "build": build,
+}
 
 if __name__ == "__main__":
     sys.exit(main())
