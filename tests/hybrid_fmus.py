@@ -131,6 +131,9 @@ class FakeC:
         return OK if self.mode == "continuous" else ERROR
 
     def fmi2SetTime(self, _c: Any, t: float) -> int:
+        """FMI 2.0 allows it in event mode, too; FMUs of Dymola do not."""
+        if self.mode != "continuous":
+            return ERROR
         self.m.t = t
         return OK
 

@@ -1,4 +1,4 @@
-"""Libraries of FMUs in C for tests, built for this machine; what they have in common is in tests/c/fmi2_stub.h."""
+"""Libraries of FMUs in C for tests, built for this machine; what those of FMI 2.0 share is in tests/c/fmi2_stub.h."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def stub_library(name: str) -> bytes:
     (host,) = host_only()
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi2*.h")
+        headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h")
         for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", *headers):
             (folder / file.name).write_bytes(file.read_bytes())
         library = folder / "lib" / f"{name}{host.suffix}"

@@ -58,6 +58,11 @@ class FakeOne(FakeC):
         found |= {n: getattr(self, n) for n in dir(self) if n.startswith("fmi1")}
         return found
 
+    def fmi2SetTime(self, _c: Any, t: float) -> int:
+        """FMI 1.0 has no modes: it is told the time before `fmiInitialize`, too."""
+        self.m.t = t
+        return 0
+
     def fmi1GetNominalContinuousStates(self, _c: Any, x: Any, n: int) -> int:
         return self.fmi2GetNominalsOfContinuousStates(_c, x, n)
 

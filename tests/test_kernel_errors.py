@@ -84,7 +84,7 @@ def complaint(driver: str, make: type[Hybrid], interface: str, c: type[FakeC], m
 CASES: list[tuple[type[Hybrid], str, type[FakeC], str]] = [
     (Lag, "me", ErrorC, "SimulationError: Lag: fmi2GetDerivatives returned error"),
     (Lag, "me", OutputDiscard, "DiscardError: Lag: fmi2GetReal returned discard"),
-    (Lag, "me", Terminating, "SimulationError: the FMU asks to end the simulation"),
+    (Lag, "me", Terminating, "EndedError: the FMU ended its run"),
     (Ball, "me", Restless, "SimulationError: Ball: event iteration does not settle after 1000 rounds"),
     (NotANumber, "me", FakeC, "SimulationError: y is nan, not a finite number (at t = 0.5 s)"),
     (NotANumber, "cs", FakeC, "SimulationError: y is nan, not a finite number (at t = 0.5 s)"),

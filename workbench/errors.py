@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 __all__ = [
     "BuildError",
+    "EndedError",
     "FmuError",
     "InputError",
     "SimulationError",
@@ -55,6 +56,20 @@ class SimulationError(WorkbenchError):
     def __init__(self, message: str, *, time: float | None = None) -> None:
         super().__init__(message if time is None else f"{message} (at t = {time:.9g} s)")
         self.time = time
+
+
+class EndedError(SimulationError):
+    """The FMU ended its run by itself, as FMI lets it: an answer with an end time, not a failure.
+
+    Attributes:
+        message: one line, the time is appended.
+        time: session time at which it ended [s].
+    """
+
+    time: float
+
+    def __init__(self, who: str = "the FMU", *, time: float, log: str = "") -> None:
+        super().__init__(f"{who} ended its run{log}", time=time)
 
 
 def one_line(text: str) -> str:

@@ -11,7 +11,7 @@ from workbench.analysis.zero_input import ZeroInput, watch
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.signals import Sine
-from workbench.workers import Job
+from workbench.workers import Job, Remark
 
 __all__ = ["PointsJob", "ZeroInputJob"]
 
@@ -29,8 +29,9 @@ class ZeroInputJob(Job):
 
     task: PointTask
 
-    def run(self, model: Model) -> Iterator[ZeroInput]:
+    def run(self, model: Model) -> Iterator[ZeroInput | Remark]:
         yield watch(model, self.task)
+        yield from map(Remark, model.remarks())
 
 
 @dataclass(frozen=True, kw_only=True)

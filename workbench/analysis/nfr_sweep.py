@@ -20,7 +20,7 @@ from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
 from workbench.origin import with_origin
 from workbench.session.base import Floats
-from workbench.workers import InProcess, Job, Lost, Reply, Runner, Workers, choose, perform
+from workbench.workers import InProcess, Job, Lost, Remark, Reply, Runner, Workers, choose, perform
 
 __all__ = ["NfrSweep"]
 
@@ -215,6 +215,8 @@ class NfrSweep:
             yield from self._lost(event, jobs)
         elif isinstance(event.value, ZeroInput):
             self._keep_zero_input(event.value)
+        elif isinstance(event.value, Remark):
+            self._notes.append(event.value.text)
         elif isinstance(event.value, NfrPoint):
             yield self._keep(event.value)
 

@@ -127,7 +127,7 @@ def simulate(
     notes = () if step is None or not verify_step else run.doubts(record, step)
     units = _units(model, [*names, *inputs])
     columns = {**record.values, **record.inputs}
-    notes += _growth(record, units)
+    notes += (*_growth(record, units), *model.remarks())
     return SimulationResult(model.name, model.interface, model.solver, record.time, columns, units, notes)
 
 

@@ -125,7 +125,7 @@ class _Trim:
 
     def run(self) -> TrimResult:
         found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
-        return replace(found, notes=(*found.notes, *filter(None, [self.model.replay_note()])))
+        return replace(found, notes=(*found.notes, *self.model.remarks()))
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""

@@ -20,7 +20,13 @@ INTERFACES: Mapping[str, str] = {"me": "model exchange", "cs": "co-simulation"}
 
 
 def instantiate(
-    description: Description, folder: Path, *, interface: str, source: str, library: Library | None = None
+    description: Description,
+    folder: Path,
+    *,
+    interface: str,
+    source: str,
+    library: Library | None = None,
+    event_mode: bool = True,
 ) -> Instance:
     """Return a new instance of an unpacked FMU.
 
@@ -30,6 +36,7 @@ def instantiate(
         interface: "me" or "cs".
         source: what the user named.
         library: its binary, if it is loaded already; the instance closes it.
+        event_mode: co-simulation: use event mode where the FMU declares it.
 
     Raises:
         InputError: it does not offer `interface`.
@@ -40,4 +47,6 @@ def instantiate(
     if interface not in description.interfaces:
         offered = ", ".join(description.interfaces) or "neither me nor cs"
         raise InputError(f"{source}: interface {interface} is not offered; it has: {offered}")
-    return VERSIONS[description.major](description, folder, interface=interface, source=source, library=library)
+    return VERSIONS[description.major](
+        description, folder, interface=interface, source=source, library=library, event_mode=event_mode
+    )

@@ -86,23 +86,38 @@ class Instance(ABC):
          time of the last `set_time` or `do_step`.
       3. `x`, `dx`, `z` are views of buffers the FMU writes to; they change with the next call.
       4. `close` frees the instance except after a fatal error, when FMI forbids it.
+
+    Attributes:
+        event_mode: model exchange, and co-simulation that was instantiated with event mode.
+        remark: what the user should know about how it was instantiated; empty where all went as declared.
     """
 
     version: ClassVar[int]
     CALLS: ClassVar[Mapping[str, str]]
     TYPES: ClassVar[Mapping[str, TypeCalls]]
+    remark: str = ""
 
     def __init__(
-        self, description: Description, folder: Path, *, interface: str, source: str, library: Library | None = None
+        self,
+        description: Description,
+        folder: Path,
+        *,
+        interface: str,
+        source: str,
+        library: Library | None = None,
+        event_mode: bool = True,
     ) -> None:
         if library is None:
             name = description.interfaces[interface].identifier
             path = binary_path(folder, name, source=source)
             library = load_library(path, version=description.major, interface=interface, identifier=name)
         self._setup(description, library, interface=interface)
+        self.event_mode = interface == "me" or (self.capabilities.event_mode and event_mode)
         self.source = source
         self.folder = folder if folder.is_absolute() else folder.resolve()
         self.component: Any = self._instantiate(logging=False)
+        if not self.component and interface == "cs" and self.event_mode:
+            self._instantiate_without_event_mode()
         if not self.component:
             # Many FMUs say why only if logging is on; only then is the noise wanted.
             self.component = self._instantiate(logging=True)
@@ -115,6 +130,15 @@ class Instance(ABC):
             self.library[self.CALLS["free"]](self.component)
             self.log.lines.clear()
             self.component = self._instantiate(logging=False)
+
+    def _instantiate_without_event_mode(self) -> None:
+        """Try again without event mode, which is the caller's choice in FMI 3.0 (4.2.1)."""
+        self.event_mode = False
+        self.component = self._instantiate(logging=False)
+        if self.component:
+            self.remark = "the FMU declares event mode but refuses to be instantiated with it: it runs without"
+        else:
+            self.event_mode = True
 
     def _log_trouble(self) -> bool:
         """Switch on the log categories that tell of trouble, and no others: they cost no time."""

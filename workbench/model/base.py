@@ -114,6 +114,10 @@ class Model(ABC):
         """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
         return ""
 
+    def remarks(self) -> tuple[str, ...]:
+        """Return what was found out about the model while it ran; complete once the analysis is done."""
+        return ()
+
     @abstractmethod
     def close(self) -> None:
         """Close the open sessions and remove what the model owns. Any number of times."""

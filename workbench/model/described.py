@@ -200,6 +200,9 @@ class DescribedModel(Model):
         why = self._why_replay
         return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
 
+    def remarks(self) -> tuple[str, ...]:
+        return tuple(filter(None, (self._setup.manners.note, self.replay_note())))
+
     def close(self) -> None:
         self._closed = True
         for session in list(self._sessions):

@@ -56,7 +56,14 @@ class FmuModel(DescribedModel):
     def new_instance(self) -> Instance:
         folder, source = self._folder, self.source
         loaded = None if self._binary is None else self._binary.held()
-        instance = instantiate(self.description, folder, interface=self.interface, source=source, library=loaded)
+        instance = instantiate(
+            self.description,
+            folder,
+            interface=self.interface,
+            source=source,
+            library=loaded,
+            event_mode=not self._setup.manners.other_order,
+        )
         if self._binary is None:  # stays loaded between sessions
             self._binary = instance.library.held()
         return instance

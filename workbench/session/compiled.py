@@ -139,8 +139,8 @@ def _known(points: Floats | None, basis: Floats | None, orders: int) -> tuple[Fl
 class CompiledCsSession(CompiledSession, CsSession):
     """`CsSession` with its loop in compiled code."""
 
-    def _started(self) -> None:
-        CsSession._started(self)  # noqa: SLF001  its own
+    def _started(self, due: float) -> None:
+        CsSession._started(self, due)  # noqa: SLF001  its own
         self._native = Cs(system=self._make_loop().system.address)
         if self.setup.hold_inputs:
             self.loop.system.hold_inputs()

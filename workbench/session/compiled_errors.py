@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from workbench.errors import InputError, SimulationError
+from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
@@ -67,7 +67,7 @@ def _missing(now: Situation) -> Exception:
 
 
 def _ended(now: Situation) -> Exception:
-    return now.error(f"the FMU asks to end the simulation{now.instance.log.tail()}")
+    return EndedError(time=now.failure.time, log=now.instance.log.tail())
 
 
 def _iteration(now: Situation) -> Exception:

@@ -32,11 +32,9 @@ class CsSession(FmuSession):
     _slopes_work = True
     _event_due = False  # the last step ended at an event, which waits for the inputs there
 
-    def _started(self) -> None:
+    def _started(self, due: float) -> None:
         self._fixed, self._event_due = None, False
         self._previous = self.time
-        if self.instance.event_mode:
-            self._leave_event_mode()
 
     def _leave_event_mode(self) -> None:
         if self.instance.iterate_events().terminate:

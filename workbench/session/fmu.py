@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError
+from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats, Record, Session, Snapshot
@@ -18,7 +18,37 @@ from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
 from workbench.signals import Signal
 
-__all__ = ["FmuSession", "Setup"]
+__all__ = ["FmuSession", "Manners", "Setup"]
+
+
+@dataclass
+class Manners:
+    """How an FMU lets itself be started: learned at the first start of a model, kept for all its sessions.
+
+    Where FMI allows two orders of calls and an FMU refuses the first, the other is tried.
+
+    Attributes:
+        other_order: the usual order is refused. Model exchange: the FMU wants to be told the time once more before
+            the first event iteration. Co-simulation: it declares event mode, but runs only without.
+        note: says so; empty where all goes as usual.
+    """
+
+    other_order: bool = False
+    note: str = ""
+
+
+_OTHER_ORDER = {
+    "me": "the FMU wants to be told the time again before its first event iteration",
+    "cs": "the FMU declares event mode but refuses it: it runs without",
+}
+
+
+class _RefusedError(Exception):
+    """The FMU refuses the first event iteration."""
+
+    def __init__(self, error: SimulationError) -> None:
+        super().__init__(str(error))
+        self.error = error
 
 
 @dataclass(frozen=True)
@@ -38,6 +68,7 @@ class Setup:
         hold_inputs: co-simulation: inputs stand still between communication points, also where the FMU interpolates.
         solver: name in `SOLVERS`, or "fmu".
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
+        manners: in which order it lets itself be started; shared by the sessions of one model.
     """
 
     open_instance: Callable[[], Instance]
@@ -52,6 +83,7 @@ class Setup:
     hold_inputs: bool = False
     solver: str = "gear"
     state_works: Callable[[], bool] = lambda: False
+    manners: Manners = field(default_factory=Manners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,37 +122,86 @@ class FmuSession(Session):
     # -- start ----------------------------------------------------------------------------
 
     def _open(self) -> None:
+        try:
+            self._begin()
+        except _RefusedError as refused:
+            self._begin_otherwise(refused.error)
+
+    def _begin(self) -> None:
         self.instance = self.setup.open_instance()
+        if self.instance.remark:
+            self.setup.manners.note = self.instance.remark
         try:
             self._initialise()
-            self._started()
+            self._started(self._first_event())
         except BaseException:
             self.close()
             raise
 
+    def _begin_otherwise(self, error: SimulationError) -> None:
+        """Begin anew in the other order that FMI allows, and keep to it if the FMU takes it."""
+        manners = self.setup.manners
+        if manners.other_order:
+            raise error
+        manners.other_order = True
+        try:
+            self._begin()
+        except (_RefusedError, WorkbenchError):
+            manners.other_order = False
+            raise error from None
+        manners.note = f"{_OTHER_ORDER[self.instance.interface]} ({error})"
+
     def _initialise(self) -> None:
         instance, setup = self.instance, self.setup
         self.time = setup.start_time
-        self._write_starts()
         self._seen = self._first_seen()
         self.forcing = Forcing(instance, self.inputs, setup.bias, setup.signals)
+        starts = self._starts()
+        self._write({n: v for n, v in starts.items() if n not in self.inputs})
         instance.enter_initialisation(setup.start_time, setup.tolerance)
+        self._write({n: v for n, v in starts.items() if n in self.inputs})  # FMI 2.0.4, 3.2.3: not before
         if setup.signals:
             self.forcing.write_all(self.forcing.at(self.time))
         instance.exit_initialisation()
 
-    def _write_starts(self) -> None:
-        variables = self.setup.variables
+    def _first_event(self) -> float:
+        """Iterate the first event, where there is event mode, and leave that mode; return when the next is due [s].
+
+        FMI 2.0 (3.2.3) and 3.0 (2.3.6) go straight from initialisation to the event iteration: the time is that of the
+        initialisation, and an FMU may refuse to be told it in event mode.
+        """
+        instance = self.instance
+        if not instance.event_mode:
+            return math.inf
+        is_me = instance.interface == "me"
+        try:
+            if is_me and self.setup.manners.other_order:
+                instance.set_time(self.time)
+            info = instance.iterate_events()
+            if info.terminate:
+                raise self._ended()
+            (instance.enter_continuous_mode if is_me else instance.enter_step_mode)()
+        except EndedError:
+            raise
+        except SimulationError as error:
+            raise _RefusedError(error) from error
+        return info.next_time
+
+    def _starts(self) -> dict[str, Value]:
+        """Return the start values that are asked for, biases added."""
         values = dict(self.setup.start_values)
         for name, bias in self.setup.bias.items():
-            start = values.get(name, variables[name].start)
+            start = values.get(name, self.setup.variables[name].start)
             values[name] = float(start or 0.0) + bias
+        return values
+
+    def _write(self, values: Mapping[str, Value]) -> None:
         if values:
-            self.instance.access([variables[n] for n in values]).write(list(values.values()))
+            self.instance.access([self.setup.variables[n] for n in values]).write(list(values.values()))
 
     @abstractmethod
-    def _started(self) -> None:
-        """Go on after initialisation until the FMU can be advanced."""
+    def _started(self, due: float) -> None:
+        """Go on after the first event iteration until the FMU can be advanced; the next event is `due` [s]."""
 
     # -- advance --------------------------------------------------------------------------
 
@@ -176,8 +257,8 @@ class FmuSession(Session):
         values = read_finite(self.instance.access(variables), variables, self.time)
         return {name: float(value) for name, value in zip(names, values, strict=True)}
 
-    def _ended(self) -> SimulationError:
-        return SimulationError(f"the FMU asks to end the simulation{self.instance.log.tail()}", time=self.time)
+    def _ended(self) -> EndedError:
+        return EndedError(time=self.time, log=self.instance.log.tail())
 
     # -- snapshots ------------------------------------------------------------------------
 

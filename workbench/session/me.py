@@ -53,17 +53,14 @@ class MeSession(FmuSession):
 
     # -- start ----------------------------------------------------------------------------
 
-    def _started(self) -> None:
-        instance = self.instance
-        self._next_time = math.inf
+    def _started(self, due: float) -> None:
+        self._next_time = due
         self._crowd = self._dwindling = 0
         self._counted, self._last_gap = -math.inf, math.inf
         self._cautious = math.inf
         self._last_event = -math.inf
         self._span = 1.0
-        self.instance.set_time(self.time)
-        self._iterate()
-        instance.get_states()
+        self.instance.get_states()
         self._make_solver()
 
     def _make_solver(self) -> None:

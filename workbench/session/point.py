@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError
+from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
@@ -277,7 +277,7 @@ class FmuPoint(Point):
         info = instance.iterate_events()
         instance.enter_continuous_mode()
         if info.terminate:
-            raise SimulationError("the FMU asks to end the simulation at a perturbed point", time=self.time)
+            raise EndedError("the FMU, at a perturbed point,", time=self.time)
         return info.states_changed
 
     def _write(self, which: int, u: Floats) -> None:

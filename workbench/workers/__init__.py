@@ -5,8 +5,20 @@ jobs to a `Runner`; which runner that is, this process, worker processes or any 
 """
 
 from workbench.workers.choose import Workers, choose
-from workbench.workers.job import Job, perform
+from workbench.workers.job import Job, Remark, perform
 from workbench.workers.limits import DEFAULT_TIMEOUT, Limits
 from workbench.workers.runner import InProcess, Lost, Reply, Runner
 
-__all__ = ["DEFAULT_TIMEOUT", "InProcess", "Job", "Limits", "Lost", "Reply", "Runner", "Workers", "choose", "perform"]
+__all__ = [
+    "DEFAULT_TIMEOUT",
+    "InProcess",
+    "Job",
+    "Limits",
+    "Lost",
+    "Remark",
+    "Reply",
+    "Runner",
+    "Workers",
+    "choose",
+    "perform",
+]

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["Job", "perform"]
+__all__ = ["Job", "Remark", "perform"]
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something found out on the way that the user should know."""
+
+    text: str
 
 
 class Job(ABC):

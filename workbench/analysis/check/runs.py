@@ -23,6 +23,7 @@ def runs(subject: Subject) -> Finding:
         return _still(subject, str(error))
     moved = int((found.scale > 0.0).sum())
     text = f"{subject.span:.4g} s in {subject.steps} steps, {moved} of {len(subject.names)} variables move"
+    text = "; ".join([text, *subject.model.remarks()])
     return Finding("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
 
 

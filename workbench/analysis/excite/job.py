@@ -11,18 +11,11 @@ from workbench.analysis.excite.run import Begin, ExciteTask, Rows, measure
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.session.base import Floats
-from workbench.workers import Job
+from workbench.workers import Job, Remark
 
-__all__ = ["ExciteJob", "Remark"]
+__all__ = ["ExciteJob"]
 
 WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
-
-
-@dataclass(frozen=True)
-class Remark:
-    """Something found out at the end."""
-
-    text: str
 
 
 @dataclass(frozen=True, eq=False)

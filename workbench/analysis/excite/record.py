@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from workbench.analysis.excite.assemble import assemble
 from workbench.analysis.excite.design import Design
-from workbench.analysis.excite.job import ExciteJob, Remark
+from workbench.analysis.excite.job import ExciteJob
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.excite.run import Begin, ExciteTask, Rows
@@ -15,7 +15,7 @@ from workbench.analysis.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.origin import with_origin
-from workbench.workers import Reply, Workers, choose, perform
+from workbench.workers import Remark, Reply, Workers, choose, perform
 
 __all__ = ["Excitation", "excite"]
 

@@ -110,7 +110,7 @@ def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
     )
     step = communication_step(model, sampling.dt) if task.step is None else task.step
     with _open(model, task.at, step) as session:
-        notes = [*_misses(session, task.at), *_bias_note(model, task)]
+        notes = [*_misses(session, task.at), *_bias_note(model, task), *model.remarks()]
         start = np.array(list(session.values(task.inputs).values()))
         bias = _bias(model, task)
         middle = start - bias if task.design.offset is None else each("offset", task.design.offset, len(task.inputs))

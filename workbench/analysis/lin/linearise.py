@@ -112,7 +112,7 @@ def run(task: LinTask, method: str) -> LinResult:
         raise InputError(f"method '{method}' is unknown; {suggest(method, ('auto', *METHODS))}")
     name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
     result = METHODS[name](task).because(why)
-    result = replace(result, notes=(*result.notes, *filter(None, [task.model.replay_note()])))
+    result = replace(result, notes=(*result.notes, *task.model.remarks()))
     if task.continuous and result.dt > 0.0:
         A, B = hold_inverse(result.A, result.B, result.dt)
         note = f"made continuous from a period of {result.dt:.6g} s, the input held over it"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from workbench.errors import SimulationError
+from workbench.errors import EndedError, SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -65,9 +65,7 @@ class CsUnit:
             self._give(courses, (time - start) / span, span)
             result = self._part.do_step(time, end - time)
             if result.terminate:
-                raise SimulationError(
-                    f"{self.name} asks to end the simulation{self._part.log.tail()}", time=result.time
-                )
+                raise EndedError(self.name, time=result.time, log=self._part.log.tail())
             if result.time >= end - 1e-12 * max(abs(end), span):
                 self._part.time = end
                 self._arrive(courses, 1.0)
@@ -108,7 +106,7 @@ class CsUnit:
         if courses:
             self._access(courses).write([convert(c.variable, c.at(part)) for c in courses])
         if instance.iterate_events().terminate:
-            raise SimulationError(f"{self.name} asks to end the simulation{instance.log.tail()}", time=instance.time)
+            raise EndedError(self.name, time=instance.time, log=instance.log.tail())
         instance.enter_step_mode()
 
     def _access(self, courses: Sequence[Course]) -> Access:

@@ -45,8 +45,8 @@ class MasterSession(CsSession):
             raise InputError("this session is not one of a system with co-simulation components")
         return instance
 
-    def _started(self) -> None:
-        super()._started()
+    def _started(self, due: float) -> None:
+        super()._started(due)
         self._control = None
         if self._tolerance is not None:
             self.master.watch()
