@@ -37,7 +37,7 @@ class FakeModel(Model):
         self._make = make
 
     def open_session(
-        self, *, start_time: float = 0.0, step: float | None = None, signals: Mapping[str, Signal] | None = None
+        self, *, start_time: float | None = None, step: float | None = None, signals: Mapping[str, Signal] | None = None
     ) -> Session:
         self.sessions += 1
         return self._make()

@@ -15,8 +15,8 @@ from tests.hybrid_fmus import Hybrid, open_fake
 from workbench.analysis.excite import Excitation, ExciteResult, MultisineDesign, PrbsDesign, excite
 from workbench.analysis.excite import sampling as sampling_module
 from workbench.analysis.experiment import read_experiment
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.cli.app import run
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
@@ -211,7 +211,7 @@ class PythonModel(Model):
         self.make = make
 
     def open_session(
-        self, *, start_time: float = 0.0, step: float | None = None, signals: Mapping[str, Signal] | None = None
+        self, *, start_time: float | None = None, step: float | None = None, signals: Mapping[str, Signal] | None = None
     ) -> Session:
         return open_fake(self.make, "vkm", interface=self.interface, step=step)
 

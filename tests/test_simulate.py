@@ -39,7 +39,7 @@ class IntegratorModel(Model):
         self.parameters = ()
 
     def open_session(
-        self, *, start_time: float = 0.0, step: float | None = None, signals: Mapping[str, Signal] | None = None
+        self, *, start_time: float | None = None, step: float | None = None, signals: Mapping[str, Signal] | None = None
     ) -> Session:
         return open_fake(Integrator, "vkm")
 

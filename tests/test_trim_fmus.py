@@ -233,7 +233,7 @@ def test_an_operating_point_survives_json() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[]", "no operating point"),
+        ("[]", "not an operating point"),
         ("{}", "'x' is missing"),
         ('{"x": {"a": null}, "u": {}}', "x: a must be a finite number"),
         ('{"x": 3, "u": {}}', "x must give a value to each name"),

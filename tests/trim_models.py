@@ -74,25 +74,25 @@ class Plant(Model):
         return {**e.x, **e.u, **e.memory, **given}
 
     def open_session(
-        self, *, start_time: float = 0.0, step: float | None = None, signals: Mapping[str, Signal] | None = None
+        self, *, start_time: float | None = None, step: float | None = None, signals: Mapping[str, Signal] | None = None
     ) -> Session:
         return self.open_at(time=start_time, step=step)
 
     def open_at(
         self,
         *,
-        time: float = 0.0,
+        time: float | None = None,
         values: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
     ) -> Session:
         self.runs.append(step)
-        return PlantSession(self, self.starts(values), time, step)
+        return PlantSession(self, self.starts(values), time or 0.0, step)
 
-    def open_point(self, *, time: float = 0.0, values: Mapping[str, float] | None = None) -> Point:
+    def open_point(self, *, time: float | None = None, values: Mapping[str, float] | None = None) -> Point:
         if self.interface != "me":
             raise InputError("no point")
-        return PlantPoint(self, self.starts(values), time)
+        return PlantPoint(self, self.starts(values), time or 0.0)
 
     def close(self) -> None:
         return

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from workbench.analysis.nyquist.linear_part import LinearPart
     from workbench.analysis.nyquist.nyquist import nyquist
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
     from workbench.analysis.simulate import SimulationResult, simulate
@@ -75,6 +74,7 @@ if TYPE_CHECKING:
     from workbench.analysis.zero_input import ZeroInput
     from workbench.build.export import ExportResult, export
     from workbench.cli.run_commands import run_study
+    from workbench.core.operating_point import OperatingPoint
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
     from workbench.model.described import DescribedModel
@@ -303,7 +303,7 @@ _HOMES = {
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
     "workbench.analysis.simulate": ("SimulationResult", "simulate"),
-    "workbench.analysis.operating_point": ("OperatingPoint",),
+    "workbench.core.operating_point": ("OperatingPoint",),
     "workbench.analysis.trim": ("trim",),
     "workbench.analysis.trim_result": ("TrimResult",),
     "workbench.analysis.zero_input": ("ZeroInput",),

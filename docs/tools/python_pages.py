@@ -18,7 +18,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "Time histories and frequency response",
         ("analysis.simulate", "analysis.nfr", "analysis.certificate", "analysis.zero_input"),
     ),
-    ("linear", "Operating points and linear models", ("analysis.trim", "analysis.operating_point", "analysis.lin")),
+    ("linear", "Operating points and linear models", ("analysis.trim", "core.operating_point", "analysis.lin")),
     (
         "identification",
         "Identification",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim import trim
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 

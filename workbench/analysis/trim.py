@@ -17,6 +17,7 @@ from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
+from workbench.model.placing import named
 from workbench.origin import with_origin
 from workbench.session.point import Point
 
@@ -125,7 +126,8 @@ class _Trim:
 
     def run(self) -> TrimResult:
         found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
-        return replace(found, notes=(*found.notes, *self.model.remarks()))
+        notes = (*found.notes, *self.model.remarks())
+        return replace(found, notes=notes, point=named(self.model, found.point))
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim_balance import Balance, by_name, slot_of
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 from workbench.session.point import Point

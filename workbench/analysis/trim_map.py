@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim_balance import Balance, by_name, slot_of
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats, Session

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 
@@ -94,13 +94,14 @@ class TrimResult(Reportable):
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; `OperatingPoint.from_dict` reads it back."""
+        """Return plain lists and numbers, ready for JSON; `OperatingPoint.from_dict` reads the point back."""
         return {
-            "model": self.model,
             "interface": self.interface,
             "solver": self.solver,
             "method": self.method,
             **self.point.to_dict(),
+            "model": self.model,
+            **point_in_json(self.point),
             "residual": [r.to_dict() for r in self.residuals],
             "null_directions": [dict(d.components) for d in self.null_directions],
             "converged": self.converged,

@@ -104,8 +104,8 @@ def excite(
     Example: `workbench excite fmu:Rudder --input delC --output del --prbs amplitude=2 --step 0.01 --csv rudder.csv`
     """
     from workbench.analysis.excite import Excitation
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
+    from workbench.core.operating_point import OperatingPoint
 
     out = Output("excite", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     signal = _design(prbs, multisine)

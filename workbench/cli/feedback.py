@@ -133,10 +133,10 @@ def feedback(
     from workbench.analysis.feedback.feedback import ALL
     from workbench.analysis.feedback.feedback import feedback as analyse
     from workbench.analysis.feedback.settling import THRESHOLDS
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
+    from workbench.core.operating_point import OperatingPoint
     from workbench.signals import parse_signal
 
     out = Output("feedback", json_path=json_path, csv_path=csv_path, plot=plot, report=report)

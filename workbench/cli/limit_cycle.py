@@ -104,9 +104,9 @@ def limit_cycle(
     """
     from workbench.analysis.limit_cycle.limit_cycle import METHODS
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle as analyse
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.notes import note
     from workbench.cli.output import Output
+    from workbench.core.operating_point import OperatingPoint
     from workbench.signals import parse_signal
 
     out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot, report=report)

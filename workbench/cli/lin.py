@@ -115,8 +115,8 @@ def lin(
     Example: `workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json`
     """
     from workbench.analysis.frequency_grid import positive_values
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
+    from workbench.core.operating_point import OperatingPoint
 
     out = Output("lin", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     if sum([bool(over), snapshot is not None, compare]) > 1:

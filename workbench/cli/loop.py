@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.measured import LoopCurve, LoopPoint
     from workbench.analysis.loop.result import LoopResult
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.output import Output
+    from workbench.core.operating_point import OperatingPoint
     from workbench.model import Model
 
 __all__ = ["loop"]
@@ -160,8 +160,8 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _point(model: Model, path: Path | None, *, trim: bool) -> OperatingPoint | None:
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.analysis.trim import trim as run
+    from workbench.core.operating_point import OperatingPoint
 
     if path is not None and trim:
         raise InputError("--point and --trim: only one of them")

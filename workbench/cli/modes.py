@@ -83,10 +83,10 @@ def modes(
     Example: `workbench modes fmu:Aircraft --vary airspeed=150:350 --against outer_aileron_failed=true --plot out.png`
     """
     from workbench.analysis.modes.modes import modes as analyse
-    from workbench.analysis.operating_point import OperatingPoint
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
+    from workbench.core.operating_point import OperatingPoint
 
     out = Output("modes", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     name, where = _range(vary, points)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
+from workbench.model.placing import find_point
 from workbench.model.recipe import Recipe
 from workbench.session.base import Session
 from workbench.session.point import Point
@@ -35,6 +38,7 @@ class Model(ABC):
         notes: remarks for the user.
         grid: constant communication step that co-simulation insists on [s]; None: steps may differ.
         recipe: how to make the model again in another process; None: it lives in this one only.
+        at: where its sessions start; None: where the model starts by itself.
     """
 
     name: str
@@ -47,22 +51,43 @@ class Model(ABC):
     notes: tuple[str, ...]
     grid: float | None = None
     recipe: Recipe | None = None
+    at: OperatingPoint | None = None
+
+    def placed(self, at: At | None) -> Self:
+        """Return the model that starts at an operating point, here and in every worker; it is closed with this one.
+
+        Its inputs hold the point's values until a signal forces them.
+
+        Args:
+            at: a point, a result that has one, or the file of either; None: this model.
+
+        Raises:
+            InputError: see `find_point`; or this kind of model starts at its start values only.
+        """
+        if at is None:
+            return self
+        point, notes = find_point(self, at)
+        if self.recipe is None:
+            raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")
+        twin = copy.copy(self)
+        twin.at, twin.notes = point, (*self.notes, *notes)
+        return twin
 
     @abstractmethod
     def open_session(
         self,
         *,
-        start_time: float = 0.0,
+        start_time: float | None = None,
         step: float | None = None,
         signals: Mapping[str, Signal] | None = None,
     ) -> Session:
-        """Return a session, initialised, at `start_time` [s].
+        """Return a session, initialised, at `start_time` [s]: at the operating point `at` where the model has one.
 
         Args:
-            start_time: session time at which the model is initialised [s].
+            start_time: session time at which the model is initialised [s]; None: that of `at`, else 0.
             step: communication step [s] in place of the model's; ignored by model exchange.
             signals: forced inputs whose values at `start_time` hold already during
-                initialisation; None: the inputs' start values.
+                initialisation; None: the inputs' start values. At an operating point its inputs hold then.
 
         Raises:
             FmuError: the FMU cannot be instantiated.
@@ -72,7 +97,7 @@ class Model(ABC):
     def open_at(
         self,
         *,
-        time: float = 0.0,
+        time: float | None = None,
         values: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
@@ -80,9 +105,9 @@ class Model(ABC):
         """Return a session initialised at `time` with other start values than the model's own.
 
         Args:
-            time: session time at which the model is initialised [s].
-            values: states, discrete states and inputs → where they start; what the model does not
-                let one start elsewhere is left out.
+            time: session time at which the model is initialised [s]; None: that of `at`, else 0.
+            values: states, discrete states and inputs → where they start, beside or instead of those of `at`; what
+                the model does not let one start elsewhere is left out.
             step: communication step [s] in place of the model's.
             tolerance: relative tolerance of the integration in place of the model's.
 
@@ -95,13 +120,13 @@ class Model(ABC):
     def open_point(
         self,
         *,
-        time: float = 0.0,
+        time: float | None = None,
         values: Mapping[str, float] | None = None,
     ) -> Point:
         """Return the model at one instant, for derivatives and outputs at any states and inputs near it.
 
         Args:
-            time: session time [s].
+            time: session time [s]; None: that of `at`, else 0.
             values: as for `open_at`.
 
         Raises:

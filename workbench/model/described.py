@@ -6,7 +6,9 @@ import dataclasses
 import weakref
 from abc import abstractmethod
 from collections.abc import Mapping
+from typing import Self
 
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import FmuError, InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
@@ -77,7 +79,7 @@ class DescribedModel(Model):
         self.states = description.states
         self._setup = dataclasses.replace(setup, open_instance=self.new_instance, state_works=self._state_works)
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
-        self.recipe = recipe
+        self.recipe, self.at = recipe, recipe.at
         self._why_replay: str | None = None
         self._closed = False
 
@@ -91,19 +93,30 @@ class DescribedModel(Model):
     def open_session(
         self,
         *,
-        start_time: float = 0.0,
+        start_time: float | None = None,
         step: float | None = None,
         signals: Mapping[str, Signal] | None = None,
+        at: At | None = None,
     ) -> FmuSession:
+        """See `Model.open_session`; `at` is short for `placed(at)`."""
+        if at is not None:
+            return self.placed(at).open_session(start_time=start_time, step=step, signals=signals)
+        if self.at is not None:
+            return self.open_at(time=start_time, step=step)
         if step is not None and not step > 0.0:
             raise InputError(f"step must be positive, not {step:g}")
         setup = dataclasses.replace(
             self._setup,
             step=step or self._setup.step,
-            start_time=float(start_time),
+            start_time=float(start_time or 0.0),
             signals=dict(signals or {}),
         )
         return self._start(setup)
+
+    def placed(self, at: At | None) -> Self:
+        twin = super().placed(at)
+        twin.recipe = dataclasses.replace(self.recipe, at=twin.at)
+        return twin
 
     def open_on(self, instance: Instance, *, start_time: float = 0.0, step: float | None = None) -> FmuSession:
         """Return a session on an instance that stands before its initialisation, say after a reset.
@@ -126,12 +139,14 @@ class DescribedModel(Model):
     def open_at(
         self,
         *,
-        time: float = 0.0,
+        time: float | None = None,
         values: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
     ) -> FmuSession:
-        given, values = self._setup, values or {}
+        given, begin = self._setup, self.at or OperatingPoint(x={}, u={})
+        values = {**begin.values, **(values or {})}
+        time = begin.time if time is None else time
         setup = dataclasses.replace(
             given,
             start_time=float(time),
@@ -145,7 +160,7 @@ class DescribedModel(Model):
     def open_point(
         self,
         *,
-        time: float = 0.0,
+        time: float | None = None,
         values: Mapping[str, float] | None = None,
     ) -> FmuPoint:
         if self.interface != "me":

@@ -10,9 +10,11 @@ import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.variable import Value
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from workbench.model.described import DescribedModel
     from workbench.model.fmu_model import FmuModel
 
-__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "LoadRecipe", "Recipe", "content_hash"]
+__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "LoadRecipe", "Recipe", "content_hash", "hash_of"]
 
 
 DEFAULT_TOLERANCE = 1e-6
@@ -56,6 +58,10 @@ class Recipe(ABC):
     def tighter(self, factor: float) -> Recipe:
         """Return the recipe of the same model with `factor` times its relative tolerance of the integration."""
 
+    def content(self) -> str:
+        """Return the SHA-256 of what the model is, whatever is set in it; empty: it cannot be told from another."""
+        return ""
+
     @property
     def portable(self) -> bool:
         """Whether it can be sent to another process."""
@@ -77,6 +83,7 @@ class LoadRecipe(Recipe):
     Attributes:
         source: what the user named, for messages.
         interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
+        at: where its sessions start; None: at the model's own start. See `Model.placed`.
     """
 
     source: str
@@ -88,6 +95,7 @@ class LoadRecipe(Recipe):
     start_values: Mapping[str, Value] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     hold_inputs: bool = False
+    at: OperatingPoint | None = None
 
     @abstractmethod
     def open(self) -> DescribedModel:
@@ -104,6 +112,7 @@ class LoadRecipe(Recipe):
             "start_values": dict(self.start_values),
             "bias": dict(self.bias),
             "hold_inputs": self.hold_inputs,
+            **({} if self.at is None else {"at": {**self.at.values, "time": self.at.time}}),
         }
 
     def tighter(self, factor: float) -> Self:
@@ -119,12 +128,15 @@ class FmuRecipe(LoadRecipe):
         folder: where it is unpacked; the loading process owns it.
         owned: whether that folder is temporary.
         interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
+        at: see `LoadRecipe`.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
+        sha256: of the FMU, told along with the archive; empty: read the file.
     """
 
     folder: str
     owned: bool
     archive: bytes | None = field(default=None, repr=False)
+    sha256: str = ""
 
     def open(self) -> FmuModel:
         from workbench.model.load import open_unpacked  # noqa: PLC0415 - `load` makes recipes
@@ -149,7 +161,18 @@ class FmuRecipe(LoadRecipe):
     def identity(self) -> dict[str, Any]:
         return {"fmu": content_hash(Path(self.source)), **self.settings()}
 
+    def content(self) -> str:
+        if self.sha256:
+            return self.sha256
+        try:
+            return hash_of(Path(self.source))
+        except InputError:  # removed since it was loaded
+            return ""
+
     def packed(self) -> FmuRecipe:
+        return replace(self._with_archive(), sha256=self.content())
+
+    def _with_archive(self) -> FmuRecipe:
         source = Path(self.source)
         if source.is_file():  # with the binaries of other platforms, which were not unpacked here
             return replace(self, archive=source.read_bytes())
@@ -180,6 +203,23 @@ def content_hash(path: Path) -> str:
         return digest.hexdigest()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def hash_of(path: Path) -> str:
+    """Return the same; what has not changed is read once.
+
+    Raises:
+        InputError: it cannot be read, or is not there.
+    """
+    if not path.exists():  # the hash of an absent folder would be that of an empty one
+        raise InputError(f"{path}: is not there")
+    files = [path] if path.is_file() else _files(path)
+    return _known_hash(path, tuple((f, (status := f.stat()).st_mtime_ns, status.st_size) for f in files))
+
+
+@lru_cache(maxsize=256)
+def _known_hash(path: Path, _state: tuple[tuple[Path, int, int], ...]) -> str:
+    return content_hash(path)
 
 
 def _files(folder: Path) -> list[Path]:

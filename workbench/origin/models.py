@@ -5,18 +5,17 @@ from __future__ import annotations
 import weakref
 import zipfile
 import zlib
-from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
 from lxml import etree
 
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import Description
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe, content_hash
+from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe, hash_of
 from workbench.origin.facts import FmuFacts, ModelFacts
 from workbench.system.description import Component, FmuComponent
 from workbench.system.recipe import SystemRecipe
@@ -122,25 +121,6 @@ def _hash_or_none(path: Path) -> str:
         return hash_of(path)
     except WorkbenchError:  # removed since it was loaded; a result is no worse for that
         return ""
-
-
-def hash_of(path: Path) -> str:
-    """Return the SHA-256 of a file, or of a folder's files; a file that has not changed is read once.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    if not path.exists():  # the hash of an absent folder would be that of an empty one
-        raise InputError(f"{path}: is not there")
-    if not path.is_file():
-        return content_hash(path)
-    status = path.stat()
-    return _file_hash(path, status.st_mtime_ns, status.st_size)
-
-
-@lru_cache(maxsize=256)
-def _file_hash(path: Path, _changed: int, _size: int) -> str:
-    return content_hash(path)
 
 
 def _head(path: Path) -> tuple[str, str, str, str]:

@@ -90,7 +90,7 @@ class _NoModel(Model):
     def open_session(
         self,
         *,
-        start_time: float = 0.0,
+        start_time: float | None = None,
         step: float | None = None,
         signals: Mapping[str, Signal] | None = None,
     ) -> Session:

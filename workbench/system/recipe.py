@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -58,17 +59,33 @@ class SystemRecipe(LoadRecipe):
         """
         if not self.portable:
             raise InputError(f"{self.source}: a system with a Python function has no identity to keep results under")
-        system = self.system
         return {
-            "system": {
-                "components": {c.name: self._component(c) for c in system.components},
-                "connections": [_plain(c) for c in system.connections],
-                "inputs": {name: list(ends) for name, ends in system.inputs.items()},
-                "outputs": dict(system.outputs),
-            },
+            "system": self._described({c.name: self._component(c) for c in self.system.components}),
             **self.settings(),
             **({} if self.order == "auto" else {"order": self.order}),
         }
+
+    def _described(self, components: Mapping[str, Any]) -> dict[str, Any]:
+        system = self.system
+        return {
+            "components": components,
+            "connections": [_plain(c) for c in system.connections],
+            "inputs": {name: list(ends) for name, ends in system.inputs.items()},
+            "outputs": dict(system.outputs),
+        }
+
+    def content(self) -> str:
+        fmus = {name: part.content() for name, part in self.parts.items()}
+        if not (self.portable and all(fmus.values())):
+            return ""
+        components = {
+            c.name: {"fmu": fmus[c.name], "set": dict(c.set), "units": dict(c.units)}
+            if isinstance(c, FmuComponent) and c.name in fmus
+            else _plain(c)
+            for c in self.system.components
+        }
+        text = json.dumps(self._described(components), sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _component(self, component: Any) -> Any:
         if isinstance(component, FmuComponent) and component.name in self.parts:

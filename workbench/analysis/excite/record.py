@@ -11,7 +11,7 @@ from workbench.analysis.excite.job import ExciteJob
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.excite.run import Begin, ExciteTask, Rows
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.origin import with_origin

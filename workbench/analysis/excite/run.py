@@ -11,7 +11,7 @@ from workbench.analysis.excite.design import Design, Sequences, each
 from workbench.analysis.excite.sampling import Sampling, point_values, sampling_of
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.task import check_names
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats, Record, Session

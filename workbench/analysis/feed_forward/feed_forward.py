@@ -18,9 +18,9 @@ from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
 from workbench.analysis.feed_forward.wiring import Loops, ends_of_actuator, variable_of
 from workbench.analysis.limit_cycle.cut import find_ports
 from workbench.analysis.nyquist.linear_part import LinearPart
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.reduction.band_error import dense_grid
 from workbench.analysis.reduction.factored import right_of_axis
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin

@@ -10,7 +10,7 @@ from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.feed_forward.wiring import COMMAND, OPENED, Loops, opened, reopen
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.nyquist.linear_part import LinearPart
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 

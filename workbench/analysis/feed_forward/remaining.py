@@ -14,7 +14,7 @@ from workbench.analysis.limit_cycle.cut import cut
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 

@@ -25,7 +25,7 @@ from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin

@@ -8,8 +8,8 @@ from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import DRIVE, SEEN, Place
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.rest import rest_of
+from workbench.core.operating_point import OperatingPoint
 from workbench.model.described import DescribedModel
 from workbench.system.description import SystemDescription
 

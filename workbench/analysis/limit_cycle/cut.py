@@ -13,8 +13,8 @@ from workbench.analysis.describing.static import StaticBlock, pointwise
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.rest import rest_of
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Value
 from workbench.model.base import Model

@@ -33,7 +33,7 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin

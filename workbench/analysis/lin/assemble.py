@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
 

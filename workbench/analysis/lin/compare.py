@@ -18,7 +18,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, Width, check_names, make_task, open_base
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.origin import Reportable, with_origin
@@ -109,7 +109,7 @@ def compare(
     input: str,
     output: str,
     *,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
     dx: Width = None,

@@ -14,7 +14,7 @@ from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, open_base
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.session.point import Point

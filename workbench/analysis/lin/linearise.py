@@ -10,9 +10,10 @@ from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.realise import hold_inverse
 from workbench.analysis.lin.result import LinearModel, LinResult
 from workbench.analysis.lin.task import LinTask, Width, make_task
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import InputError, suggest
 from workbench.model import Model
+from workbench.model.placing import named
 from workbench.origin import with_origin
 
 __all__ = ["lin", "run"]
@@ -22,7 +23,7 @@ __all__ = ["lin", "run"]
 def lin(
     model: Model,
     *,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
     dx: Width = None,
@@ -52,7 +53,7 @@ def lin(
 
     Args:
         model: what to linearise; it stays open.
-        at: where, as trim found it; None: where the model starts.
+        at: where: a point, a result that has one, or the file of either; None: where the model starts.
         x0: states and discrete states → value, beside or instead of those of `at`.
         u0: inputs → value, likewise.
         dx: total width of the perturbation of the states: one for all, by name, or in the order of the
@@ -112,7 +113,8 @@ def run(task: LinTask, method: str) -> LinResult:
         raise InputError(f"method '{method}' is unknown; {suggest(method, ('auto', *METHODS))}")
     name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
     result = METHODS[name](task).because(why)
-    result = replace(result, notes=(*result.notes, *task.model.remarks()))
+    notes = (*task.notes, *result.notes, *task.model.remarks())
+    result = replace(result, notes=notes, point=named(task.model, result.point))
     if task.continuous and result.dt > 0.0:
         A, B = hold_inverse(result.A, result.B, result.dt)
         note = f"made continuous from a period of {result.dt:.6g} s, the input held over it"

@@ -11,7 +11,7 @@ from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, check_names, width_for
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel, Model

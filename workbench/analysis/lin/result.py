@@ -10,7 +10,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
@@ -248,6 +248,7 @@ class LinResult(Reportable):
             "dx0": dict(self.point.dx),
             "time": self.point.time,
             "units": dict(self.units),
+            **point_in_json(self.point),
             "zero_rows_and_columns": [vars(z) for z in self.zeros],
             "doubtful": [vars(d) for d in self.doubts],
             "notes": list(self.notes),
@@ -274,7 +275,6 @@ class LinResult(Reportable):
     def _from_dict(cls, data: Mapping[str, Any]) -> LinResult:
         states, inputs, outputs = (tuple(data[k]) for k in ("state_names", "input_names", "output_names"))
         n, m, q = len(states), len(inputs), len(outputs)
-        where = {"x": data["x0"], "u": data["u0"], "y": data["y0"], "dx": data["dx0"], "discrete": data["discrete0"]}
         between = data["intersample"]
         return cls(
             model=data["model"],
@@ -290,7 +290,7 @@ class LinResult(Reportable):
             output_names=outputs,
             dt=float(data["dt"]),
             units=dict(data["units"]),
-            point=OperatingPoint.from_dict({**where, "units": data["units"], "time": data["time"]}),
+            point=OperatingPoint.from_dict(data),
             zeros=tuple(Zero(**z) for z in data["zero_rows_and_columns"]),
             doubts=tuple(Doubt(**d) for d in data["doubtful"]),
             notes=tuple(data["notes"]),
@@ -349,6 +349,11 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
             remove_useless_states=False,
         )
         self.result = result
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Where the model was linearised."""
+        return self.result.point
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture: Bode and step response, one column per input.

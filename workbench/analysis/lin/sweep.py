@@ -14,9 +14,10 @@ from workbench import __version__
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width, make_task
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model
+from workbench.model.placing import find_point
 from workbench.origin import Reportable, with_origin
 from workbench.signals import Signal
 from workbench.store import Store
@@ -102,7 +103,7 @@ def lin_over(
     model: Model,
     over: Mapping[str, Sequence[float]],
     *,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
     dx: Width = None,
@@ -144,9 +145,10 @@ def lin_over(
     """
     grid = {name: tuple(float(v) for v in values) for name, values in over.items()}
     _check(model, grid)
+    begin = find_point(model, at)[0] or OperatingPoint(x={}, u={})
     settings: dict[str, Any] = {
-        "at": at, "x0": dict(x0 or {}), "u0": dict(u0 or {}), "dx": dx, "du": du, "inputs": inputs, "outputs": outputs,
-        "time": time, "period": period,
+        "x0": {**begin.x, **begin.discrete, **(x0 or {})}, "u0": {**begin.u, **(u0 or {})}, "dx": dx, "du": du,
+        "inputs": inputs, "outputs": outputs, "time": begin.time if time is None else time, "period": period,
     }  # fmt: skip
     jobs_todo = [_job(model, dict(zip(grid, values, strict=True)), method, settings)
                  for values in itertools.product(*grid.values())]  # fmt: skip
@@ -207,7 +209,7 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
     with with_parameters(model, job.parameters) as varied:
         try:
-            yield LinPoint(job.varied, run(make_task(varied, **job.options), job.method))
+            yield LinPoint(job.varied, run(make_task(varied, at=None, **job.options), job.method))
         except SimulationError as error:
             yield LinPoint(job.varied, None, str(error))
 
@@ -232,7 +234,6 @@ def _open_store(
         return nullcontext()
     if model.recipe is None:
         raise InputError(f"store: {model.name} is no file; its results cannot be told from another model's")
-    plain = {**settings, "at": None if settings["at"] is None else settings["at"].to_dict()}
     subject = {
         "analysis": "lin",
         "algorithm": _ALGORITHM,
@@ -240,7 +241,7 @@ def _open_store(
         "model": model.recipe.identity(),
         "interface": model.interface,
         "method": method,
-        **plain,
+        **settings,
     }
     return Store(store, subject=subject, effort={})
 

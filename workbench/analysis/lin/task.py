@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model import Model, Variable
+from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
@@ -36,6 +37,7 @@ class LinTask:
         points: how many such periods it records.
         order: of the model that `response` finds; None: chosen.
         continuous: turn a discrete result into a continuous one.
+        notes: on the operating point.
     """
 
     model: Model
@@ -51,6 +53,7 @@ class LinTask:
     points: int = 400
     order: int | None = None
     continuous: bool = False
+    notes: tuple[str, ...] = ()
 
     def with_values(self, values: Mapping[str, float]) -> LinTask:
         """Return the same task with some values replaced."""
@@ -60,7 +63,7 @@ class LinTask:
 def make_task(
     model: Model,
     *,
-    at: OperatingPoint | None,
+    at: At | None,
     x0: Mapping[str, float] | None,
     u0: Mapping[str, float] | None,
     inputs: Sequence[str] | None,
@@ -71,9 +74,10 @@ def make_task(
     """Return the task that the options of `lin` describe.
 
     Raises:
-        InputError: unknown name.
+        InputError: unknown name, a point of another model.
     """
-    where = at or OperatingPoint(x={}, u={})
+    found, notes = find_point(model, at)
+    where = found or OperatingPoint(x={}, u={})
     states = {**where.x, **where.discrete, **(x0 or {})}
     forced = {**where.u, **(u0 or {})}
     known = [v.name for v in model.inputs]
@@ -84,6 +88,7 @@ def make_task(
         outputs=_chosen("outputs", outputs, model.outputs or model.states, (*model.outputs, *model.states)),
         values={**states, **forced},
         time=where.time if time is None else time,
+        notes=notes,
         **options,
     )
 

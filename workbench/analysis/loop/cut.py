@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
 from workbench.analysis.loop.place import At, Place, find_place
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.described import DescribedModel

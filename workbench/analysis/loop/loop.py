@@ -13,7 +13,7 @@ from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.place import At
 from workbench.analysis.loop.request import Request
 from workbench.analysis.loop.result import LoopResult
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.origin import with_origin

@@ -13,10 +13,11 @@ from workbench.analysis.modes.match import match
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
 from workbench.analysis.modes.source import Source, Where, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
-from workbench.analysis.operating_point import OperatingPoint
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
+from workbench.model.placing import find_point
 from workbench.origin import with_origin
 
 __all__ = ["critical_values", "modes"]
@@ -37,7 +38,7 @@ def modes(
     points: int = 41,
     set: Settings | None = None,  # noqa: A002 - the word of the command line
     against: Sequence[Settings] = (),
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
     time: float | None = None,
@@ -94,11 +95,20 @@ def modes(
     """
     grid = _values(values, band, points)
     check_parameter(model, vary)
-    where = Where(at=at, x0=dict(x0 or {}), u0=dict(u0 or {}), time=time, trimmed=trimmed, method=method)
+    point, remarks = find_point(model, at)
+    begin = point or OperatingPoint(x={}, u={})
+    where = Where(
+        x0={**begin.x, **begin.discrete, **(x0 or {})},
+        u0={**begin.u, **(u0 or {})},
+        time=begin.time if time is None else time,
+        trimmed=trimmed,
+        method=method,
+    )
     width = _TOLERANCE * (grid[-1] - grid[0]) if tolerance is None else tolerance
     if not (width > 0.0 and np.isfinite(width)):
         raise InputError(f"modes: the tolerance must be positive and finite, not {width:g}")
     found, common = [], dict(set or {})
+    first: OperatingPoint | None = None
     with ExitStack() as stack:
         configured = [_configured(model, {**common, **settings}, stack) for settings in ({}, *against)]
         for settings, opened in zip(({}, *against), configured, strict=True):
@@ -106,6 +116,7 @@ def modes(
             source = Source(opened, vary, where)
             source.prepare(grid, jobs=jobs, progress=None if progress is None else _told(progress, label))
             found.append(_one_set(source, grid, label, dict(settings), width))
+            first = first or next((r.point for v in grid if (r := source.results.get(float(v))) is not None), None)
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
     return ModesResult(
         model=model.name,
@@ -114,7 +125,8 @@ def modes(
         unit=unit,
         sets=tuple(found),
         tolerance=width,
-        notes=_notes(found, vary),
+        notes=(*remarks, *_notes(found, vary)),
+        operating_point=first,
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from workbench.analysis.modes.poles import Complex
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.fmi.variable import Value
 from workbench.origin import Reportable
@@ -201,6 +202,7 @@ class ModesResult(Reportable):
         tolerance: of the critical values, in the unit of the parameter.
         criterion: what "critical" means.
         notes: what should be known, one line each.
+        operating_point: of the first value.
     """
 
     model: str
@@ -211,6 +213,7 @@ class ModesResult(Reportable):
     tolerance: float
     criterion: str = CRITERION
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture: damping and frequency over the parameter, critical values marked.
@@ -233,6 +236,7 @@ class ModesResult(Reportable):
             "criterion": self.criterion,
             "sets": [s.to_dict() for s in self.sets],
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:

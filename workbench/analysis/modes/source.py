@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.sweep import LinPoint, lin_over, with_parameters
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.modes.poles import Poles, poles_of
-from workbench.analysis.operating_point import OperatingPoint
 from workbench.analysis.trim import trim
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model
 from workbench.system.description import GainComponent
@@ -30,15 +29,14 @@ class Where:
     """The operating point of every model of a family.
 
     Attributes:
-        at, x0, u0, time: see `lin`; with `trimmed` where the search begins.
+        x0, u0, time: see `lin`; with `trimmed` where the search begins.
         trimmed: find the equilibrium at each value.
         method: of the linearisation.
     """
 
-    at: OperatingPoint | None = None
     x0: dict[str, float] = field(default_factory=dict)
     u0: dict[str, float] = field(default_factory=dict)
-    time: float | None = None
+    time: float = 0.0
     trimmed: bool = False
     method: str = "auto"
 
@@ -148,7 +146,7 @@ class Source:
     ) -> tuple[LinPoint, ...]:
         w = self._where
         return lin_over(
-            self._model, {self._vary: values}, at=w.at, x0=w.x0, u0=w.u0, time=w.time, method=w.method,
+            self._model, {self._vary: values}, x0=w.x0, u0=w.u0, time=w.time, method=w.method,
             inputs=(), outputs=(), jobs=jobs, progress=progress,
         ).points  # fmt: skip
 
@@ -157,12 +155,10 @@ class Source:
         varied, w = {self._vary: value}, self._where
         try:
             with self._set(value) as model:
-                where: dict[str, Any]
-                if w.trimmed:
-                    where = {"at": self._point(model, value), "x0": None, "u0": None}
-                else:
-                    where = {"at": w.at, "x0": w.x0, "u0": w.u0}
-                task = make_task(model, inputs=(), outputs=(), time=w.time, **where)
+                point = self._point(model, value) if w.trimmed else None
+                x0 = w.x0 if point is None else {**point.x, **point.discrete}
+                u0 = w.u0 if point is None else point.u
+                task = make_task(model, at=None, x0=x0, u0=u0, inputs=(), outputs=(), time=w.time)
                 return LinPoint(varied, run(task, w.method))
         except SimulationError as error:
             return LinPoint(varied, None, str(error))
@@ -173,12 +169,11 @@ class Source:
         return with_parameters(self._model, {self._vary: value} if self._is_parameter else {})
 
     def _point(self, model: Model, value: float) -> OperatingPoint:
-        w, start = self._where, self._where.at or OperatingPoint(x={}, u={})
-        states = {v.name for v in model.states}
+        w, states = self._where, {v.name for v in model.states}
         held = {} if self._is_parameter or self._is_gain else {self._vary: value}
         fixed = {n: v for n, v in held.items() if n in states}
-        forced = {**start.u, **w.u0, **{n: v for n, v in held.items() if n not in states}}
-        found = trim(model, x0={**start.x, **w.x0}, u0=forced, fix=fixed, time=start.time if w.time is None else w.time)
+        forced = {**w.u0, **{n: v for n, v in held.items() if n not in states}}
+        found = trim(model, x0={n: v for n, v in w.x0.items() if n in states}, u0=forced, fix=fixed, time=w.time)
         if not found.converged:
             raise SimulationError("no equilibrium was found there")
         return found.point

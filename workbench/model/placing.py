@@ -1,0 +1,204 @@
+"""Where a model is to start: operating points are read, checked against the model, and taken from its sessions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.core.operating_point import At, OperatingPoint
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.fmi.description import Description
+from workbench.fmi.variable import Variable
+from workbench.model.recipe import LoadRecipe
+
+if TYPE_CHECKING:
+    from workbench.model.base import Model
+    from workbench.session.base import Session
+
+__all__ = ["find_point", "named", "standing"]
+
+_SHOWN = 8  # digits of a hash in a message
+_LISTED = 6  # names in a message
+_SAME = 1e-9  # relative: values that are written twice, with the digits of a command line
+
+
+def find_point(model: Model, at: At | None) -> tuple[OperatingPoint | None, tuple[str, ...]]:
+    """Return the operating point that `at` names, for this model, and remarks on it.
+
+    Args:
+        model: that is to start there.
+        at: a point, a result that has one, the file of either; None: where the model starts by itself.
+
+    Raises:
+        InputError: no such file, not a point, a point of another model, a name that the model does not have, a state
+            without value, a bias that says something else of an input.
+    """
+    if at is None:
+        return model.at, ()
+    point, what, notes = _taken(at)
+    _check_model(model, point, what)
+    _check_names(model, point, what)
+    _check_bias(model, point, what)
+    return point, (*notes, *_remarks(model, point, what))
+
+
+def named(model: Model, point: OperatingPoint) -> OperatingPoint:
+    """Return the point with its model's name, content and parameters.
+
+    Args:
+        model: whose point it is.
+        point: as an analysis found it.
+    """
+    return replace(point, model=model.name, model_sha256=_content(model), parameters=_parameters(model))
+
+
+def standing(model: Model, session: Session | None = None) -> OperatingPoint:
+    """Return the point at which a model's sessions start.
+
+    Args:
+        model: which.
+        session: one that has not been advanced; None: one is opened.
+
+    Raises:
+        FmuError, SimulationError: it cannot be opened.
+    """
+    if session is None:
+        with model.open_session() as opened:
+            return standing(model, opened)
+    kinds = (model.states, model.inputs, model.outputs, _held(model))
+    x, u, y, discrete = (_read(session, [v.name for v in kind if v.is_number]) for kind in kinds)
+    units = {v.name: v.unit for v in (*model.states, *model.inputs, *model.outputs)}
+    shown = {name: units[name] for name in (*x, *u, *y)}
+    return named(model, OperatingPoint(x=x, u=u, y=y, discrete=discrete, units=shown, time=session.time))
+
+
+def _held(model: Model) -> list[Variable]:
+    """Return the discrete states, those that the model shows."""
+    every: tuple[Variable, ...] = description.variables if (description := _described(model)) is not None else ()
+    return [v for v in every if v.variability == "discrete" and v.causality in ("local", "output")]
+
+
+def _described(model: Model) -> Description | None:
+    found = getattr(model, "description", None)
+    return found if isinstance(found, Description) else None
+
+
+def _read(session: Session, names: list[str]) -> dict[str, float]:
+    """Return the values of those variables that a session shows: FMI 1.0 does not name states, others hide them."""
+    try:
+        return session.values(names)
+    except (InputError, SimulationError):
+        found: dict[str, float] = {}
+        for name in names if len(names) > 1 else ():
+            found |= _read(session, [name])
+        return found
+
+
+# -- what was given ----------------------------------------------------------------------------
+
+
+def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
+    """Return the point, how a message calls it, and remarks."""
+    if isinstance(at, str | Path):
+        read, what = OperatingPoint.read(at), str(at)
+        anonymous = f"{what}: does not say for which model it was made; it is taken for this one"
+        return read, what, () if read.model_sha256 or read.model else (anonymous,)
+    own = getattr(at, "point", None) or getattr(at, "operating_point", None)
+    point = at if isinstance(at, OperatingPoint) else own
+    if not isinstance(point, OperatingPoint):
+        raise InputError(f"at: {type(at).__name__} has no operating point; give one, a result of trim, or its file")
+    for name, value in {**point.values, "time": point.time}.items():
+        if not math.isfinite(value):
+            raise InputError(f"operating point: {name} must be a finite number, not {value}")
+    return point, "the operating point", ()
+
+
+def _content(model: Model) -> str:
+    return "" if model.recipe is None else model.recipe.content()
+
+
+def _check_model(model: Model, point: OperatingPoint, what: str) -> None:
+    content = _content(model)
+    told = bool(point.model_sha256 and content)
+    if told and point.model_sha256 == content:
+        return
+    if point.model and point.model != model.name:
+        raise InputError(
+            f"{what} is of another model: {point.model}, not {model.name}; find one of {model.name} (workbench trim)"
+        )
+    if told:
+        raise InputError(
+            f"{what} is of another {model.name}: the content has SHA-256 {point.model_sha256[:_SHOWN]}… there and "
+            f"{content[:_SHOWN]}… here, so it was built or changed since; find its point anew (workbench trim)"
+        )
+
+
+def _check_names(model: Model, point: OperatingPoint, what: str) -> None:
+    inputs = [v.name for v in model.inputs]
+    for name in point.u:
+        if name not in inputs:
+            raise InputError(f"{what}: {model.name} has no input '{name}'; {suggest(name, inputs)}")
+    states = [v.name for v in model.states]
+    description = _described(model)
+    variables = set() if description is None else {v.name for v in description.variables}
+    for name in (*point.x, *point.discrete):
+        if states and name not in states and name not in variables:
+            raise InputError(f"{what}: {model.name} has no state '{name}'; {suggest(name, states)}")
+    missing = [name for name in states if name not in point.x] if point.x else []
+    if missing:
+        raise InputError(f"{what}: gives some states of {model.name} a value, but not {_listed(missing)}; add them")
+
+
+def _check_bias(model: Model, point: OperatingPoint, what: str) -> None:
+    """Refuse a bias that makes an input something else than the point does."""
+    recipe = model.recipe
+    if not isinstance(recipe, LoadRecipe):
+        return
+    starts = {v.name: v.start for v in model.inputs} | dict(recipe.start_values)
+    for name, bias in recipe.bias.items():
+        biased = float(starts[name] or 0.0) + bias
+        if name in point.u and not _same(biased, point.u[name]):
+            raise InputError(
+                f"bias: {name} would be {biased:g}, but {what} has {point.u[name]:g} there; leave one of them out"
+            )
+
+
+def _remarks(model: Model, point: OperatingPoint, what: str) -> tuple[str, ...]:
+    notes = []
+    usual: dict[str, Any] = {v.name: v.start for v in model.parameters}
+    here, given = _parameters(model), _start_values(model)
+    for name in {**point.parameters, **here}:
+        then, now = point.parameters.get(name, usual.get(name)), here.get(name, usual.get(name))
+        if not _same(then, now):
+            notes.append(f"{what} was found with {name} = {then}, but here {name} = {now}: it may be no equilibrium")
+    for name, value in point.values.items():
+        if name in given and name not in here and not _same(given[name], value):
+            notes.append(f"{name} starts at {value:g}, as {what} says, not at {given[name]}, which was set")
+    if not point.x and model.states and point.model:
+        notes.append(f"{what} has no states (co-simulation shows none): they start where the model starts them")
+    return tuple(notes)
+
+
+def _same(a: object, b: object) -> bool:
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return abs(a - b) <= _SAME * max(abs(a), abs(b))
+    return a == b
+
+
+def _start_values(model: Model) -> Mapping[str, Any]:
+    recipe = model.recipe
+    return recipe.start_values if isinstance(recipe, LoadRecipe) else {}
+
+
+def _parameters(model: Model) -> dict[str, Any]:
+    """Return the parameters that were set → value."""
+    names = {v.name for v in model.parameters}
+    return {name: value for name, value in _start_values(model).items() if name in names}
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(names[:_LISTED]) + more
