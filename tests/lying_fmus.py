@@ -55,6 +55,9 @@ LIES = {
     ),
     "ignored-slopes": Lie("inputs", "watch", _CS, "they change nothing"),
     "wrong-slopes": Lie("inputs", "broken", _CS, "input derivatives lead away"),
+    "late-inputs": Lie(
+        "jumps", "watch", _CS, r"the answer of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
+    ),
     "zero-nominal": Lie("nominals", "broken", _ME, "nominal value of x is 0"),
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),

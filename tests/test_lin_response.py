@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.lying_fmus import build_lying
 from workbench.analysis.lin import lin
 from workbench.analysis.lin.realise import hold_inverse, realise
-from workbench.errors import InputError
+from workbench.analysis.lin.trial import Trial, trial_levels
+from workbench.errors import InputError, SimulationError
 from workbench.model.load import load
 
 
@@ -81,3 +85,120 @@ def test_the_rudder_as_a_black_box_shows_its_poles() -> None:
     at = np.array([1.0, 10.0, 40.0])
     ratio = found.fundamental(at)[:, 0, 0] / exact.response(at)[:, 0, 0]
     assert np.max(np.abs(20.0 * np.log10(np.abs(ratio)))) < 0.3
+
+
+# -- the model must predict what it was not made from -----------------------------------------------
+
+STIFFNESS, DAMPING = 40.0, 0.8  # of the lying FMUs: y = x, d²x/dt² = u − K x − D dx/dt
+
+
+@pytest.fixture(scope="module")
+def lies(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("lies")
+
+
+@pytest.mark.parametrize("time", [0.0, 0.28, 0.5])
+def test_inputs_that_act_late_give_no_linear_model(lies: Path, time: float) -> None:
+    """The pulse is lost at 0 s and drawn out from 10 to 37 ms at 0.28 s; either way it was "reproduced"."""
+    with (
+        load(build_lying(lies, "late-inputs"), "cs") as model,
+        pytest.raises(SimulationError, match="y answers to u differently at other times"),
+    ):
+        lin(model, inputs=["u"], outputs=["y"], time=time)
+
+
+def test_inputs_that_act_a_little_late_are_a_doubt(lies: Path) -> None:
+    with load(build_lying(lies, "late-inputs"), "cs") as model:
+        result = lin(model, inputs=["u"], outputs=["y"], period=0.1).result
+    (doubt,) = result.doubts
+    assert "inputs act late" in doubt.reason
+    assert (doubt.row, doubt.column) == ("y", "u")
+
+
+def test_the_same_fmu_without_the_lie_is_predicted_and_right(lies: Path) -> None:
+    with load(build_lying(lies, "honest"), "cs") as model:
+        result = lin(model, inputs=["u"], outputs=["y"], time=0.28).result
+    s = 2j * np.pi * np.array([0.1, 1.0, 3.0])
+    truth = 1.0 / (s**2 + DAMPING * s + STIFFNESS)
+    line = (s.imag * 0.01) ** 2 / 12.0  # a straight line between samples, 10 ms apart
+    off = np.abs(result.fundamental(s.imag / (2.0 * np.pi))[:, 0, 0] / truth - 1.0)
+    assert np.all(off < 1.01 * line)
+    assert not result.doubts
+    (said,) = [n for n in result.notes if "which it was not made from" in n]
+    assert float(said.split()[-2]) < 1e-6  # percent
+
+
+def test_a_model_that_grows_is_found_by_its_beginning(lies: Path) -> None:
+    """Explicit Euler on K = 10⁴ with 10 ms: z = 1 + h s, |z| = 1.41; over 400 periods it grows by 10⁵⁹."""
+    with load(build_lying(lies, "diverging"), "cs") as model:
+        result = lin(model, inputs=["u"], outputs=["y"]).result
+    s = np.roots([1.0, DAMPING, 1e4])
+    assert sorted(result.poles, key=lambda p: p.imag) == pytest.approx(sorted(1.0 + 0.01 * s, key=lambda p: p.imag))
+
+
+def _trial(answer: np.ndarray, pulse: np.ndarray, levels: np.ndarray) -> Trial:
+    return Trial("u", 0, ("y",), levels, answer[:, None], pulse[:, None], np.zeros(1))
+
+
+def test_prediction_errors_are_those_of_the_convolution() -> None:
+    count = 60
+    pulse = np.asarray(0.5 * 0.9 ** np.arange(count), dtype=np.float64)
+    found = realise(pulse[:, None, None], noise=1e-13)
+    levels = trial_levels(count)
+    answer = np.convolve(levels, pulse)[:count]
+    right = _trial(answer, pulse, levels)
+    right.refuse(found, given=False)
+    assert right.error(found) < 1e-9
+    assert not right.doubts(found)
+    off = _trial(1.25 * answer, pulse, levels)  # the pulse gave four fifths of what the rest gives
+    assert off.error(found) == pytest.approx(0.2)
+    (doubt,) = off.doubts(found)
+    assert "missed by 20 %" in doubt.reason
+    with pytest.raises(SimulationError, match="missed by 100 %"):
+        _trial(answer, 0.0 * pulse, levels).refuse(found, given=False)
+
+
+def test_an_order_that_is_too_low_is_a_doubt_and_not_found_by_itself() -> None:
+    """Two modes: what one of them predicts is off, although pulses superpose; asked for, it is given with a doubt."""
+    count, k = 120, np.arange(120)
+    pulse = 0.9**k - 0.98 * (-0.9) ** k
+    found = realise(np.asarray(pulse[:, None, None], dtype=np.float64), noise=1e-13, order=1)
+    levels = trial_levels(count)
+    trial = _trial(np.convolve(levels, pulse)[:count], pulse, levels)
+    (doubt,) = trial.doubts(found)
+    assert "order 1 misses other pulses" in doubt.reason
+
+
+@pytest.mark.parametrize("count", [8, 20, 50, 400])
+def test_a_trial_is_not_the_pulse(count: int) -> None:
+    """Pulses of several lengths and heights at other times and a step, never wider than the pulse itself by half."""
+    levels = trial_levels(count)
+    assert levels[0] == 0.0
+    assert levels.shape == (count,)
+    assert np.abs(levels).max() <= 1.5
+    assert len(set(levels.tolist())) >= 4
+    assert levels[-1] != 0.0
+
+
+def test_an_output_of_noise_does_not_hide_the_order_of_the_others() -> None:
+    random = np.random.default_rng(3)
+    h = markov(np.array([[0.9, 0.2], [-0.2, 0.9]]), np.array([[1.0], [0.5]]), np.array([[1.0, 0.0]]), np.eye(1), 80)
+    both = np.concatenate([h, 1e-9 * random.normal(size=h.shape)], axis=1)
+    noise = np.array([[1e-12], [4e-9]])
+    found = realise(both, noise=noise)
+    assert len(found.A) == 2
+    assert np.linalg.eigvals(found.A) == pytest.approx(np.array([0.9 + 0.2j, 0.9 - 0.2j]), abs=1e-9)
+
+
+@needs_gemseo
+def test_a_small_answer_to_a_moving_model_is_found_above_the_noise() -> None:
+    """Mass_Damper falls from 0.5 m; 0.002 N are lost in the integration of that. y = −f/(s² + 10 s + 10⁴)."""
+    with load(gemseo_fmu("Mass_Damper"), "me") as model:
+        result = lin(model, method="response").result
+    assert len(result.A) == 2
+    assert result.continuous_poles == pytest.approx(np.roots([1.0, 10.0, 1e4]), rel=1e-4)
+    s = 2j * np.pi * np.array([1.0, 5.0, 15.9, 30.0])
+    gain = np.abs(result.fundamental(s.imag / (2.0 * np.pi))[:, 0, 0] * (s**2 + 10.0 * s + 1e4))
+    assert np.abs(20.0 * np.log10(gain)).max() < 0.12  # a straight line between samples: (ωh)²/12 at 30 Hz
+    assert any("moved by" in note for note in result.notes)
+    assert not result.doubts

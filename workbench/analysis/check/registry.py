@@ -11,6 +11,7 @@ from workbench.analysis.check.directional import directional
 from workbench.analysis.check.drift import drift
 from workbench.analysis.check.inputs import inputs
 from workbench.analysis.check.instances import instances
+from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.memory import memory
 from workbench.analysis.check.nominals import nominals
 from workbench.analysis.check.reset import reset
@@ -60,6 +61,7 @@ CHECKS: Mapping[str, Check] = {
     "start-time": Check("Does it matter when a run begins?", start_time),
     "nominals": Check("Are nominal values of the size of the states?", nominals, _ME),
     "inputs": Check("Are continuous inputs taken as continuous?", inputs),
+    "jumps": Check("Does its own solver see at once that an input changes?", jumps, _CS),
     "memory": Check("Do closed instances leave memory behind?", memory),
 }
 

@@ -17,6 +17,7 @@ LARGEST_BLOCK = 150  # rows and columns of blocks in the Hankel matrix
 LARGEST_ORDER = 80
 SMALLEST = 1e-8
 PLATEAU = 20.0
+LOUD = 0.02  # of a scaled response: outputs with more noise do not decide the order
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +41,17 @@ class Realisation:
     error: float
 
 
-def realise(markov: Floats, *, noise: float, order: int | None = None) -> Realisation:
+def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) -> Realisation:
     """Return the model that reproduces Markov parameters: h(0) = D, h(k) = C A^(k−1) B.
 
-    Every output and input is scaled to its own largest parameter. The order is the number of singular values of the
+    Every output and input is scaled to its own largest parameter; an output whose noise is far above the others' is
+    scaled down to it, so that it does not hide what they show. The order is the number of singular values of the
     Hankel matrix above what errors of size `noise` in its elements can make of zero, above 20 times their median (a
     plateau is the solver's error, not dynamics) and above 1e-8 of the largest.
 
     Args:
         markov: shape (k, q, m), k ≥ 4.
-        noise: error of the scaled parameters.
+        noise: error of the parameters, for each output and input, shape (q, m), or one for all.
         order: instead of the one chosen.
 
     Raises:
@@ -59,16 +61,21 @@ def realise(markov: Floats, *, noise: float, order: int | None = None) -> Realis
     model reduction, J. Guidance 8 (1985); python-control's `eigensys_realization`.
     """
     k, q, m = markov.shape
-    outer = _sizes(markov, axis=(0, 2))
-    inner = _sizes(markov / outer[None, :, None], axis=(0, 1))
-    scaled = markov / outer[None, :, None] / inner[None, None, :]
     size = min(LARGEST_BLOCK, (k - 1) // 2)
-    data = np.moveaxis(scaled[: 2 * size + 1], 0, -1)
+    used = markov[: 2 * size + 1]  # of an unstable model, what comes later would make it look like nothing
+    outer = _sizes(used, axis=(0, 2))
+    inner = _sizes(used / outer[None, :, None], axis=(0, 1))
+    own = (np.broadcast_to(noise, (q, m)) / outer[:, None] / inner).max(axis=1)
+    quiet = own[own <= LOUD]
+    level = float(quiet.max() if len(quiet) else own.min())
+    outer = outer * np.maximum(1.0, own / max(level, np.finfo(float).tiny))
+    scaled = used / outer[None, :, None] / inner[None, None, :]
+    data = np.moveaxis(scaled, 0, -1)
     if not scaled[1:].any():
         return _static(markov)
     _, values = control.eigensys_realization(data, 1, m=size, n=size)
     values = np.asarray(values, dtype=np.float64)
-    from_noise = max(noise, 1e-14) * size * np.sqrt(q * m) * 2.0
+    from_noise = max(level, 1e-14) * size * np.sqrt(q * m) * 2.0
     floor = max(from_noise, SMALLEST * values[0], PLATEAU * float(np.median(values)))
     chosen = int((values > floor).sum()) if order is None else order
     most = min(LARGEST_ORDER, size * min(q, m), len(values))

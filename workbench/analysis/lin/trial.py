@@ -1,0 +1,126 @@
+"""Test a model made from pulses on a run that it was not made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.lin.realise import Realisation
+from workbench.analysis.lin.result import Doubt
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+
+__all__ = ["Trial", "trial_levels"]
+
+# (first period, periods, height): no two the same, and no common divisor of the instants, so that steps that an FMU
+# makes inside are met at different places; the last goes on to the end.
+_MOVES = ((1, 2, -0.6), (4, 1, 0.7), (7, 5, 0.9), (17, 13, -1.0), (41, 2, 0.8), (61, 1, -0.9))
+_STEP_AT = 0.25  # of the run, where it is not shorter than the pulses
+_STEP = 0.5
+_DOUBT, _REFUSED = 0.05, 0.5
+_SEEN = 10.0  # times the noise: smaller answers test nothing
+
+
+def trial_levels(count: int) -> Floats:
+    """Return how far the input is moved over each of `count` periods, in widths of the pulse, shape (count,)."""
+    levels = np.zeros(count)
+    for first, length, height in _MOVES:
+        levels[first : first + length] = height
+    levels[max(5, round(_STEP_AT * count)) :] += _STEP
+    return levels
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """How the model answers to moves of one input that are not the pulse.
+
+    If the model is linear and the same at all times, the answer is y(k) = Σ h(i) u(k − i), where h is what one pulse
+    at the beginning gave: superposition, time shift and proportion in one.
+
+    Attributes:
+        input: name.
+        column: of the input.
+        outputs: names.
+        levels: how far the input was moved, shape (k,).
+        answer: of the outputs, beside the run that is left alone, shape (k, q).
+        pulse: h, shape (k, q).
+        noise: of h, shape (q,).
+    """
+
+    input: str
+    column: int
+    outputs: Sequence[str]
+    levels: Floats
+    answer: Floats
+    pulse: Floats
+    noise: Floats
+
+    def refuse(self, found: Realisation, *, given: bool) -> None:
+        """Refuse what is not a linear model.
+
+        Args:
+            found: the model.
+            given: whether its order was asked for: then a bad one is what was wanted.
+
+        Raises:
+            SimulationError: the pulse does not predict the answer at all, or the model does not.
+        """
+        shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(found))
+        worst = int(shifted.argmax())
+        if shifted[worst] > _REFUSED:
+            raise SimulationError(
+                f"method response: there is no linear model: {self.outputs[worst]} answers to {self.input} differently "
+                f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). The FMU's own "
+                "solver may not restart where inputs change (check tells), or the model samples its inputs or has "
+                "events; use interface me, a longer period, or nfr"
+            )
+        worst = int(modelled.argmax())
+        if modelled[worst] > _REFUSED and not given:
+            raise SimulationError(
+                f"method response: order {len(found.A)}, found in the pulses, misses other pulses and a step of "
+                f"{self.input} in {self.outputs[worst]} by {100.0 * modelled[worst]:.3g} %; give order, more points or "
+                "another period"
+            )
+
+    def doubts(self, found: Realisation) -> list[Doubt]:
+        """Return where the model, or any linear one, misses the answer by more than 5 %."""
+        shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(found))
+        size = np.abs(self.pulse).max(axis=0)
+        result = []
+        for i, name in enumerate(self.outputs):
+            if max(shifted[i], modelled[i]) > _DOUBT:
+                if shifted[i] > _DOUBT:
+                    why = f"pulses at other times and a step are missed by {100.0 * shifted[i]:.2g} %: "
+                    why += "not linear over the width, or inputs act late (check tells)"
+                else:
+                    why = f"order {len(found.A)} misses other pulses and a step by {100.0 * modelled[i]:.2g} %; "
+                    why += "give order, more points or another period"
+                result.append(Doubt(name, self.input, float(size[i]), None, why))
+        return result
+
+    def error(self, found: Realisation) -> float:
+        """Return the largest error of the model's prediction, relative to the largest answer of the same output."""
+        return float(self._gaps(self._simulated(found)).max(initial=0.0))
+
+    def _folded(self) -> Floats:
+        """Return what the pulse predicts, shape (k, q)."""
+        k = len(self.levels)
+        return np.column_stack([np.convolve(self.levels, h)[:k] for h in self.pulse.T])
+
+    def _simulated(self, found: Realisation) -> Floats:
+        """Return what the model predicts, shape (k, q)."""
+        state, rows = np.zeros(len(found.A)), []
+        for level in self.levels:
+            rows.append(found.C @ state + found.D[:, self.column] * level)
+            state = found.A @ state + found.B[:, self.column] * level
+        return np.array(rows)
+
+    def _gaps(self, predicted: Floats) -> Floats:
+        """Return the largest difference for each output over its largest answer; 0 where noise is all, shape (q,)."""
+        size = np.abs(self.answer).max(axis=0)
+        seen = size > _SEEN * self.noise * np.abs(self.levels).max()
+        gap = np.abs(predicted - self.answer).max(axis=0)
+        result: Floats = np.divide(gap, size, out=np.zeros_like(size), where=seen)
+        return result
