@@ -35,9 +35,12 @@ def identify(
         _Names, typer.Option("--output", "--outputs", metavar="Y,..", help="Columns that follow.")
     ] = None,
     order: Annotated[
-        str, typer.Option("--order", metavar="auto|N|ask", help="Number of states; ask shows the bars and asks.")
+        str,
+        typer.Option(
+            "--order", metavar="auto|N|ask", help="Number of states, 0 for a gain; ask shows the bars and asks."
+        ),
     ] = "auto",
-    method: Annotated[str, typer.Option("--method", metavar="n4sid|moesp|cva", help="Subspace weighting.")] = "n4sid",
+    method: Annotated[str, typer.Option("--method", metavar="moesp|n4sid|cva", help="Subspace weighting.")] = "moesp",
     validate: Annotated[
         Path | None, typer.Option("--validate", metavar="DATA2", help="Other data of the same model.")
     ] = None,
@@ -110,7 +113,7 @@ def identify(
         report=result,
         page=lambda: _page(result, overlay),
     )
-    return 0
+    return 1 if result.failed else 0
 
 
 # -- what was asked for ------------------------------------------------------------------------
@@ -123,8 +126,8 @@ def _names(texts: Sequence[str] | None) -> list[str] | None:
 def _order(text: str) -> int | Literal["auto"]:
     if text == "auto":
         return "auto"
-    if not text.isdigit() or int(text) < 1:
-        raise InputError(f"--order: '{text}' is neither auto nor ask nor a number of states")
+    if not text.isdecimal():
+        raise InputError(f"--order: '{text}' is neither auto nor ask nor a number of states, 0 (a gain) or more")
     return int(text)
 
 
@@ -145,7 +148,7 @@ def _ask(data: Path, options: Mapping[str, Any], out: Output) -> int:
         raise InputError("--order ask: there is no terminal to ask; give a number or auto")
     proposal = run(data, order="auto", **options)
     _bars(proposal, out.console)
-    answer = typer.prompt(f"order (1 … {options['max_order']})", default=str(proposal.order))
+    answer = typer.prompt(f"order (0 … {options['max_order']})", default=str(proposal.order))
     chosen = _order(str(answer).strip())
     return proposal.order if chosen == "auto" else chosen
 
@@ -178,6 +181,10 @@ def _show(result: IdentifyResult, out: Output) -> None:
     from workbench.cli.notes import note
 
     console, found, data = out.console, result.estimate, result.data
+    for text in result.warnings:
+        console.print(text, style="bold red", markup=False, soft_wrap=True)
+        if console.quiet:
+            note(text)
     columns = f"{', '.join(data.input_names)} → {', '.join(data.output_names)}"
     console.print(f"{data.name}: {columns}, {data.n_samples} samples every {data.dt:g} s", markup=False)
     for finding in result.advice.concerns:
@@ -211,6 +218,8 @@ def _poles(result: IdentifyResult, console: Console) -> None:
     from rich.table import Table
 
     model = result.model.undelayed()
+    if not model.order:
+        return
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("pole", "Hz", "damping"):
         table.add_column(heading, justify="right")

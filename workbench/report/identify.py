@@ -38,7 +38,10 @@ def identify_page(result: IdentifyResult, *, overlay: Overlay | None = None) -> 
         lead=_lead(result),
         facts={**data_facts(result.data), "taken off before": f"{result.detrend}{cut}", **_estimated(result.estimate)},
         sections=sections,
-        summary=[Verdict(f.verdict, f"data, {f.topic}: {f.evidence}") for f in result.advice.concerns],
+        summary=[
+            *(Verdict("failed", text) for text in result.warnings),
+            *(Verdict(f.verdict, f"data, {f.topic}: {f.evidence}") for f in result.advice.concerns),
+        ],
         notes=result.notes,
         kind="identify",
     )
@@ -46,7 +49,10 @@ def identify_page(result: IdentifyResult, *, overlay: Overlay | None = None) -> 
 
 def _lead(result: IdentifyResult) -> str:
     where = "other data" if result.other is not None else "the data of the fit"
+    if result.failed:
+        return f"A model of order {result.order} that has no simulation on its data. {' '.join(result.warnings)}."
     return (
+        f"{'This is not a model of the plant: the data come from a closed loop. ' if result.closed_loop else ''}"
         f"A model of order {result.order} follows {where} with a fit of {result.fit_percent:.2f} % "
         f"(error {result.error_percent:.2f} %). The data are judged: {result.advice.worst}."
     )
@@ -140,7 +146,7 @@ def estimate_page(result: SubspaceEstimate) -> Page:
 
 def validation_page(result: Validation) -> Page:
     """Return the page of a model held against data."""
-    fits = ", ".join(f"{name}: fit {fit:.2f} %" for name, fit in result.fit_percent.items())
+    fits = "; ".join(f.words for f in result.simulation.fits)
     poles = (result.plot_poles(), "Poles (crosses) and zeros (circles).")
     return Page(
         title=f"Model held against {result.data.name}",

@@ -11,7 +11,7 @@ from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.identify.prepare import Prepared, chosen, cut, prepare
 from workbench.analysis.identify.result import IdentifyResult
-from workbench.analysis.subspace import SubspaceEstimate, estimate
+from workbench.analysis.subspace import DEFAULT_METHOD, SubspaceEstimate, estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
 from workbench.errors import InputError
 from workbench.origin import with_origin
@@ -26,7 +26,7 @@ def identify(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     order: int | Literal["auto"] = "auto",
-    method: str = "n4sid",
+    method: str = DEFAULT_METHOD,
     basis: str | None = None,
     validation: Experiment | str | Path | None = None,
     horizon: int | None = None,
@@ -55,7 +55,7 @@ def identify(
         data: an experiment, or a CSV file.
         inputs: names of columns; None: those the experiment has.
         outputs: likewise.
-        order: number of states, or "auto".
+        order: number of states, 0 for a gain, or "auto".
         method: "n4sid", "moesp" or "cva".
         basis: "combined" or "unscaled", the source report's keyword; None: the method's own.
         validation: other data of the same model; None: validated on the same data, which flatters.

@@ -69,6 +69,25 @@ class IdentifyResult(Reportable):
         return _mean(self.validation.error_percent)
 
     @property
+    def closed_loop(self) -> bool:
+        """Whether the data were recorded in closed loop, as the advice finds: the model then is not the plant's."""
+        return self.advice.finding("feedback").verdict == "poor"
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Data and output → why the model's simulation has no fit there."""
+        both = (self.own,) if self.other is None else (self.own, self.other)
+        return {f"{v.data.name}, {f.output}": f.reason for v in both for f in v.simulation.fits if f.reason}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What has to be known before any number of the model is used, one line each; mostly none."""
+        feedback = self.advice.finding("feedback")
+        loop = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
+        missing = [f"NO FIT on {where}: {why}" for where, why in self.failed.items()]
+        return (*((loop,) if self.closed_loop else ()), *missing)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Choices and doubts, one line each."""
         alone = () if self.other is not None else ("validated on the data of the fit, which flatters: give other data",)
@@ -85,6 +104,9 @@ class IdentifyResult(Reportable):
             **self.estimate.to_dict(),
             "detrend": self.detrend,
             "settle": self.settle,
+            "warnings": list(self.warnings),
+            "closed_loop": self.closed_loop,
+            "failed": [{"where": where, "reason": why} for where, why in self.failed.items()],
             "fit_percent": _nullable(self.fit_percent),
             "error_percent": _nullable(self.error_percent),
             "residual_tests": self.validation.prediction.to_dict(),

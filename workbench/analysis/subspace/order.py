@@ -1,7 +1,7 @@
 """The order of the model, and why.
 
 Free of noise, the rank decides: singular values fall to rounding. With noise no gap in the singular values is to
-be trusted; instead a model of every order is made and simulated, and the smallest of
+be trusted; instead the model of every order is made as it would be handed out and simulated, and the smallest of
 
     log det V(n) + n (p + m) log(N') / N'
 
@@ -17,16 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.subspace.matrices import shifted_observability
-from workbench.analysis.subspace.simulated import fit_inputs, residual
-from workbench.analysis.subspace.stability import stabilise
+from workbench.analysis.subspace.delivered import cost, deliver, simulation_cost
+from workbench.analysis.subspace.horizon import largest_order
+from workbench.analysis.subspace.settings import Settings
+from workbench.analysis.subspace.trial import Trial
 from workbench.analysis.subspace.weightings import Subspace
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["OrderChoice", "check_order", "choose_order", "simulation_cost"]
+__all__ = ["OrderChoice", "check_order", "choose_order"]
 
-_TINY = 1e-26  # of the outputs' mean square: keeps the logarithm finite where an output is free of noise
 _LAGS = 200
 
 
@@ -48,26 +48,26 @@ class OrderChoice:
     notes: tuple[str, ...] = ()
 
 
-def choose_order(record: tuple[Floats, Floats], space: Subspace, most: int, *, feedthrough: bool) -> OrderChoice:
+def choose_order(record: tuple[Floats, Floats], trial: Trial, settings: Settings) -> OrderChoice:
     """Return the automatic order.
 
     Args:
         record: u and y, of size one.
-        space: of the weighting.
-        most: largest order considered.
-        feedthrough: D is estimated.
+        trial: how the record is seen.
+        settings: of the identification.
     """
+    space, most = trial.space, min(settings.most, largest_order(trial.factor.horizon, trial.factor.outputs))
     if not space.noisy and space.rank <= most:
         why = f"singular values beyond the first {space.rank} are rounding: the data are free of noise"
         return OrderChoice(space.rank, why, np.zeros(0))
     orders = np.arange(min(most, space.rank) + 1)
-    last = _error(record, space, int(orders[-1]), feedthrough=feedthrough)
+    last = deliver(record, trial, int(orders[-1]), settings).error
     samples = len(record[0]) / _inflation(last)
     price = orders * (record[0].shape[1] + record[1].shape[1]) * np.log(samples) / samples
     costs = np.full(len(orders), np.nan)
-    costs[-1] = _cost(last)
+    costs[-1] = cost(last)
     for n in orders[:-1]:
-        costs[n] = simulation_cost(record, space, int(n), feedthrough=feedthrough)
+        costs[n] = simulation_cost(record, trial, int(n), settings)
         if _settled(costs, price, int(n)):
             break
     return _choice(costs + price, costs)
@@ -77,30 +77,6 @@ def _settled(costs: Floats, price: Floats, n: int) -> bool:
     """Tell whether no order above n can be the best: all simulate no better than the largest, at a higher price."""
     floor, best = costs[-1], float(np.min((costs + price)[: n + 1]))
     return bool(floor <= np.min(costs[: n + 1]) and floor + price[n + 1] > best)
-
-
-def simulation_cost(record: tuple[Floats, Floats], space: Subspace, order: int, *, feedthrough: bool) -> float:
-    """Return log det of the covariance of the simulation error of the model of an order.
-
-    Args:
-        record: u and y, of size one.
-        space: of the weighting.
-        order: n.
-        feedthrough: D is estimated.
-    """
-    return _cost(_error(record, space, order, feedthrough=feedthrough))
-
-
-def _error(record: tuple[Floats, Floats], space: Subspace, order: int, *, feedthrough: bool) -> Floats:
-    """Return what the simulation of the model of an order leaves of the output."""
-    A, C = shifted_observability(space.observability[:, :order], record[1].shape[1])
-    A, _ = stabilise(A)
-    return residual(*record, A, C, fit_inputs(*record, A, C, feedthrough=feedthrough))
-
-
-def _cost(error: Floats) -> float:
-    covariance = error.T @ error / len(error)
-    return float(np.linalg.slogdet(covariance + _TINY * np.eye(len(covariance)))[1])
 
 
 def _inflation(error: Floats) -> float:
@@ -115,10 +91,10 @@ def _inflation(error: Floats) -> float:
 
 
 def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
-    order = 1 + int(np.nanargmin(criterion[1:]))
+    order = int(np.nanargmin(criterion))
     last = len(criterion) - 1
-    why = f"smallest Bayesian criterion of the simulation error among orders 1 to {last}"
-    if order > 1:
+    why = f"smallest Bayesian criterion of the simulation error among orders 0 to {last}"
+    if order > 0:
         why += f"; order {order - 1} would raise the error by {_percent(costs[order - 1] - costs[order])}"
     if order < last:
         above = order + 1 if np.isfinite(costs[order + 1]) else last
@@ -126,8 +102,6 @@ def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
     notes = []
     if order == last > 1:
         notes.append(f"order {order} is the largest considered: allow more, or doubt the data")
-    if criterion[0] < criterion[order]:
-        notes.append("a gain without dynamics (order 0) would do as well")
     return OrderChoice(order, why, criterion, tuple(notes))
 
 

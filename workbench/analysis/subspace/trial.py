@@ -1,4 +1,4 @@
-"""The subspaces that a record shows at a horizon, and the choice among horizons."""
+"""The subspaces that a record shows at a horizon."""
 
 from __future__ import annotations
 
@@ -6,21 +6,18 @@ from dataclasses import dataclass, replace
 
 from workbench.analysis.subspace.hankel import HankelFactor, excitation, factorise
 from workbench.analysis.subspace.horizon import (
-    candidates,
     check_length,
     first_horizon,
     largest_excitation,
     largest_order,
     within_excitation,
 )
-from workbench.analysis.subspace.matrices import radius, shifted_observability
-from workbench.analysis.subspace.order import simulation_cost
 from workbench.analysis.subspace.settings import Settings
 from workbench.analysis.subspace.weightings import Projection, Subspace, project, subspace
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Trial", "best_trial", "first_trial"]
+__all__ = ["Trial", "first_trial", "look"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,43 +56,23 @@ def first_trial(record: tuple[Floats, Floats], settings: Settings) -> Trial:
     wanted = 2 * horizon + (settings.order or horizon)
     excited = excitation(record[0], min(wanted, largest_excitation(size)))
     if excited >= min(wanted, largest_excitation(size)):
-        trial = _look(record, horizon, settings)
+        trial = look(record, horizon, settings)
         return replace(trial, fixed=settings.horizon is not None or not trial.space.noisy)
     shorter = min(within_excitation(excited, settings.order, size[2]), horizon)
     note = (
         f"the inputs excite {excited} orders only: horizon {shorter} instead of {horizon}" if shorter < horizon else ""
     )
-    return replace(_look(record, shorter, settings), fixed=True, note=note)
+    return replace(look(record, shorter, settings), fixed=True, note=note)
 
 
-def best_trial(record: tuple[Floats, Floats], first: Trial, order: int, settings: Settings) -> Trial:
-    """Return the horizon whose model of the given order simulates the record best.
+def look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Trial:
+    """Return what the record shows at a horizon.
 
     Args:
         record: u and y, of size one.
-        first: from `first_trial`.
-        order: n.
+        horizon: block rows of past and of future.
         settings: of the identification.
     """
-    if first.fixed:
-        return first
-    others = [_look(record, h, settings) for h in candidates(order, first.factor.horizon, _size(record))]
-    usable = [
-        t for t in (first, *others) if order <= min(t.space.rank, largest_order(t.factor.horizon, _size(record)[2]))
-    ]
-    if len(usable) < 2:
-        return first
-    return min(usable, key=lambda t: _merit(record, t, order, settings))
-
-
-def _merit(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> tuple[bool, float]:
-    """Return what is smaller for the better horizon: one with a stable model before one without, then the error."""
-    A, _ = shifted_observability(trial.space.observability[:, :order], trial.factor.outputs)
-    cost = simulation_cost(record, trial.space, order, feedthrough=settings.feedthrough)
-    return radius(A) >= 1.0, cost
-
-
-def _look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Trial:
     factor = factorise(*record, horizon)
     parts = project(factor)
     return Trial(factor, parts, subspace(parts, settings.method, settings.weighting))

@@ -27,7 +27,7 @@ from workbench.analysis.subspace.hankel import ROUNDING, HankelFactor, lower, ps
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
-__all__ = ["BASES", "METHODS", "Projection", "Subspace", "basis_of", "project", "subspace"]
+__all__ = ["BASES", "METHODS", "Projection", "Subspace", "basis_of", "oblique_loss", "project", "subspace"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +175,25 @@ def subspace(parts: Projection, method: str, basis: str) -> Subspace:
     memory = inverse[:, None] * (left.T @ weight @ parts.gain)
     noise = np.linalg.norm(parts.unseen, 2) > rounding(parts)
     return Subspace(values, back @ (left * root), memory, floor, bool(noise))
+
+
+def oblique_loss(parts: Projection) -> float:
+    """Return how many times more noise counts in the oblique projection (n4sid) than in the orthogonal one (moesp).
+
+    Both are L32 times something: of the directions of the past beyond the future inputs, L22 = P S Qᵀ, white noise
+    enters each column of L32 Q alike. The orthogonal projection takes them as they are, the oblique one multiplies
+    column k by the length of row k of S⁻¹ Pᵀ [L21 L22], which is large where the past hardly differs from what the
+    future inputs tell. Each is compared with the size of its projection.
+
+    Args:
+        parts: from `project`.
+    """
+    P, size, _ = np.linalg.svd(parts.past)
+    kept = size > 10.0 * ROUNDING * len(size) * size[0]
+    columns = np.hstack([parts.past_by_input, parts.past])
+    stretch = np.linalg.norm(P.T[kept] @ columns, axis=1) / size[kept]
+    oblique = np.linalg.norm(stretch) / np.linalg.norm(parts.gain @ columns)
+    return float(oblique * np.linalg.norm(parts.seen) / np.sqrt(np.sum(kept)))
 
 
 def principal_angles(parts: Projection) -> Floats:

@@ -67,6 +67,8 @@ class PoleBootstrap(Reportable):
     def words(self) -> tuple[str, ...]:
         """What was found, one line each."""
         level = f"{100.0 * self.confidence:g} %"
+        if not self.regions:
+            return ("a gain has no poles: there is nothing to bootstrap",)
         lines = [_words(r, level) for r in self.regions if r.pole.imag >= 0.0]
         loose = len(self.regions) - self.determined
         if loose:
@@ -176,6 +178,18 @@ def bootstrap_poles(
     _check(model, data, replicates, block, confidence)
     length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
     poles = _without_delays(model.poles, sum(model.delay))
+    if not len(poles):
+        none = np.empty((0, 0), dtype=np.complex128)
+        return PoleBootstrap(
+            regions=(),
+            replicates=none,
+            confidence=confidence,
+            joint=joint,
+            block=length,
+            failed=0,
+            dt=model.dt,
+            seed=seed,
+        )
     found = []
     with one_thread():
         for y in _records(model, data, replicates, length, np.random.default_rng(seed)):

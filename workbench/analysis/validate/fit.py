@@ -32,6 +32,25 @@ class Fit:
     rms: float
     offset: float
 
+    @property
+    def reason(self) -> str:
+        """Why there is no fit; empty where there is one."""
+        if np.isfinite(self.fit_percent):
+            return ""
+        if not np.isfinite(self.rms):
+            return (
+                "the model is unstable and has no finite output over these data; take the automatic order, "
+                "another order or method, or stable=True (--stable)"
+            )
+        return "the measured output does not move"
+
+    @property
+    def words(self) -> str:
+        """The figures in one line."""
+        if self.reason:
+            return f"{self.output}: no fit: {self.reason}"
+        return f"{self.output}: fit {self.fit_percent:.4g} %, error {self.error_percent:.4g} %"
+
 
 def fit_of(output: str, measured: Floats, computed: Floats) -> Fit:
     """Return the figures of one output; NaN where the computed output is not finite or the measured one never moves.

@@ -43,7 +43,7 @@ class Residuals:
     @property
     def words(self) -> tuple[str, ...]:
         """Fits and verdicts, one line each."""
-        fits = [f"{f.output}: fit {f.fit_percent:.4g} %, error {f.error_percent:.4g} %" for f in self.fits]
+        fits = [f.words for f in self.fits]
         if self.autocorrelation is None or self.cross is None:
             return (*(f"{self.kind}: {text}" for text in (*fits, self.remark)),)
         tests = (self.autocorrelation.words, *self.cross.words)
