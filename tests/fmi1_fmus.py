@@ -27,8 +27,8 @@ _CAPABILITIES = {"canHandleVariableCommunicationStepSize": "true", "canInterpola
 
 
 def build_fmi1(folder: Path, model: str, interface: str) -> Path:
-    """Build one of MODELS as ``folder/NAME_me.fmu`` or ``folder/NAME_cs.fmu``."""
-    sources = generate(MODELS[model], model)
+    """Build one of MODELS, or of tests/modelica, as ``folder/NAME_me.fmu`` or ``folder/NAME_cs.fmu``."""
+    sources = generate(MODELS.get(model, HERE / "modelica" / f"{model}.mo"), model)
     (host,) = host_only()
     target = folder / f"{model}_{interface}.fmu"
     with tempfile.TemporaryDirectory() as temporary:

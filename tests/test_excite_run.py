@@ -128,14 +128,17 @@ def test_from_an_operating_point_around_its_input() -> None:
     np.testing.assert_allclose(y - 3.0, exact, atol=1e-6)
 
 
-def test_a_point_that_cannot_be_met_is_told_and_settling_leads_there() -> None:
+def test_a_point_that_is_not_met_is_refused_and_settling_leads_there() -> None:
     point = OperatingPoint(x={}, u={"u": 3.0}, y={"y": 3.0})
+    with pytest.raises(InputError, match="y is 0, not 3"):
+        record("fmu:FirstOrderLag", samples=40, dt=0.05, at=point)
     result = record("fmu:FirstOrderLag", samples=40, dt=0.05, at=point, settle=20.0)
-    assert "y is 0 at the start, but 3 at the operating point" in result.notes[0]
+    assert result.notes == ()
     assert result.y0["y"] == pytest.approx(3.0, abs=1e-6)
     assert result.identification.time[0] == 20.0
     short = record("fmu:FirstOrderLag", samples=40, dt=0.05, at=point, settle=1.0)
-    assert "still moves" in short.notes[1]
+    assert "still moves" in short.notes[0]
+    assert "y is 1.89636 after settling, but 3 at the operating point" in short.notes[1]  # 3 (1 - e^-1)
 
 
 def test_offset_is_the_middle_and_bias_is_added_once() -> None:

@@ -10,7 +10,7 @@ import pytest
 import workbench as wb
 from tests.trim_models import Equations, Plant
 from workbench.analysis.trim import trim
-from workbench.analysis.trim_run import settle
+from workbench.session.settle import settle
 
 
 def sampled() -> Plant:

@@ -12,7 +12,7 @@ from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem, TrimSets, pose
 from workbench.analysis.trim_report import directions, in_words, residual_table
 from workbench.analysis.trim_result import TrimResult
-from workbench.analysis.trim_run import RunBalance, Settled
+from workbench.analysis.trim_run import RunBalance
 from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
@@ -20,12 +20,11 @@ from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named
 from workbench.origin import with_origin
 from workbench.session.point import Point
+from workbench.session.settle import STEP, STEP_PARTS, Settled
 
 __all__ = ["trim"]
 
 FAMILIES = ("slowest", "nearest")
-DEFAULT_STEP = 1e-3  # [s], of co-simulation where nothing says how long a step should be
-FINER = (1.0, 0.125, 0.125**2)  # parts of it that are tried
 WATCH_PERIODS = 20
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
 MOST_EVENTS = 400  # listened to for the sample rates
@@ -227,7 +226,7 @@ class _Trim:
     def _co_simulation(self) -> TrimResult:
         states = list(self.model.states)
         values = {**self._starts(states), **self._inputs()}
-        steps = [(self.period or self.step or _own_step(self.model)) * part for part in FINER]
+        steps = [(self.period or self.step or _own_step(self.model)) * part for part in STEP_PARTS]
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
             return self._fixed_point("step map", balance)
@@ -244,7 +243,7 @@ class _Trim:
         """Whether states take the start values that they are given."""
         wanted = {v.name: values[v.name] + 0.125 * (v.nominal or abs(values[v.name]) or 1.0) for v in states}
         try:
-            with self.model.open_at(time=self.time, values={**values, **wanted}) as session:
+            with self.model.open_at(time=self.time, values={**values, **wanted}, approach=False) as session:
                 found = session.values(list(wanted))
         except (InputError, SimulationError):
             return False
@@ -312,8 +311,8 @@ class _Trim:
 def _own_step(model: Model) -> float:
     """Return the communication step that a model brings [s]."""
     if isinstance(model, DescribedModel):
-        return model.recipe.step or model.description.experiment.step or DEFAULT_STEP
-    return DEFAULT_STEP
+        return model.recipe.step or model.description.experiment.step or STEP
+    return STEP
 
 
 def _usual_length(model: Model) -> float:

@@ -77,7 +77,9 @@ class MapBalance(Balance):
 
     def _open(self, states: Floats, inputs: Floats) -> Session:
         values = {**by_name(self.states, states), **by_name(self.inputs, inputs)}
-        return self._model.open_at(time=self.time, values=values, step=self._step(), tolerance=self._tolerance)
+        return self._model.open_at(
+            time=self.time, values=values, step=self._step(), tolerance=self._tolerance, approach=False
+        )
 
     def _step(self) -> float | None:
         return self.period if self._model.interface == "cs" and not self._discrete else None

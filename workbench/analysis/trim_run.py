@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,83 +11,10 @@ from workbench.analysis.trim_balance import Balance, Slot, by_name, slot_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable
-from workbench.session.base import Floats, Session
+from workbench.session.base import Floats
+from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, Settled, settle
 
-__all__ = ["RunBalance", "Settled", "settle"]
-
-FIRST_STEPS = 64  # communication steps of the first stretch
-LEAST_STEPS = 4096  # communication steps that are watched at least: a slow sampler stands still between samples
-MAX_STEPS = 200_000  # communication steps of one run
-SAMPLES = 64  # looked at per stretch
-RUNAWAY = 1e30  # nominal values
-DECAY = 0.2  # from one stretch to the next, twice as long, of what settles
-
-
-@dataclass(frozen=True, eq=False)
-class Settled:
-    """Where a run ended.
-
-    Attributes:
-        time: [s].
-        values: shape (n,), of the watched variables at the end.
-        ranges: shape (n,), by how much each moved in the last half of the run.
-        settled: whether all stand still.
-    """
-
-    time: float
-    values: Floats
-    ranges: Floats
-    settled: bool
-
-
-def settle(
-    session: Session,
-    names: Sequence[str],
-    nominal: Floats,
-    *,
-    first: float,
-    longest: float,
-    tolerance: float,
-    least: float = 0.0,
-) -> Settled:
-    """Run a session in stretches, each as long as all before it, until nothing moves.
-
-    It stands still when in the last stretch no variable has moved by more than `tolerance`, relative to its
-    magnitude or nominal value, and that less than 0.2 of the stretch before: a slow drift moves twice as far in twice
-    the time and is not taken for rest.
-
-    Not for undamped models, which never rest, and no proof for models that wait longer than they have been
-    watched.
-
-    Args:
-        session: stands anywhere; it is advanced with its inputs as they are.
-        names: variables to watch.
-        nominal: shape (n,), their nominal values.
-        first: length of the first stretch [s].
-        longest: of the whole run [s].
-        tolerance: see above.
-        least: of the whole run [s].
-
-    Raises:
-        SimulationError: the model fails on the way.
-    """
-    begin, stretch = session.time, first
-    before = np.full(len(names), math.inf)
-    while True:
-        start = session.time
-        points = np.linspace(start, start + stretch, SAMPLES + 1)[1:]
-        record = session.advance(float(points[-1]), signals={}, record=names, points=points)
-        table = np.array([record.values[n] for n in names]).reshape(len(names), -1)
-        values, ranges = table[:, -1], np.ptp(table, axis=1)
-        scale = np.maximum(np.abs(values), nominal)
-        if not (np.abs(table) < RUNAWAY * nominal[:, None]).all():
-            raise SimulationError("the model runs away", time=session.time)
-        still = (ranges <= tolerance * scale) & ((ranges <= DECAY * before) | (ranges <= 1e-3 * tolerance * scale))
-        if still.all() and np.isfinite(before).all() and session.time - begin >= least:
-            return Settled(session.time, values, ranges, settled=True)
-        if session.time + 2.0 * stretch - begin > longest:
-            return Settled(session.time, values, ranges, settled=False)
-        before, stretch = ranges, session.time - begin
+__all__ = ["RunBalance"]
 
 
 class RunBalance(Balance):

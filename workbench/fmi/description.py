@@ -271,6 +271,7 @@ def _scalars(raw: Any, depends: Mapping[str, tuple[str, ...]], notes: list[str])
             element=element,
             derivative_of=raw.derivative.name + _index(raw.shape, element) if hasattr(raw.derivative, "name") else None,
             dependencies=depends.get(raw.name),
+            initial=raw.initial,
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -24,7 +25,7 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wiring
 
-__all__ = ["DiscardError", "EventInfo", "Instance", "StepResult"]
+__all__ = ["NO_EVENT", "DiscardError", "EventInfo", "Instance", "StepResult"]
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
@@ -51,6 +52,9 @@ class EventInfo:
     states_changed: bool
     nominals_changed: bool
     next_time: float
+
+
+NO_EVENT = EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=math.inf)
 
 
 @dataclass(frozen=True)
@@ -207,6 +211,10 @@ class Instance(ABC):
         """Return where a variable is found: parts' numbers and variables; all are written, the first is read."""
         return ((0, variable),)
 
+    def fed(self, variable: Variable) -> bool:
+        """Return whether it is an input that another part of a system drives."""
+        return False
+
     # -- access to variables --------------------------------------------------------------
 
     def access(self, variables: Sequence[Variable]) -> Access:
@@ -317,6 +325,10 @@ class Instance(ABC):
     def enter_step_mode(self) -> None:
         """Leave event mode (co-simulation with `event_mode`)."""
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no step mode")
+
+    def place_states(self, values: Mapping[str, float]) -> bool:
+        """Set continuous states by name between steps; False: there is no way. An event iteration comes next."""
+        return False
 
     def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
         """Give the time derivatives of real inputs [1/s] for the next step; False: it cannot."""

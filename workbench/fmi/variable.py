@@ -30,6 +30,7 @@ class Variable:
         element: position in the flattened array, 0 for a scalar.
         derivative_of: name of the state whose derivative this is.
         dependencies: for outputs and derivatives, names of what it depends on; None: not declared.
+        initial: "exact", "approx" (the start value is a guess) or "calculated"; None: not declared.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Variable:
     element: int = 0
     derivative_of: str | None = None
     dependencies: tuple[str, ...] | None = None
+    initial: str | None = None
 
     @property
     def is_continuous_input(self) -> bool:

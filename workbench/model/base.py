@@ -99,20 +99,30 @@ class Model(ABC):
         *,
         time: float | None = None,
         values: Mapping[str, float] | None = None,
+        outputs: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
+        approach: bool = True,
     ) -> Session:
-        """Return a session initialised at `time` with other start values than the model's own.
+        """Return a session that stands at an operating point: every value asked for was read back.
+
+        In model exchange, states and inputs are set after initialisation, and events are iterated there; a state that
+        an event then moves on has taken. Discrete states are set before initialisation, the only way in FMI. In
+        co-simulation states can be set before initialisation alone. Where they do not take, the model is run under the
+        inputs of the point until it rests: at a stable equilibrium it stands there then, at a later time.
 
         Args:
             time: session time at which the model is initialised [s]; None: that of `at`, else 0.
-            values: states, discrete states and inputs → where they start, beside or instead of those of `at`; what
-                the model does not let one start elsewhere is left out.
+            values: states, discrete states and inputs → where they start, beside or instead of those of `at`; the
+                others start as the model starts them.
+            outputs: output → what the model shows there, where it is known; compared, never set.
             step: communication step [s] in place of the model's.
             tolerance: relative tolerance of the integration in place of the model's.
+            approach: in co-simulation, run to the point where it cannot be set.
 
         Raises:
-            InputError: the model cannot do that.
+            NotReachedError: a value did not take; the message names it. It is an InputError.
+            InputError: an unknown name, or the model cannot do that.
             FmuError, SimulationError: see `open_session`.
         """
         raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")

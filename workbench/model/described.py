@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Self
 
 from workbench.core.operating_point import At, OperatingPoint
-from workbench.errors import FmuError, InputError
+from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -19,8 +19,10 @@ from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.me import MeSession
-from workbench.session.point import FmuPoint, starts_of
+from workbench.session.point import FmuPoint
 from workbench.session.probe import why_state_fails
+from workbench.session.settle import STEP, STEP_PARTS
+from workbench.session.target import NotReachedError, check_values, starts_of
 from workbench.signals import Signal
 
 __all__ = ["DRIVERS", "DescribedModel"]
@@ -141,21 +143,52 @@ class DescribedModel(Model):
         *,
         time: float | None = None,
         values: Mapping[str, float] | None = None,
+        outputs: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
+        approach: bool = True,
     ) -> FmuSession:
         given, begin = self._setup, self.at or OperatingPoint(x={}, u={})
+        if outputs is None and values is None and time is None and self.interface == "cs":
+            outputs = begin.y  # they tell where states are hidden
         values = {**begin.values, **(values or {})}
         time = begin.time if time is None else time
+        check_values({**values, **(outputs or {})}, given.variables)
         setup = dataclasses.replace(
             given,
             start_time=float(time),
             start_values={**given.start_values, **starts_of(given.variables, values)},
+            point=dict(values),
+            outputs=dict(outputs or {}),
             bias={name: bias for name, bias in given.bias.items() if name not in values},
             step=step or given.step,
             rtol=tolerance or given.rtol,
         )
-        return self._start(setup)
+        try:
+            return self._start(setup)
+        except NotReachedError as error:
+            if self.interface != "cs" or not approach:
+                raise
+            return self._approach(setup, error)
+
+    def _approach(self, setup: Setup, direct: NotReachedError) -> FmuSession:
+        """Return a co-simulation session that has run under the inputs of its point until it rests there.
+
+        Args:
+            setup: with the point.
+            direct: why it does not start there.
+
+        Raises:
+            NotReachedError: it does not come to rest there.
+        """
+        why = ""
+        first = setup.step or self.description.experiment.step or STEP
+        for part in STEP_PARTS if setup.step is None and self.grid is None else (1.0,):
+            try:
+                return self._start(dataclasses.replace(setup, approach=first * part))
+            except SimulationError as error:
+                why = str(error)
+        raise NotReachedError(f"{direct}; under the inputs of the point it does not come there by itself: {why}")
 
     def open_point(
         self,

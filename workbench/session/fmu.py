@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
-from workbench.fmi.instance import Instance
+from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats, Record, Session, Snapshot
 from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
+from workbench.session.target import Miss, NotReachedError, Target, in_words, misses
 from workbench.signals import Signal
 
 __all__ = ["FmuSession", "Manners", "Setup"]
@@ -59,6 +60,9 @@ class Setup:
         open_instance: returns a new instance of the FMU.
         variables: name → variable, all of the model's.
         start_values: parameters and start values set before initialisation.
+        point: states, discrete states and inputs → where the session starts, whatever initialisation makes of it.
+        outputs: what the model shows at that point, where it is known.
+        approach: co-simulation: communication step [s] of a run that leads to the point; None: no such run.
         bias: constants added to inputs.
         rtol: relative tolerance of the integration.
         tolerance: what a co-simulation FMU is told; None: nothing.
@@ -74,6 +78,9 @@ class Setup:
     open_instance: Callable[[], Instance]
     variables: Mapping[str, Variable]
     start_values: Mapping[str, Value] = field(default_factory=dict)
+    point: Mapping[str, float] = field(default_factory=dict)
+    outputs: Mapping[str, float] = field(default_factory=dict)
+    approach: float | None = None
     bias: Mapping[str, float] = field(default_factory=dict)
     rtol: float = 1e-6
     tolerance: float | None = None
@@ -133,7 +140,8 @@ class FmuSession(Session):
             self.setup.manners.note = self.instance.remark
         try:
             self._initialise()
-            self._started(self._first_event())
+            self._started(self._placed(self._first_event()))
+            self._arrived()
         except BaseException:
             self.close()
             raise
@@ -146,6 +154,8 @@ class FmuSession(Session):
         manners.other_order = True
         try:
             self._begin()
+        except NotReachedError:  # it starts, but elsewhere
+            raise
         except (_RefusedError, WorkbenchError):
             manners.other_order = False
             raise error from None
@@ -163,16 +173,19 @@ class FmuSession(Session):
         if setup.signals:
             self.forcing.write_all(self.forcing.at(self.time))
         instance.exit_initialisation()
+        self._check_starts()
+        self._target = self._aim()
+        self._astray = self._target is not None and bool(self._target.missed_states())
 
-    def _first_event(self) -> float:
-        """Iterate the first event, where there is event mode, and leave that mode; return when the next is due [s].
+    def _first_event(self) -> EventInfo:
+        """Iterate the first event, where there is event mode, and leave that mode.
 
         FMI 2.0 (3.2.3) and 3.0 (2.3.6) go straight from initialisation to the event iteration: the time is that of the
         initialisation, and an FMU may refuse to be told it in event mode.
         """
         instance = self.instance
         if not instance.event_mode:
-            return math.inf
+            return NO_EVENT
         is_me = instance.interface == "me"
         try:
             if is_me and self.setup.manners.other_order:
@@ -185,7 +198,7 @@ class FmuSession(Session):
             raise
         except SimulationError as error:
             raise _RefusedError(error) from error
-        return info.next_time
+        return info
 
     def _starts(self) -> dict[str, Value]:
         """Return the start values that are asked for, biases added."""
@@ -199,9 +212,48 @@ class FmuSession(Session):
         if values:
             self.instance.access([self.setup.variables[n] for n in values]).write(list(values.values()))
 
+    def _check_starts(self) -> None:
+        """Refuse start values that the FMU has not taken; those of guesses are its own affair."""
+        setup = self.setup
+        known = [setup.variables[n] for n in setup.start_values if n not in setup.point and n not in setup.signals]
+        asked = [v for v in known if v.initial != "approx" and not self.instance.fed(v)]
+        biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in asked}
+        found = misses(self.instance, asked, biased)
+        if found:
+            name = self.instance.description.model_name
+            raise NotReachedError(f"{name}: a start value is not taken: {in_words(found)}; {_remedy(found, setup)}")
+
+    def _aim(self) -> Target | None:
+        """Return the operating point to start at; None: there is none. Discrete states must have taken by now."""
+        setup = self.setup
+        if not (setup.point or setup.outputs):
+            return None
+        target = Target(self.instance, setup.variables, setup.point, setup.outputs)
+        if self.instance.event_mode and self.instance.version > 1:  # FMI 1.0 has handled the first event already
+            settable = [v for v in target.others if v.start is not None]
+            target.refuse(
+                target.missed(settable), "its initial equations decide, and FMI gives no later chance to set it"
+            )
+        return target
+
+    def _placed(self, first: EventInfo) -> float:
+        """Go to the operating point, where states can be set now; return when the next event is due [s].
+
+        Args:
+            first: what the first event iteration ended with.
+        """
+        return first.next_time
+
     @abstractmethod
     def _started(self, due: float) -> None:
         """Go on after the first event iteration until the FMU can be advanced; the next event is `due` [s]."""
+
+    def _arrived(self) -> None:
+        """Make sure that the session stands where it was asked to."""
+        if self._target is not None:
+            self._target.refuse(
+                self._target.missed_outputs(), "with these states and inputs: other parameters than those of the point?"
+            )
 
     # -- advance --------------------------------------------------------------------------
 
@@ -233,7 +285,8 @@ class FmuSession(Session):
         """Return what the FMU sees at its inputs before they are forced."""
         setup = self.setup
         starts = {n: setup.start_values.get(n, v.start) for n, v in self.inputs.items() if v.is_number}
-        return {n: math.nan if s is None else float(s) + setup.bias.get(n, 0.0) for n, s in starts.items()}
+        seen = {n: math.nan if s is None else float(s) + setup.bias.get(n, 0.0) for n, s in starts.items()}
+        return seen | {n: value for n, value in setup.point.items() if n in seen}
 
     @abstractmethod
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
@@ -332,6 +385,19 @@ class FmuSession(Session):
 
     def _close_solver(self) -> None:
         """Free the solver, if there is one."""
+
+
+def _plus(value: Value, bias: float) -> Value:
+    return value if isinstance(value, str) or not bias else float(value) + bias
+
+
+def _remedy(found: Sequence[Miss], setup: Setup) -> str:
+    variable = setup.variables[found[0].name]
+    if variable.causality in ("parameter", "structuralParameter"):
+        return "the FMU keeps its own value of this parameter; leave it out"
+    if variable.causality == "input":
+        return "the FMU keeps its own value of this input; force it by a signal"
+    return "its initial equations decide; a state can be set by an operating point instead (--at)"
 
 
 def _last_signals(calls: Sequence[_Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.errors import InputError, SimulationError
+from workbench.fmi.instance import EventInfo
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Record
 from workbench.session.fmu import FmuSession
@@ -16,6 +17,8 @@ from workbench.session.forcing import Forcing
 from workbench.session.problem import Problem
 from workbench.session.rows import Rows
 from workbench.session.solvers import SOLVERS, Solver, Tolerance
+from workbench.session.stand import Stand
+from workbench.session.target import Target
 from workbench.signals import Signal
 
 __all__ = ["MeSession", "too_many_events", "too_many_steps"]
@@ -62,6 +65,50 @@ class MeSession(FmuSession):
         self._span = 1.0
         self.instance.get_states()
         self._make_solver()
+
+    def _placed(self, first: EventInfo) -> float:
+        """Stand at the operating point, events iterated; return when the next event is due [s].
+
+        Args:
+            first: what the first event iteration ended with.
+
+        Raises:
+            NotReachedError: something asked for did not take.
+        """
+        target, due = self._target, first.next_time
+        if target is None:
+            return due
+        # The states were there already, and the model's own event at the start moved them on.
+        handled = first.states_changed and not self._astray
+        stand = Stand(self.instance)
+        here, before = stand.read()
+        x, u = target.moved(here, before, stand.inputs)
+        x = here if handled else x
+        there = np.array_equal(x, here) and np.array_equal(u, before)
+        if not there:
+            stand.put(self.time, x, u)
+            if not handled:
+                target.refuse(target.missed_states(), "the FMU does not keep a state that it is given")
+            info = stand.event(u)
+            if info.terminate:
+                raise self._ended()
+            due = info.next_time
+            handled |= info.states_changed
+        if not handled:
+            target.refuse(target.missed_states(), "an event there moves the state without saying so")
+        target.refuse(target.missed(target.inputs), "the FMU does not keep an input that it is given")
+        self._check_discrete(target, moved=not there, timed=due < math.inf)
+        return due
+
+    def _check_discrete(self, target: Target, *, moved: bool, timed: bool) -> None:
+        """Refuse discrete values that are not those of the point.
+
+        What had its start value may since have been handled by the model's own first event, as it should be; on the way
+        from another place it may have been lost. Where nothing is timed, what cannot be set follows from the rest.
+        """
+        late = [v for v in target.others if moved or (v.start is None and not timed)]
+        words = "FMI lets it be set before initialisation alone, and the FMU does not start at this point's states"
+        target.refuse(target.missed(late), words)
 
     def _make_solver(self) -> None:
         self.problem = Problem(self.instance, self.forcing)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -12,12 +12,12 @@ from typing import Any, Self
 import numpy as np
 
 from workbench.errors import EndedError, InputError, SimulationError
-from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
-from workbench.session.forcing import convert
+from workbench.session.stand import Stand, named_states
 
-__all__ = ["Evaluation", "FmuPoint", "Point", "starts_of"]
+__all__ = ["Evaluation", "FmuPoint", "Point"]
 
 _SAME = 1e-9  # relative: a model that is back where it was may differ by its own iterations
 
@@ -149,49 +149,38 @@ class FmuPoint(Point):
         self._bind()
         self._snapshot = session.snapshot()
         self.nominal = _usable(session.instance.get_nominals())
-        self.x0, self.u0 = self._standing()
+        self.x0, self.u0 = self._stand.read()
         self._remember()
 
     def _bind(self) -> None:
         """Prepare access to the present instance."""
         instance = self.session.instance
         variables = tuple(v for v in instance.description.variables if v.is_number and v.type in instance.TYPES)
-        self.states = _named(instance.description.states, instance.nx)
-        self.inputs = tuple(v for v in variables if v.causality == "input")
+        self._stand = Stand(instance)
+        self.states = named_states(instance)
+        self.inputs = self._stand.inputs
         self.outputs = tuple(v for v in variables if v.causality == "output")
         held = [v for v in variables if v.variability == "discrete" and v.causality in ("local", "output")]
         self.memory = tuple(v for v in held if v.type in FLOAT_TYPES and v.start is not None)
-        self._inputs, self._outputs, self._held = (instance.access(v) for v in (self.inputs, self.outputs, held))
-        self._fast = [i for i, v in enumerate(self.inputs) if v.is_continuous_input]
-        self._slow = [i for i, v in enumerate(self.inputs) if not v.is_continuous_input]
-        self._writers = [instance.access([self.inputs[i] for i in part]) for part in (self._fast, self._slow)]
-
-    def _standing(self) -> tuple[Floats, Floats]:
-        instance = self.session.instance
-        instance.get_states()
-        return instance.x.copy(), _floats(self._inputs.read() if self.inputs else [])
-
-    @property
-    def _has_relations(self) -> bool:
-        return self.session.instance.nz > 0 or bool(self._slow)
+        self._outputs, self._held = (instance.access(v) for v in (self.outputs, held))
 
     # -- base point -----------------------------------------------------------------------
 
     def move(self, x: Floats, u: Floats) -> None:
         self._back()
         self._settle(x, u)
-        self.x0, self.u0 = self._standing()
+        self.x0, self.u0 = self._stand.read()
         self._free()
         self._remember()
 
     def _settle(self, x: Floats, u: Floats) -> bool:
         """Go to (x, u) and evaluate every relation there; True: states jumped."""
-        self._put(x, u)
-        return self._has_relations and self._event(u)
+        self._stand.put(self.time, x, u)
+        return self._stand.has_relations and self._event(u)
 
     def _remember(self) -> None:
         """Keep what tells whether the model is back at the base point, and its state if it may be needed."""
-        if self._has_relations and self.session.setup.state_works():
+        if self._stand.has_relations and self.session.setup.state_works():
             self._state = self.session.instance.get_state()
         self._signs0, self._held0 = self._signs(), self._held_values()
         self._away = self._lost = False
@@ -224,15 +213,15 @@ class FmuPoint(Point):
         self.session.restore(self._snapshot)
         self._bind()
         self._settle(self.x0, self.u0)
-        if self._has_relations and self.session.setup.state_works():
+        if self._stand.has_relations and self.session.setup.state_works():
             self._state = self.session.instance.get_state()
 
     # -- evaluation -----------------------------------------------------------------------
 
     def at(self, x: Floats, u: Floats) -> Evaluation:
         self._back()
-        self._put(x, u)
-        if self.session.instance.nz == 0 and all(u[i] == self.u0[i] for i in self._slow):
+        self._stand.put(self.time, x, u)
+        if self.session.instance.nz == 0 and all(u[i] == self.u0[i] for i in self._stand.slow):
             return self._read()
         self._away = self._lost = True  # until it is known to be otherwise
         jumped = self._event(u)
@@ -249,41 +238,21 @@ class FmuPoint(Point):
     def _before_event(self, x: Floats, u: Floats) -> Evaluation:
         """Evaluate in event mode but before events are handled: relations follow, nothing is set."""
         self._back()
-        self._put(x, u)
+        self._stand.put(self.time, x, u)
         self._away = self._lost = True
-        self.session.instance.enter_event_mode()
-        self._write(1, u)
+        self._stand.enter(u)
         values = self._read()
         if self._state is None:
             self.session.instance.iterate_events()
             self.session.instance.enter_continuous_mode()
         return Evaluation(values.dx, values.y, latched=True)
 
-    def _put(self, x: Floats, u: Floats) -> None:
-        """Set states and continuous inputs."""
-        instance = self.session.instance
-        if len(x) != instance.nx or len(u) != len(self.inputs):
-            raise InputError(f"{instance.nx} states and {len(self.inputs)} inputs are needed")
-        instance.set_time(self.time)
-        instance.x[:] = x
-        instance.set_states()
-        self._write(0, u)
-
     def _event(self, u: Floats) -> bool:
         """Set the other inputs and evaluate every relation where the model stands; True: states jumped."""
-        instance = self.session.instance
-        instance.enter_event_mode()
-        self._write(1, u)
-        info = instance.iterate_events()
-        instance.enter_continuous_mode()
+        info = self._stand.event(u)
         if info.terminate:
             raise EndedError("the FMU, at a perturbed point,", time=self.time)
         return info.states_changed
-
-    def _write(self, which: int, u: Floats) -> None:
-        indices = (self._fast, self._slow)[which]
-        if indices:
-            self._writers[which].write([convert(self.inputs[i], float(u[i])) for i in indices])
 
     def _read(self) -> Evaluation:
         instance = self.session.instance
@@ -307,13 +276,13 @@ class FmuPoint(Point):
         if why:
             raise InputError(why)
         self._back()
-        self._put(self.x0, self.u0)
+        self._stand.put(self.time, self.x0, self.u0)
         instance, n = self.session.instance, len(self.states)
         # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
         smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
         rows = [*instance.description.derivatives, *(self.outputs[i] for i in smooth)]
         full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
-        columns = [*enumerate(self.states), *((n + i, self.inputs[i]) for i in self._fast)]
+        columns = [*enumerate(self.states), *((n + i, v) for i, v in enumerate(self.inputs) if v.is_continuous_input)]
         for column, variable in columns:
             self.calls["directional"] += 1
             full[:, column] = 0.0
@@ -361,13 +330,6 @@ class FmuPoint(Point):
         self.session.close()
 
 
-def _named(states: tuple[Variable, ...], count: int) -> tuple[Variable, ...]:
-    """Return the states; FMI 1.0 does not name them."""
-    if len(states) == count:
-        return states
-    return tuple(Variable(name=f"state[{i}]") for i in range(1, count + 1))
-
-
 def _floats(values: Sequence[Any]) -> Floats:
     return np.array([float(v) for v in values], dtype=np.float64)
 
@@ -380,9 +342,3 @@ def _usable(nominal: Floats) -> Floats:
 
 def _alike(a: Floats, b: Floats) -> bool:
     return bool(np.allclose(a, b, rtol=_SAME, atol=0.0, equal_nan=True))
-
-
-def starts_of(variables: Mapping[str, Variable], values: Mapping[str, float]) -> dict[str, Value]:
-    """Return start values in their variables' types, those alone that the FMU lets one set."""
-    settable = {n: float(v) for n, v in values.items() if n in variables and variables[n].start is not None}
-    return {n: convert(variables[n], v) for n, v in settable.items()}

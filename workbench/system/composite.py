@@ -19,6 +19,7 @@ from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, St
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wiring
+from workbench.session.stand import named_states
 from workbench.system.composite_access import CompositeAccess
 from workbench.system.propagation import Propagation
 from workbench.system.tangent import Tangent
@@ -86,6 +87,9 @@ class CompositeInstance(Instance):
 
     def ports(self, variable: Variable) -> tuple[tuple[int, Variable], ...]:
         return self._ports[variable.name]
+
+    def fed(self, variable: Variable) -> bool:
+        return any((c.to_component, c.destination) in self.ports(variable) for c in self._wiring.connections)
 
     def _instantiate(self, *, logging: bool) -> Any:
         return self._parts  # they are made by the model
@@ -182,6 +186,15 @@ class CompositeInstance(Instance):
     def _split(self, values: Floats) -> list[Floats]:
         ends = np.cumsum([p.nx for p in self._parts])
         return [values[end - p.nx : end] for p, end in zip(self._parts, ends, strict=True)]
+
+    def place_states(self, values: Mapping[str, float]) -> bool:
+        names = [v.name for v in named_states(self)]
+        if not any(name in values for name in names):
+            return False
+        self.get_states()
+        self.x[:] = [values.get(name, x) for name, x in zip(names, self.x.tolist(), strict=True)]
+        self.set_states()
+        return True
 
     def completed_step(self) -> tuple[bool, bool]:
         self.refresh()

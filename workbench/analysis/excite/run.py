@@ -109,13 +109,15 @@ def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
         len(task.inputs), dt=sampling.dt, samples=task.samples, validation=task.validation
     )
     step = communication_step(model, sampling.dt) if task.step is None else task.step
-    with _open(model, task.at, step) as session:
-        notes = [*_misses(session, task.at), *_bias_note(model, task), *model.remarks()]
+    with _open(model, task, step) as session:
+        notes = [*_bias_note(model, task), *model.remarks()]
         start = np.array(list(session.values(task.inputs).values()))
         bias = _bias(model, task)
         middle = start - bias if task.design.offset is None else each("offset", task.design.offset, len(task.inputs))
         time = sampling.begin(session.time + task.settle)
         notes += _settle(session, task, middle, time - sampling.lead)
+        if task.settle > 0.0 and task.design.offset is None:
+            notes += _misses(session, task.at)
         if task.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
             notes.append("the signal's middle is not the operating point's input: let it settle first")
         y0 = np.array(list(session.values(task.outputs).values()))
@@ -142,37 +144,29 @@ def _check(model: Model, task: ExciteTask) -> None:
         raise InputError(f"settle must be 0 s or more, not {task.settle:g} s")
 
 
-def _open(model: Model, at: OperatingPoint | None, step: float | None) -> Session:
+def _open(model: Model, task: ExciteTask, step: float | None) -> Session:
     """Return a session at the operating point."""
+    at = task.at
     if at is None:
         return model.open_session(step=step)
     values = point_values(at)
     check_names("operating point", at.u, [v.name for v in model.inputs])
     if isinstance(model, DescribedModel):
         check_names("operating point", values, [v.name for v in model.description.variables])
-    if model.interface != "cs":
-        return model.open_at(time=at.time, values=values, step=step)
-    # Its states cannot be set: it is led there by running under the point's inputs.
-    session = model.open_at(values=values, step=step)
-    try:
-        if at.time > session.time:
-            session.advance(at.time, signals={name: Constant(value) for name, value in at.u.items()})
-    except BaseException:
-        session.close()
-        raise
-    return session
+    # What is to settle is looked at when it has.
+    outputs = at.y if task.settle <= 0.0 else {}
+    return model.open_at(time=at.time, values=values, outputs=outputs, step=step)
 
 
 def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
-    """Return a remark where the session does not stand at the operating point."""
+    """Return a remark where the session has settled elsewhere than at the operating point."""
     if at is None or not at.y:
         return ()
     found = session.values(list(at.y))
     far = [n for n, y in at.y.items() if abs(found[n] - y) > _OFF * max(abs(y), abs(found[n]), _OFF)]
     if not far:
         return ()
-    where = f"{far[0]} is {found[far[0]]:.6g} at the start, but {at.y[far[0]]:.6g} at the operating point"
-    return (f"{where}: the model cannot be started there in full; let it settle first",)
+    return (f"{far[0]} is {found[far[0]]:.6g} after settling, but {at.y[far[0]]:.6g} at the operating point",)
 
 
 def _settle(session: Session, task: ExciteTask, middle: Floats, until: float) -> tuple[str, ...]:

@@ -66,7 +66,7 @@ def shoot(
     whole periods. It finds unstable orbits as well.
 
     Args:
-        model: continuous model exchange, states with start values.
+        model: continuous model exchange.
         states: predicted.
         sizes: how far each state moves in a period.
         frequency: predicted [Hz].
@@ -104,7 +104,6 @@ class _Shooting:
         self._size = np.maximum(size, 1e-9 * max(float(size.max(initial=0.0)), 1e-300))
 
     def run(self, x: Floats, period: float) -> Orbit | str:
-        self._check(x)
         flow, residual, origin = self._direction(x), np.inf, x
         jacobian: Floats | None = None
         for turn in range(1, _ROUNDS + 1):
@@ -184,11 +183,3 @@ class _Shooting:
             place = {v.name: i for i, v in enumerate(point.states)}
             dx = point.at(point.x0, point.u0).dx
         return np.asarray(np.array([dx[place[n]] for n in self._names]) / self._size, dtype=np.float64)
-
-    def _check(self, x: Floats) -> None:
-        """Raise an InputError if a state does not take the value that it is given."""
-        with self._model.open_at(time=self._time, values=self._values(x)) as session:
-            found = session.values(self._names)
-        for name, value, size in zip(self._names, x.tolist(), self._size.tolist(), strict=True):
-            if abs(found[name] - value) > 1e-6 * size:
-                raise InputError(f"{self._model.name}: state {name} cannot be started elsewhere")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["StepCheck", "step_check"]
 
 POINTS = 400
+_TOLERANCE = 1e-10  # of the run: what is compared is the model, not its integration
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,8 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
     time: Floats = dt * np.arange(count + 1.0)
     point, j, i = linear.point, linear.input_names.index(input), linear.output_names.index(output)
     moved = point.y[output] + height * step_response(linear, j, dt, count)[:, i]
-    with model.open_at(time=point.time, values={**point.x, **point.discrete, **point.u}) as session:
+    values = {**point.x, **point.discrete, **point.u}
+    with model.open_at(time=point.time, values=values, tolerance=_TOLERANCE) as session:
         start = session.time
         signals: dict[str, Signal] = {input: Constant(point.u[input] + height)}
         record = session.advance(start + time[-1], signals=signals, record=[output], points=start + time[1:])

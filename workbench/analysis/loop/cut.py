@@ -11,7 +11,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.described import DescribedModel
-from workbench.session.point import starts_of
+from workbench.session.target import starts_of
 from workbench.system.description import (
     Component,
     Connection,

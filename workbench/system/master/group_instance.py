@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.instance import EventInfo, Instance
+from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.system.composite import CompositeInstance
 from workbench.system.master.units import Group
 from workbench.system.order import plan
 
 __all__ = ["GroupInstance"]
-
-_NOTHING = EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=float("inf"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +41,7 @@ class GroupInstance(CompositeInstance):
     def __init__(self, parts: Sequence[Instance], group: Group) -> None:
         wiring = plan(group.connections, parts=len(parts))
         super().__init__(parts, wiring, group.description, group.ports, source=group.description.model_name)
-        self.settled = _NOTHING
+        self.settled = NO_EVENT
         self._first = True
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:

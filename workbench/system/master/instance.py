@@ -261,6 +261,10 @@ class MasterInstance(CompositeInstance):
         """Return how a unit takes its inputs over a step."""
         return self._units[number].takes
 
+    def place_states(self, values: Mapping[str, float]) -> bool:
+        placed = [group.instance.place_states(values) for group in self._groups.values()]
+        return any(placed)
+
     # -- steps ------------------------------------------------------------------------------
 
     def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
