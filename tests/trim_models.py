@@ -54,8 +54,9 @@ class Equations:
 class Plant(Model):
     """A model of `Equations`."""
 
-    def __init__(self, equations: Equations, *, interface: str = "me") -> None:
+    def __init__(self, equations: Equations, *, interface: str = "me", step: float = 1e-3) -> None:
         e = self.equations = equations
+        self.step = step
         self.name, self.interface, self.solver, self.notes = "Plant", interface, "none", ()
         self.inputs = tuple(self._variable(n, "input", e.u[n], "Integer" if n in e.whole else "Real") for n in e.u)
         self.outputs = tuple(self._variable(n, "output", None) for n in e.outputs)
@@ -103,7 +104,7 @@ class PlantSession(Session):
 
     def __init__(self, plant: Plant, values: Values, time: float, step: float | None) -> None:
         self.plant, self.now, self.time = plant, dict(values), time
-        self.step = step if step is not None and plant.interface == "cs" else 1e-3
+        self.step = step if step is not None and plant.interface == "cs" else plant.step
         self.count = 0
 
     def advance(

@@ -10,10 +10,11 @@ from workbench.analysis.trim_balance import Balance
 from workbench.analysis.trim_continuous import ContinuousBalance
 from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem, TrimSets, pose
-from workbench.analysis.trim_report import directions, in_words, residual_table
+from workbench.analysis.trim_report import degenerate, directions, in_words, residual_table
 from workbench.analysis.trim_result import TrimResult
 from workbench.analysis.trim_run import RunBalance
 from workbench.analysis.trim_search import exact_agrees, search
+from workbench.analysis.trim_sizes import sized
 from workbench.analysis.trim_solve import Solution
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
@@ -83,7 +84,8 @@ def trim(
         period: basic time period [s] of a sampled model; None: found from its time events.
         step: communication step [s]; None: the model's, else 1 ms, and finer where that does not do.
         longest: longest run [s] of the method "running"; None: 200 000 steps.
-        tolerance: of residuals over the change that one nominal value of each unknown makes in them.
+        tolerance: of residuals over the change that each unknown makes in them when it moves by its nominal value, or
+            by itself where that is more.
 
     Returns:
         The point, or where the search ended: `converged` tells which.
@@ -170,7 +172,7 @@ class _Trim:
 
     def _equations(self, point: Point) -> TrimResult:
         balance = ContinuousBalance(point)
-        problem = pose(balance, self.sets)
+        problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
         solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
         return self._result("equations", problem, solution, [note])
@@ -198,7 +200,7 @@ class _Trim:
         return self._fixed_point("period map", balance)
 
     def _fixed_point(self, method: str, balance: MapBalance) -> TrimResult:
-        problem = pose(balance, self.sets)
+        problem = sized(pose(balance, self.sets))
         loosest = max(self.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
         solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
@@ -210,6 +212,7 @@ class _Trim:
         """Return what moves in the periods after the first although the states came back; "": nothing does."""
         floating = set(self.sets.floating)
         nominal = {s.name: s.nominal for s in (*balance.states, *balance.outputs)}
+        nominal |= {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
         try:
             moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
         except SimulationError as error:
@@ -267,6 +270,8 @@ class _Trim:
                 self.model, problem, tolerance=max(self.tolerance, 1e-6), slowest=self.slowest, exact=False
             )
             end = balance.end(problem.at(solution.values)[1])
+            if not (isinstance(end, Settled) and end.settled):
+                solution = replace(solution, converged=False)
             why = f"step {step:g} s: {end}" if isinstance(end, str) else ""
             if isinstance(end, Settled):
                 why = f"watched up to {end.time:g} s, communication step {step:g} s"
@@ -281,9 +286,9 @@ class _Trim:
 
     def _result(self, method: str, problem: Problem, solution: Solution, notes: Sequence[str]) -> TrimResult:
         residuals = residual_table(problem, solution)
-        nulls = directions(problem, solution) if solution.converged else ()
+        nulls = directions(problem, solution)
         chosen = self._chosen(problem, solution)
-        message = in_words(residuals, nulls, converged=solution.converged, chosen=chosen, tolerance=self.tolerance)
+        message = in_words(problem, solution, residuals, nulls, chosen=chosen)
         balance: Balance = problem.balance
         return TrimResult(
             model=self.model.name,
@@ -298,7 +303,7 @@ class _Trim:
             unknowns=tuple(k.slot.name for k in problem.unknowns),
             iterations=solution.iterations,
             evaluations=balance.evaluations,
-            notes=tuple(n for n in (*self.notes, problem.degrees(), *notes) if n),
+            notes=tuple(n for n in (*self.notes, problem.degrees(), degenerate(problem, solution), *notes) if n),
         )
 
     def _chosen(self, problem: Problem, solution: Solution) -> str:

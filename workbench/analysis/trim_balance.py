@@ -24,6 +24,8 @@ class Slot:
         unit: its unit, None where the model names none.
         start: where a search begins, and what an input is held at.
         nominal: magnitude that counts as a change of it, above 0.
+        known: whether the model declares it or its start value tells it; else it is 1 until the model shows more.
+        declared: whether the model declares it.
         settable: whether it can be given a value.
         whole: whether it takes whole numbers only (Integer, Boolean), and so cannot be searched for.
     """
@@ -32,6 +34,8 @@ class Slot:
     unit: str | None = None
     start: float = 0.0
     nominal: float = 1.0
+    known: bool = True
+    declared: bool = True
     settable: bool = True
     whole: bool = False
 
@@ -66,6 +70,10 @@ class Balance(ABC):
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """Return rates, shape (n,), and outputs, shape (p,), at states (n,) and inputs (m,)."""
 
+    def rounding(self, states: Floats) -> Floats:
+        """Return the rounding errors of rates that are differences of states, shape (n,); 0 where they are none."""
+        return np.zeros(len(states))
+
     def jacobian(self, states: Floats, inputs: Floats) -> Floats | None:
         """Return ∂(rates, outputs)/∂(states, inputs), shape (n + p, n + m), where it is known exactly; else None."""
         return None
@@ -91,6 +99,8 @@ def slot_of(variable: Variable, start: float, *, nominal: float = 0.0) -> Slot:
         unit=variable.unit,
         start=start,
         nominal=abs(known or start) or 1.0,
+        known=bool(known or start),
+        declared=bool(known),
         whole=variable.type not in FLOAT_TYPES,
     )
 

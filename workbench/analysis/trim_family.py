@@ -6,21 +6,25 @@ import numpy as np
 
 from workbench.session.base import Floats
 
-__all__ = ["null_space", "readable", "staged_step"]
+__all__ = ["RANK", "null_space", "readable", "staged_step"]
 
 RANK = 1e-7  # singular values below this part of the largest count as zero
 
 
-def null_space(jacobian: Floats) -> Floats:
+def null_space(jacobian: Floats, *, size: float = 0.0) -> Floats:
     """Return an orthonormal basis of the null space of a matrix (e, k), shape (k, d).
 
     Rows and columns must be scaled alike; a singular value below 1e-7 of the largest counts as zero, so
     that derivatives by differences are precise enough.
+
+    Args:
+        jacobian: the matrix.
+        size: the largest singular value counts as at least so large.
     """
     if jacobian.size == 0:
         return np.eye(jacobian.shape[1])
     _, sigma, vt = np.linalg.svd(jacobian, full_matrices=True)
-    rank = int((sigma > RANK * sigma[0]).sum()) if sigma[0] > 0.0 else 0
+    rank = int((sigma > RANK * max(float(sigma[0]), size)).sum()) if sigma[0] > 0.0 else 0
     return np.asarray(vt[rank:].T, dtype=np.float64)
 
 

@@ -65,6 +65,9 @@ class MapBalance(Balance):
             return np.full(len(self.states), np.nan), np.full(len(self.outputs), np.nan)
         return after - states, y
 
+    def rounding(self, states: Floats) -> Floats:
+        return np.asarray(np.spacing(np.abs(states)))
+
     def run(self, states: Floats, inputs: Floats, *, periods: int) -> list[tuple[Floats, Floats]]:
         """Return states and outputs after each of so many periods.
 

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.analysis.trim_family import null_space, readable
 from workbench.analysis.trim_problem import Problem
 from workbench.analysis.trim_result import NullDirection, Residual
 from workbench.analysis.trim_solve import Solution
+from workbench.session.base import Floats
 
-__all__ = ["directions", "in_words", "residual_table"]
+__all__ = ["degenerate", "directions", "in_words", "residual_table"]
 
 _SHOWN = 4
+_ALSO_FAR = 0.1  # of the farthest way
 
 
 def residual_table(problem: Problem, solution: Solution) -> tuple[Residual, ...]:
@@ -28,48 +29,71 @@ def residual_table(problem: Problem, solution: Solution) -> tuple[Residual, ...]
 
 
 def directions(problem: Problem, solution: Solution) -> tuple[NullDirection, ...]:
-    """Return the directions that the required equations leave open at the solution, in units."""
-    if not problem.unknowns:
-        return ()
-    hard = solution.jacobian[: len(problem.equations)]
-    basis = readable(null_space(hard))
-    names = [k.slot.name for k in problem.unknowns]
-    nominal = np.array([k.slot.nominal for k in problem.unknowns])
-    columns = (basis * nominal[:, None]).T
-    return tuple(
-        NullDirection(components={n: float(c) for n, c in zip(names, col, strict=True) if c}) for col in columns
-    )
+    """Return the directions along which there are other solutions, in units."""
+    return tuple(_direction(problem, solution, column) for column in solution.open.T)
+
+
+def _direction(problem: Problem, solution: Solution, column: Floats) -> NullDirection:
+    pairs = zip(problem.unknowns, (column * solution.nominal).tolist(), strict=True)
+    return NullDirection(components={k.slot.name: c for k, c in pairs if c})
+
+
+def degenerate(problem: Problem, solution: Solution) -> str:
+    """Return a remark on directions in which the slopes vanish although there is no family; "": there is none."""
+    if not solution.flat.shape[1]:
+        return ""
+    ways = "; ".join(", ".join(_direction(problem, solution, c).components) for c in solution.flat.T[:_SHOWN])
+    return f"the equilibrium is degenerate: slopes vanish there too ({ways}), and its position is less certain"
 
 
 def in_words(
+    problem: Problem,
+    solution: Solution,
     residuals: Sequence[Residual],
     nulls: Sequence[NullDirection],
     *,
-    converged: bool,
     chosen: str,
-    tolerance: float,
 ) -> str:
     """Return what came out, in one line.
 
     Args:
-        residuals: at the end of the search.
+        problem: what was solved.
+        solution: where the search ended.
+        residuals: there.
         nulls: directions left open there.
-        converged: whether every equation holds.
         chosen: how the member of a family was chosen.
-        tolerance: of the scaled residuals.
     """
-    if converged and not nulls:
+    if solution.converged and not nulls:
         return "equilibrium found"
-    if converged:
+    if solution.converged:
         open_ = "; ".join(", ".join(d.components) for d in nulls[:_SHOWN])
         more = f"; {len(nulls) - _SHOWN} more" if len(nulls) > _SHOWN else ""
         ways = "1 direction is" if len(nulls) == 1 else f"{len(nulls)} directions are"
         return f"a family of equilibria: {ways} left open ({open_}{more}); this one {chosen}"
-    return f"no equilibrium found: {_what_is_left(residuals, tolerance)}"
+    bad = [r for r, b in zip(residuals, solution.bad, strict=False) if b]
+    if solution.ran_away:
+        return f"no equilibrium found; the search ran away: {_way(problem, solution)} while {_gone(bad)}"
+    if solution.faded:
+        names = ", ".join(r.name for r in bad[:_SHOWN])
+        return (
+            f"no equilibrium found, but there may be one: {names} cannot be told from rounding where the search ended"
+        )
+    return f"no equilibrium found: {_what_is_left(bad)}"
 
 
-def _what_is_left(residuals: Sequence[Residual], tolerance: float) -> str:
-    bad = [r for r in residuals if r.required and not abs(r.scaled) <= tolerance]
+def _way(problem: Problem, solution: Solution) -> str:
+    """Return where the unknowns went that moved farthest."""
+    start = np.array([k.start for k in problem.unknowns])
+    moved = np.abs(solution.values - start) / np.maximum(solution.nominal, np.abs(start))
+    first = [i for i in np.argsort(-moved).tolist() if moved[i] > _ALSO_FAR * moved.max()][:_SHOWN]
+    return ", ".join(f"{problem.unknowns[i].slot.name} → {solution.values[i]:.4g}" for i in first)
+
+
+def _gone(bad: Sequence[Residual]) -> str:
+    return ", ".join(f"{r.name} → {r.value:.4g}{_unit(r)}" for r in bad[:_SHOWN])
+
+
+def _what_is_left(bad: Sequence[Residual]) -> str:
     if not bad:
         return "nothing is left of the equations, but the model does not stay there"
     if any(r.value != r.value for r in bad):

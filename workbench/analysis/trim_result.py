@@ -26,8 +26,8 @@ class Residual:
         name: of the equation, e.g. "der(x)", "change of x" (over the basic period), "y = 2".
         value: [unit].
         unit: None where the model names none.
-        scaled: `value` over the change that one nominal value of each unknown makes in it, or over its nominal
-            value (per second) where no unknown changes it.
+        scaled: `value` over the change that each unknown makes in it when it moves by its nominal value, or by itself
+            where that is more; over its nominal value (per second) where no unknown changes it.
         required: False for a floating derivative, which need not vanish.
         idle: whether no unknown changes it at the point.
     """
@@ -71,7 +71,7 @@ class TrimResult(Reportable):
         point: states, inputs, outputs and derivatives there.
         residuals: one for each equation, required ones first.
         null_directions: what the equations leave open at the point: a family of equilibria.
-        converged: whether every required residual vanishes, to the tolerance.
+        converged: whether it is an equilibrium: every required equation vanishes against what it does around the point.
         message: what came out, one line.
         unknowns: names of what was searched for.
         iterations: of the search.

@@ -79,7 +79,7 @@ class RunBalance(Balance):
 
     def _run(self, inputs: Floats) -> Settled | str:
         self.evaluations += 1
-        nominal = np.array([s.nominal for s in self.states])
+        nominal = np.array([s.nominal if s.known else 0.0 for s in self.states])
         try:
             with self._model.open_at(time=self.time, values=by_name(self.inputs, inputs), step=self.step) as session:
                 return settle(

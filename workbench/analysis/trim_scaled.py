@@ -9,6 +9,8 @@ from workbench.session.base import Floats
 
 __all__ = ["Scaled"]
 
+HELD = 1e-3  # of what is held: by so much it is moved to see whether an equation reacts to it
+
 
 class Scaled:
     """Residuals and Jacobian by w = unknowns / nominal values; required equations come first.
@@ -20,6 +22,8 @@ class Scaled:
     Attributes:
         low, high: shape (k,), bounds of w.
         hard: number of required equations.
+        nominals: shape (e,), nominal value of each residual, per second for a derivative.
+        declared: shape (e,), whether the model or the user declares it.
     """
 
     def __init__(self, problem: Problem, *, exact: bool) -> None:
@@ -29,6 +33,8 @@ class Scaled:
         self.high = np.array([k.high for k in problem.unknowns]) / self.nominal
         self.hard = len(problem.equations)
         self._equations = (*problem.equations, *problem.floating)
+        self.nominals = np.array([e.nominal for e in self._equations])
+        self.declared = np.array([e.declared for e in self._equations], dtype=bool)
         self._rows = [e.row for e in self._equations]
         self._exact = exact
 
@@ -52,9 +58,35 @@ class Scaled:
 
         Where nothing changes it, its nominal value: per second for a derivative.
         """
-        nominal = np.array([e.nominal for e in self._equations])
         change = np.abs(jacobian).sum(axis=1)
-        return np.where(change > 1e-12 * nominal, change, nominal)
+        return np.where(change > 1e-12 * self.nominals, change, self.nominals)
+
+    def rounding(self, w: Floats) -> Floats:
+        """Return the rounding errors of the residuals, shape (e,), as far as their own arithmetic makes them."""
+        balance = self.problem.balance
+        rates = balance.rounding(self.problem.at(w * self.nominal)[0])
+        return np.concatenate([rates, np.zeros(len(balance.outputs))])[self._rows]
+
+    def inside(self, w: Floats) -> Floats:
+        """Return the point within the bounds that is nearest to `w`."""
+        return np.clip(w, self.low, self.high)
+
+    def held_change(self) -> Floats:
+        """Return ∂residuals/∂(what is held) by its size, shape (e, h): how far the equations react to anything."""
+        problem, balance = self.problem, self.problem.balance
+        unknown = {k.column for k in problem.unknowns}
+        slots = (*balance.states, *balance.inputs)
+        held = [i for i, s in enumerate(slots) if i not in unknown and s.settable and not s.whole]
+        n = len(balance.states)
+        here = np.concatenate(balance.evaluate(problem.base[:n], problem.base[n:]))
+        columns = []
+        for i in held:
+            moved = problem.base.copy()
+            size = abs(moved[i]) or slots[i].nominal
+            moved[i] += HELD * size
+            found = np.concatenate(balance.evaluate(moved[:n], moved[n:]))
+            columns.append(np.nan_to_num((found - here)[self._rows] / HELD))
+        return np.array(columns).reshape(-1, len(self._rows)).T
 
     def _given(self, w: Floats) -> Floats | None:
         full = self.problem.balance.jacobian(*self.problem.at(w * self.nominal))

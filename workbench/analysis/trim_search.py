@@ -10,6 +10,7 @@ from workbench.analysis.trim_balance import by_name
 from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem
 from workbench.analysis.trim_scaled import Scaled
+from workbench.analysis.trim_sizes import resized
 from workbench.analysis.trim_solve import Solution, solve
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
@@ -20,6 +21,7 @@ __all__ = ["exact_agrees", "search"]
 RUNS_S = (0.1, 1.0, 10.0, 100.0)  # [s] of continuous models
 RUNS_PERIODS = (8, 64, 512)
 AGREES = 1e-3
+SMALL = 1e-3  # of the size that was assumed
 
 
 def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, exact: bool) -> tuple[Solution, str]:
@@ -30,14 +32,30 @@ def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, e
     """
     start = problem.base[[k.column for k in problem.unknowns]]
     best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact)
-    if best.converged or not any(k.column < len(problem.balance.states) for k in problem.unknowns):
+    if best.converged:
+        return _closer(problem, best, tolerance=tolerance, slowest=slowest, exact=exact), ""
+    if not any(k.column < len(problem.balance.states) for k in problem.unknowns):
         return best, ""
     for moved, after in _elsewhere(model, problem):
         found = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact)
         if found.converged:
+            found = _closer(problem, found, tolerance=tolerance, slowest=slowest, exact=exact)
             return found, f"found from where the model stands after running for {after}, not from the start values"
         best = min(best, found, key=_left)
     return best, ""
+
+
+def _closer(problem: Problem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
+    """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
+    sizes = {
+        i: abs(x)
+        for i, (k, x) in enumerate(zip(problem.unknowns, found.values.tolist(), strict=True))
+        if not k.slot.declared and 0.0 < abs(x) < SMALL * k.slot.nominal
+    }
+    if not sizes or found.open.shape[1] or found.flat.shape[1]:
+        return found
+    again = solve(resized(problem, sizes), found.values, tolerance=tolerance, slowest=slowest, exact=exact)
+    return again if again.converged else found
 
 
 def _left(solution: Solution) -> float:

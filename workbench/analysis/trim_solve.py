@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from workbench.analysis.trim_family import null_space, staged_step
+from workbench.analysis.trim_family import staged_step
 from workbench.analysis.trim_problem import Problem
 from workbench.analysis.trim_scaled import Scaled
+from workbench.analysis.trim_verdict import Judge
 from workbench.session.base import Floats
 
 __all__ = ["Solution", "solve"]
@@ -21,6 +23,8 @@ SMALLEST_PART = 1.0 / 1024.0
 MAX_BACK = 4
 STILL = 1e-10  # a step that ends the refinement, in nominal values
 NEARLY_STILL = 1e-4
+SLOWLY = (0.2, 0.95)  # ratio of one Gauss-Newton step to the one before it, near an equilibrium without slope
+ALIKE = 0.1  # difference of such ratios
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,9 +34,15 @@ class Solution:
     Attributes:
         values: shape (k,), the unknowns.
         residuals: shape (e,), required equations first, then floating derivatives [their units].
-        scales: shape (e,), what each is measured by, see `Scaled.scales`.
+        scales: shape (e,), what each is measured by, see `Verdict.scales`.
         jacobian: shape (e, k), of residuals over scales by the unknowns in nominal values.
-        converged: whether every required residual over its scale is within the tolerance.
+        nominal: shape (k,), the nominal values of the unknowns that the search worked with.
+        converged: whether it is an equilibrium, see `Judge`.
+        bad: shape (h,), required equations that do not hold.
+        ran_away: whether residuals fell only because the unknowns went ever further away.
+        faded: whether an equation faded into rounding, so that a root and a run-away look alike.
+        open: shape (k, d), directions of a family of solutions, in nominal values.
+        flat: shape (k, f), directions in which slopes vanish, but that are no family.
         iterations: Jacobians.
         chosen: whether the wanted member of a family was found; True where there is no family.
     """
@@ -41,7 +51,13 @@ class Solution:
     residuals: Floats
     scales: Floats
     jacobian: Floats
+    nominal: Floats
     converged: bool
+    bad: NDArray[np.bool_]
+    ran_away: bool
+    faded: bool
+    open: Floats
+    flat: Floats
     iterations: int
     chosen: bool
 
@@ -50,8 +66,9 @@ def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, e
     """Return the solution of F(z) = 0 that belongs to `start`.
 
     Unknowns are scaled by their nominal values, equations by the change that one nominal value of each unknown
-    makes. Phase one takes Gauss-Newton steps of least norm from the start; where these get stuck it minimises
-    ‖F‖² within the bounds (trust region reflective) and takes them from there.
+    makes. Phase one takes Gauss-Newton steps of least norm from the start, extrapolated where they shrink by one
+    ratio (a root without slope); where these get stuck it minimises ‖F‖² within the bounds (trust region
+    reflective) and takes them from there. `Judge` decides whether its end is an equilibrium.
     Phase two, in a family of solutions, moves along it: to the least floating derivatives (`slowest`), then to the
     solution nearest to `start`, in nominal values.
 
@@ -61,7 +78,7 @@ def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, e
     Args:
         problem: what to solve.
         start: shape (k,), where the search begins.
-        tolerance: of every residual over its scale.
+        tolerance: of every residual over its change around the point.
         slowest: whether floating derivatives are made small.
         exact: whether the balance's own Jacobian is used where it has one.
 
@@ -76,6 +93,8 @@ class _Search:
         self.scaled, self.tolerance = scaled, tolerance
         self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
         self.hard = scaled.hard
+        begin = np.array([k.start for k in scaled.problem.unknowns], dtype=np.float64)
+        self.judge = Judge(scaled, scaled.inside(begin / scaled.nominal), tolerance)
         self.iterations = 0
         self.soft = scaled.scales(scaled.jacobian(self.home))[self.hard :]
 
@@ -87,6 +106,8 @@ class _Search:
             w, _ = self._walk(self._descend(), slowest=False, home=False)
         if not self._converged(w):
             return self._solution(w, chosen=False)
+        if not self.judge.directions(w, self._jacobian(w))[0].shape[1]:
+            return self._solution(w, chosen=True)
         chosen, w = self._choose(w, slowest=slowest)
         return self._solution(w, chosen=chosen)
 
@@ -131,16 +152,13 @@ class _Search:
 
     def _choose(self, w: Floats, *, slowest: bool) -> tuple[bool, Floats]:
         """Return whether the wanted member was found, and it, or else the solution at hand."""
-        jacobian = self._jacobian(w)
-        hard = (jacobian / self.scaled.scales(jacobian)[:, None])[: self.hard]
-        if not null_space(hard).shape[1]:
-            return True, w
-        for soft in (True, False) if slowest and len(jacobian) > self.hard else (False,):
+        floats = len(self.soft) > 0
+        for soft in (True, False) if slowest and floats else (False,):
             moved, ended = self._walk(w, slowest=soft, home=True)
             if self._converged(moved):
                 w = moved
                 if ended:
-                    return soft == slowest or len(jacobian) == self.hard, w
+                    return soft == slowest or not floats, w
         return False, w
 
     def _walk(self, w: Floats, *, slowest: bool, home: bool) -> tuple[Floats, bool]:
@@ -148,8 +166,11 @@ class _Search:
         size = math.inf
         if not math.isfinite(self._left(w)):
             return w, False
+        pace = _Pace()
         for _ in range(MAX_STEPS):
             step = self._step(w, slowest=slowest, home=home)
+            if not home:
+                step = pace.stretched(step)
             size = float(np.abs(step).max()) / max(1.0, float(np.abs(w).max()))
             if size <= STILL:
                 return np.clip(w + step, self.scaled.low, self.scaled.high), True
@@ -219,19 +240,45 @@ class _Search:
     # -- end ------------------------------------------------------------------------------
 
     def _converged(self, w: Floats) -> bool:
-        residuals = self.scaled.residuals(w)[: self.hard]
-        scales = self.scaled.scales(self.scaled.jacobian(w))[: self.hard]
-        return bool((np.abs(residuals) <= self.tolerance * scales).all())  # False for NaN
+        return self.judge(w).at_rest
 
     def _solution(self, w: Floats, *, chosen: bool) -> Solution:
-        jacobian = self.scaled.jacobian(w)
-        scales = self.scaled.scales(jacobian)
+        jacobian, verdict = self.scaled.jacobian(w), self.judge(w)
+        none = np.zeros((len(w), 0))
+        open_, flat = self.judge.directions(w, jacobian) if verdict.at_rest and w.size else (none, none)
         return Solution(
             values=w * self.scaled.nominal,
             residuals=self.scaled.residuals(w),
-            scales=scales,
-            jacobian=jacobian / scales[:, None],
-            converged=self._converged(w),
+            scales=verdict.scales,
+            jacobian=jacobian / verdict.scales[:, None],
+            nominal=self.scaled.nominal,
+            converged=verdict.at_rest,
+            bad=verdict.bad,
+            ran_away=verdict.ran_away,
+            faded=verdict.faded,
+            open=open_,
+            flat=flat,
             iterations=self.iterations,
             chosen=chosen,
         )
+
+
+class _Pace:
+    """Steps of Newton's method that shrink by one ratio r, as they do towards a p-fold root (r = 1 − 1/p)."""
+
+    def __init__(self) -> None:
+        self._before: Floats | None = None
+        self._ratio = math.nan
+
+    def stretched(self, step: Floats) -> Floats:
+        """Return the step, or the sum s/(1 − r) of all that would follow when r was the same twice."""
+        before, self._before = self._before, step
+        last, self._ratio = self._ratio, math.nan
+        if before is None or not (square := float(before @ before)) or not math.isfinite(square):
+            return step
+        self._ratio = float(step @ before) / square
+        steady = SLOWLY[0] < self._ratio < SLOWLY[1] and abs(self._ratio - last) < ALIKE * (1.0 - self._ratio)
+        if not steady:
+            return step
+        found, self._before, self._ratio = step / (1.0 - self._ratio), None, math.nan
+        return found

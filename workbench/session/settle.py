@@ -20,6 +20,7 @@ LEAST_STEPS = 4096  # communication steps that are watched at least: a slow samp
 MAX_STEPS = 200_000  # communication steps of one run
 SAMPLES = 64  # looked at per stretch
 RUNAWAY = 1e30  # nominal values
+UNKNOWN = 1e-9  # smallest size of a variable that declares none; below it, rounding
 DECAY = 0.2  # from one stretch to the next, twice as long, of what settles
 
 
@@ -62,7 +63,7 @@ def settle(
     Args:
         session: stands anywhere; it is advanced with its inputs as they are.
         names: variables to watch.
-        nominal: shape (n,), their nominal values.
+        nominal: shape (n,), their nominal values; 0: the largest value that is seen.
         first: length of the first stretch [s].
         longest: of the whole run [s].
         tolerance: see above.
@@ -72,6 +73,7 @@ def settle(
         SimulationError: the model fails on the way.
     """
     begin, stretch = session.time, first
+    seen = np.zeros(len(names))
     before = np.full(len(names), math.inf)
     while True:
         start = session.time
@@ -79,8 +81,9 @@ def settle(
         record = session.advance(float(points[-1]), signals={}, record=names, points=points)
         table = np.array([record.values[n] for n in names]).reshape(len(names), -1)
         values, ranges = table[:, -1], np.ptp(table, axis=1)
-        scale = np.maximum(np.abs(values), nominal)
-        if not (np.abs(table) < RUNAWAY * nominal[:, None]).all():
+        seen = np.maximum(seen, np.abs(table).max(axis=1))
+        scale = np.maximum(np.abs(values), np.where(nominal > 0.0, nominal, np.maximum(seen, UNKNOWN)))
+        if not (seen < RUNAWAY * np.where(nominal > 0.0, nominal, 1.0)).all():
             raise SimulationError("the model runs away", time=session.time)
         still = (ranges <= tolerance * scale) & ((ranges <= DECAY * before) | (ranges <= 1e-3 * tolerance * scale))
         if still.all() and np.isfinite(before).all() and session.time - begin >= least:

@@ -1,0 +1,87 @@
+"""What a trim says: an equilibrium, a family, none, or that it cannot be told."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tests.trim_cases import Case, cases, judged
+from tests.trim_models import Equations, Function, Plant
+from workbench.analysis.trim import trim
+from workbench.analysis.trim_result import TrimResult
+
+
+def scalar(f: Function, start: float, *, interface: str = "me") -> TrimResult:
+    return trim(Plant(Equations(x={"x": start}, f=f), interface=interface, step=0.02))
+
+
+@pytest.mark.parametrize("case", cases(45, 1), ids=lambda c: c.name)
+def test_random_trims_with_a_known_answer(case: Case) -> None:
+    assert not judged(case)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda v: [math.exp(-v["x"])],
+        lambda v: [1.0 / (1.0 + v["x"] ** 2)],
+        lambda v: [1.0 - math.tanh(v["x"])],
+    ],
+    ids=["e^-x", "1/(1+x²)", "1 − tanh x"],
+)
+def test_a_run_away_is_not_an_equilibrium(f: Function, interface: str) -> None:
+    result = scalar(f, 0.5, interface=interface)
+    assert not result.converged
+    assert result.message.startswith("no equilibrium found; the search ran away: x → ")
+
+
+@pytest.mark.parametrize("start", [1.0, 1e-2, 1e-6])
+def test_a_cubic_rests_at_its_flat_root(start: float) -> None:
+    result = scalar(lambda v: [-(v["x"] ** 3)], start)
+    assert result.converged
+    assert abs(result.point.x["x"]) < 1e-6 * start
+    assert not result.null_directions
+
+
+def test_a_flat_root_is_called_degenerate() -> None:
+    result = trim(Plant(Equations(x={"x": 1.0, "v": 0.5}, f=lambda v: [v["v"], -(v["x"] ** 3) - v["v"]])))
+    assert result.converged
+    assert abs(result.point.x["x"]) < 1e-3
+    assert any("degenerate" in note for note in result.notes)
+    assert not result.null_directions
+
+
+def test_a_parabola_that_just_misses_zero_has_no_root() -> None:
+    assert not scalar(lambda v: [v["x"] ** 2 + 1e-9], 1.0).converged
+    assert scalar(lambda v: [v["x"] ** 2 - 1e-9], 1.0).converged
+
+
+def test_a_drift_is_found_under_stiff_terms() -> None:
+    """x' = k (y − x), y' = k (x − y) + 1: the sum grows by 1 a second, however large k is."""
+    plant = Plant(Equations(x={"x": 0.0, "y": 1.0}, f=lambda v: [1e9 * (v["y"] - v["x"]), 1e9 * (v["x"] - v["y"]) + 1]))
+    assert not trim(plant).converged
+
+
+def test_sizes_come_from_the_model_where_nothing_declares_them() -> None:
+    """q' = 1e-9 − 1e-9 sinh(q / 1e-9) overflows at a nominal value of 1; at rest sinh(q / 1e-9) = 1."""
+    result = scalar(lambda v: [1e-9 - 1e-9 * math.sinh(v["x"] / 1e-9)], 0.0)
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(1e-9 * math.asinh(1.0), rel=1e-9)
+
+
+def test_running_waits_for_small_states_that_declare_no_size() -> None:
+    plant = Plant(
+        Equations(x={"q": 0.0}, u={"u": 3e-9}, f=lambda v: [0.5 * (v["u"] - v["q"])], settable=False), interface="cs"
+    )
+    result = trim(plant, step=0.05)
+    assert result.method == "running"
+    assert result.converged
+    assert result.point.x["q"] == pytest.approx(3e-9, rel=1e-4)
+
+
+@pytest.mark.parametrize("f", [lambda v: [math.exp(-v["x"])], lambda v: [1e-9]], ids=["e^-x", "drift"])
+def test_running_does_not_take_a_run_away_for_rest(f: Function) -> None:
+    plant = Plant(Equations(x={"x": 0.0}, f=f, settable=False), interface="cs")
+    assert not trim(plant, step=0.05, longest=500.0).converged

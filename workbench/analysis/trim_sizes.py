@@ -1,0 +1,118 @@
+"""Sizes of unknowns that no nominal value and no start value tells: read off the model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.analysis.trim_problem import Problem
+from workbench.session.base import Floats
+
+__all__ = ["resized", "sized"]
+
+_DECADES = 16
+_AGREES = 0.3  # of two slopes over widths ten times apart
+_ROUNDING = 1e-14
+_FAR = 1e3  # a step is taken as size where it differs from 1 by more than this factor
+_NARROW = 0.03  # a width is taken as size below this
+_ROUNDS = 20
+
+
+def sized(problem: Problem) -> Problem:
+    """Return the problem with a nominal value from the model for each unknown that nobody tells one of.
+
+    It is the largest width, from 1 downwards, over which the equations are straight: their slope over it is that over
+    a tenth of it. Where they are straight up to about 1, it is the first Gauss-Newton step if that is off from 1 by a
+    factor of 1000: states of 1e-9 mol or 1e7 Pa that start at 0.
+
+    Args:
+        problem: its unknowns at their start.
+    """
+    silent = [i for i, k in enumerate(problem.unknowns) if not k.slot.known]
+    here = _values(problem, np.zeros(len(problem.unknowns)))
+    if not silent or not np.isfinite(here).all():
+        return problem
+    widths = np.array([1.0 if i not in silent else _straight(problem, here, i) for i in range(len(problem.unknowns))])
+    steps = _first_step(problem, here, silent, widths)
+    sizes = {i: float(widths[i]) for i in silent if widths[i] < _NARROW}
+    far = {i: s for i, s in steps.items() if s > _FAR or 0.0 < s * _FAR < 1.0}
+    return resized(problem, {**far, **sizes})
+
+
+def resized(problem: Problem, sizes: dict[int, float]) -> Problem:
+    """Return the problem with other nominal values of unknowns, and of the rates of these.
+
+    Args:
+        problem: as it is.
+        sizes: position of an unknown → its nominal value.
+    """
+    if not sizes:
+        return problem
+    unknowns = tuple(
+        replace(k, slot=replace(k.slot, nominal=float(sizes[i]))) if i in sizes else k
+        for i, k in enumerate(problem.unknowns)
+    )
+    by_row = {problem.unknowns[i].column: float(s) for i, s in sizes.items()}
+    states = len(problem.balance.states)
+    rates = [
+        tuple(replace(e, nominal=by_row[e.row]) if e.row < states and e.row in by_row else e for e in group)
+        for group in (problem.equations, problem.floating)
+    ]
+    return replace(problem, unknowns=unknowns, equations=rates[0], floating=rates[1])
+
+
+def _values(problem: Problem, moved: Floats) -> Floats:
+    start = np.array([k.start for k in problem.unknowns])
+    found = problem.evaluate(start + moved)
+    return np.array([e.residual(found[e.row]) for e in problem.equations])
+
+
+def _slope(problem: Problem, here: Floats, i: int, width: float) -> Floats:
+    """Return the slope of the equations over a width, to the side that the bounds allow."""
+    moved = np.zeros(len(problem.unknowns))
+    k = problem.unknowns[i]
+    moved[i] = width if k.start + width <= k.high else -width
+    return np.asarray((_values(problem, moved) - here) / moved[i], dtype=np.float64)
+
+
+def _straight(problem: Problem, here: Floats, i: int) -> float:
+    """Return the largest width up to 1 over which the equations are straight; 1 where there is none."""
+    width, wide = 1.0, _slope(problem, here, i, 1.0)
+    for _ in range(_DECADES):
+        narrow = _slope(problem, here, i, 0.1 * width)
+        noise = _ROUNDING * np.abs(here) / (0.1 * width)
+        with np.errstate(invalid="ignore"):
+            same = np.abs(wide - narrow) <= _AGREES * np.maximum(np.abs(wide), np.abs(narrow)) + noise
+        if same.all():
+            return width
+        width, wide = 0.1 * width, narrow
+    return 1.0
+
+
+def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Floats) -> dict[int, float]:
+    """Return the size of the first Gauss-Newton step of the unknowns without a size."""
+    straight = [i for i in silent if widths[i] >= _NARROW]
+    if not straight or not here.any():
+        return {}
+    nominal = np.array([k.slot.nominal for k in problem.unknowns]) * widths
+    near = 1e-3 * nominal
+    slopes = [_slope(problem, here, i, near[i]) * nominal[i] for i in range(len(problem.unknowns))]
+    jacobian = np.nan_to_num(np.column_stack(slopes))
+    rows, columns = _even(jacobian)
+    even = rows[:, None] * jacobian * columns
+    step = columns * np.linalg.lstsq(even, -here * rows, rcond=1e-7)[0] * nominal
+    return {i: float(abs(step[i])) for i in straight}
+
+
+def _even(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return factors of rows and of columns that make the largest entry of each about 1."""
+    rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    for _ in range(_ROUNDS):
+        rows = rows * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=1))
+        columns = columns * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=0))
+    return rows, columns
+
+
+def _towards_one(largest: Floats) -> Floats:
+    return np.asarray(1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0)))
