@@ -84,8 +84,10 @@ class Plant(Model):
         *,
         time: float | None = None,
         values: Mapping[str, float] | None = None,
+        outputs: Mapping[str, float] | None = None,
         step: float | None = None,
         tolerance: float | None = None,
+        approach: bool = True,
     ) -> Session:
         self.runs.append(step)
         return PlantSession(self, self.starts(values), time or 0.0, step)
