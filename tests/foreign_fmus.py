@@ -8,7 +8,60 @@ from tests.stub_fmus import stub_library
 from workbench.build.pack import pack
 from workbench.toolchain import host_only
 
-__all__ = ["build_shy"]
+__all__ = ["build_foreign", "build_shy"]
+
+
+def _foreign_description(name: str, *, experiment: str, outputs: bool, unit: str, y: str) -> str:
+    kind = "output" if outputs else "local"
+    listed = '<Outputs><Unknown index="4" /><Unknown index="5" /></Outputs>' if outputs else ""
+    flags = 'modelIdentifier="foreign"'
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Foreign" guid="{{foreign-{name}}}" numberOfEventIndicators="0">
+  <ModelExchange {flags} />
+  <CoSimulation {flags} canHandleVariableCommunicationStepSize="true" />
+  <UnitDefinitions><Unit name="{unit}" /></UnitDefinitions>
+  {experiment}
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="1" unit="{unit}" /></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="0" /></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="2" causality="local"><Real derivative="2" /></ScalarVariable>
+    <ScalarVariable name="{y}" valueReference="3" causality="{kind}"><Real unit="{unit}" /></ScalarVariable>
+    <ScalarVariable name="clock" valueReference="4" causality="{kind}"><Real /></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    {listed}
+    <Derivatives><Unknown index="3" /></Derivatives>
+    <InitialUnknowns><Unknown index="3" /></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+
+
+def build_foreign(
+    folder: Path,
+    name: str = "plain",
+    *,
+    experiment: str = "",
+    outputs: bool = True,
+    unit: str = "[m3]",
+    y: str = "y[1,2]",
+) -> Path:
+    """Write ``folder/NAME.fmu`` of FMI 2.0: dx/dt = u − x from 0 under u = 1, y = x, clock = time.
+
+    Args:
+        folder: where.
+        name: of a behaviour: "plain", "strict", "event" or "step" (see tests/c/foreign/foreign.c).
+        experiment: its DefaultExperiment element.
+        outputs: whether y and clock are declared as outputs.
+        unit: of u and y.
+        y: name of y.
+    """
+    (host,) = host_only()
+    file = folder / f"{name}.fmu"
+    xml = _foreign_description(name, experiment=experiment, outputs=outputs, unit=unit, y=y)
+    binary = f"binaries/{host.name_2}/foreign{host.suffix}"
+    pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("foreign")})
+    return file
 
 
 def _shy_description(name: str) -> str:

@@ -66,11 +66,6 @@ class EndedError(SimulationError):
         time: session time at which it ended [s].
     """
 
-    time: float
-
-    def __init__(self, who: str = "the FMU", *, time: float, log: str = "") -> None:
-        super().__init__(f"{who} ended its run{log}", time=time)
-
 
 def one_line(text: str) -> str:
     """Return `text` with every run of white space, line breaks included, as one blank."""

@@ -1,6 +1,7 @@
 /* fmi2_stub.h: what FMUs of FMI 2.0 for tests have in common, so that each file holds its own behaviour alone.
  *
- * Included by libraries of one source file each: it defines functions.
+ * Included by libraries of one source file each: it defines functions. FMI2_STUB_OWN_MODES: the file keeps track of the
+ * modes of Model Exchange itself.
  */
 
 #ifndef FMI2_STUB_H
@@ -51,8 +52,10 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
         return fmi2OK;                                                                                                 \
     }
 NOTHING_TO_DO(fmi2EnterInitializationMode)
+#ifndef FMI2_STUB_OWN_MODES
 NOTHING_TO_DO(fmi2EnterEventMode)
 NOTHING_TO_DO(fmi2EnterContinuousTimeMode)
+#endif
 NOTHING_TO_DO(fmi2Terminate)
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)

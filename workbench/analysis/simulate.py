@@ -15,6 +15,7 @@ from workbench.analysis.divergence_run import explained
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, SimulationError, article, suggest
 from workbench.model.base import Model
+from workbench.model.described import DescribedModel
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["SimulationResult", "simulate"]
 
 DEFAULT_POINTS = 500
+MOST_USUAL_POINTS = 5000
 MAX_POINTS = 10_000_000
 WORRYING_CHANGE = 0.01
 
@@ -83,10 +85,10 @@ class SimulationResult(Reportable):
 def simulate(
     model: Model,
     *,
-    stop: float,
+    stop: float | None = None,
     inputs: Mapping[str, Signal] | None = None,
     outputs: Sequence[str] | None = None,
-    start_time: float = 0.0,
+    start_time: float | None = None,
     interval: float | None = None,
     points: Sequence[float] | Floats | None = None,
     verify_step: bool = True,
@@ -95,12 +97,12 @@ def simulate(
 
     Args:
         model: what to run; it stays open.
-        stop: final time [s], after `start_time`.
+        stop: final time [s], after `start_time`; None: that of the model's default experiment.
         inputs: forced inputs; the others keep their start value.
         outputs: names of variables to record; None: all outputs (all states if there are none).
-        start_time: [s].
-        interval: distance of the recorded points [s]; None: 1/500 of the run. Events are
-            recorded besides.
+        start_time: [s]; None: that of the model.
+        interval: distance of the recorded points [s]; None: the step of the default experiment, doubled until there
+            are at most 5000, else 1/500 of the run. Events are recorded besides.
         points: recorded points themselves, rising, in (start_time, stop] [s]; instead of `interval`.
         verify_step: co-simulation only: run again with half the communication step and note where
             the answer changes by more than 1 %.
@@ -115,20 +117,41 @@ def simulate(
     inputs = dict(inputs or {})
     _check_inputs(model, inputs)
     names = _names(model, outputs)
-    at = _points(start_time, stop, interval, points, grid=model.grid)
-    run = _Run(model, start_time, stop, inputs, names, at)
+    start = model.start_time if start_time is None else start_time
+    stop, told = _stop(model, stop)
+    at = _points(start, stop, interval or _usual_interval(model, stop - start), points, grid=model.grid)
+    run = _Run(model, start, stop, inputs, names, at)
     try:
         record, step = run.once(None)
     except SimulationError as error:
-        why = explained(model, error, start=start_time, signals=inputs, names=names)
+        why = explained(model, error, start=start, signals=inputs, names=names)
         if why is error:
             raise
         raise why from error
-    notes = () if step is None or not verify_step else run.doubts(record, step)
+    notes = told if step is None or not verify_step else (*told, *run.doubts(record, step))
     units = _units(model, [*names, *inputs])
     columns = {**record.values, **record.inputs}
     notes += (*_growth(record, units), *model.remarks())
     return SimulationResult(model.name, model.interface, model.solver, record.time, columns, units, notes)
+
+
+def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return when the run ends [s], and a note if the model decides it."""
+    if stop is not None:
+        return stop, ()
+    if model.stop_time is None:
+        raise InputError(f"{model.name} names no stop time of its own; say how long to simulate (stop, --stop)")
+    return model.stop_time, (f"stop: {model.stop_time:g} s, the default experiment's; --stop sets it",)
+
+
+def _usual_interval(model: Model, span: float) -> float | None:
+    """Return the output interval of the default experiment [s], coarser where it gives too many points; None: none."""
+    step = model.description.experiment.step if isinstance(model, DescribedModel) else None
+    if model.interface == "cs" or step is None or not step < span:
+        return None
+    while span / step > MOST_USUAL_POINTS:
+        step *= 2.0
+    return step
 
 
 def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ __all__ = ["SimulateJob", "simulate_in_worker"]
 class SimulateJob(Job):
     """One time history; the fields are those of `simulate`."""
 
-    stop: float
+    stop: float | None
     inputs: Mapping[str, Signal]
     outputs: tuple[str, ...] | None = None
     interval: float | None = None

@@ -43,7 +43,7 @@ def trim(
     floating: Sequence[str] = (),
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
-    time: float = 0.0,
+    time: float | None = None,
     family: str = "slowest",
     period: float | None = None,
     step: float | None = None,
@@ -79,7 +79,7 @@ def trim(
         floating: states whose derivative need not vanish.
         x0: state → where the search begins.
         u0: input → the value it is held at, or where the search begins if it is free or bound.
-        time: session time of the point [s].
+        time: session time of the point [s]; None: where the model starts.
         family: "slowest" or "nearest", see above.
         period: basic time period [s] of a sampled model; None: found from its time events.
         step: communication step [s]; None: the model's, else 1 ms, and finer where that does not do.
@@ -107,7 +107,8 @@ def trim(
         floating=tuple(floating),
         guess={**(x0 or {}), **(u0 or {})},
     )
-    trimming = _Trim(model, sets, float(time), family == "slowest", period, step, longest, tolerance)
+    begin = model.start_time if time is None else float(time)
+    trimming = _Trim(model, sets, begin, family == "slowest", period, step, longest, tolerance)
     return trimming.run()
 
 

@@ -68,9 +68,10 @@ def watch(model: Model, task: PointTask) -> ZeroInput:
     zero = Sine(amplitude=0.0, frequency=task.frequency)
     seen: list[ZeroInput] = []
     with model.open_session(signals={task.input: zero}, step=task.step) as session:
+        begin = session.time
         try:
             for k in range(_PERIODS):
-                points = (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
+                points = begin + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
                 end = float(points[-1])
                 record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
                 seen.append(_movement(record, task.output))

@@ -18,6 +18,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Timeout,
     Tolerance,
     numbers,
@@ -69,6 +70,7 @@ def compare(
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     in_process: InProcess = False,
     timeout: Timeout = None,
@@ -97,7 +99,14 @@ def compare(
         opened: dict[str, DescribedModel] = {
             name: stack.enter_context(
                 open_model(
-                    system, interface=interface, solver=solver, step=None, tolerance=tolerance, set_=set_, bias=None
+                    system,
+                    interface=interface,
+                    solver=solver,
+                    step=None,
+                    tolerance=tolerance,
+                    start=start,
+                    set_=set_,
+                    bias=None,
                 )
             )
             for name, system in zip(names, systems, strict=True)

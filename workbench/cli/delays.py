@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workbench.cli.options import Interface, Json, ModelName, Report, Set, Solver, Tolerance, open_model, pairs
+from workbench.cli.options import Interface, Json, ModelName, Report, Set, Solver, Start, Tolerance, open_model, pairs
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def delays(
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     json_path: Json = None,
     report: Report = None,
@@ -49,7 +50,9 @@ def delays(
 
     out = Output("delays", json_path=json_path, report=report)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
-    loaded = open_model(model, interface=interface, solver=solver, step=None, tolerance=tolerance, set_=set_, bias=None)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=None, tolerance=tolerance, start=start, set_=set_, bias=None
+    )
     with loaded:
         if not isinstance(loaded, MasterModel):
             if loaded.interface == "me":

@@ -20,6 +20,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Timeout,
     Tolerance,
     open_model,
@@ -86,6 +87,7 @@ def excite(
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     in_process: InProcess = False,
@@ -118,6 +120,7 @@ def excite(
         solver=solver,
         step=None,
         tolerance=_TOLERANCE if tolerance is None else tolerance,
+        start=start,
         set_=set_,
         bias=bias,
     )

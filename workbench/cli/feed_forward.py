@@ -18,6 +18,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Tolerance,
     numbers,
@@ -105,6 +106,7 @@ def feed_forward(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     json_path: Json = None,
@@ -136,7 +138,9 @@ def feed_forward(
     if signals is None and (crude or figure == "simulated"):
         raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
     fed_back, sizes, limits = _feedback(feedback), _orders(orders), _band(band)
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded:
         result = analyse(
             loaded,

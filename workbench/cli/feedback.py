@@ -19,6 +19,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Tolerance,
     numbers,
@@ -102,7 +103,7 @@ def feedback(
     at: Annotated[
         Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
     ] = None,
-    time: Annotated[float, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = 0.0,
+    time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = None,
     method: Annotated[
         Literal["auto", "exact", "difference", "kalman-bertram", "response"],
         typer.Option("--method", help="How to linearise; auto chooses."),
@@ -111,6 +112,7 @@ def feedback(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     json_path: Json = None,
@@ -146,7 +148,9 @@ def feedback(
     levels = numbers("--thresholds", thresholds) if thresholds is not None else THRESHOLDS
     signals = {name: parse_signal(text) for name, text in pairs("--pulse", pulse).items()} if pulse else None
     point = OperatingPoint.read(at) if at is not None else None
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded, Bar(1) as bar:
 
         def progress(done: int, total: int) -> None:

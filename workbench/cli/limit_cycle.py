@@ -19,6 +19,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Timeout,
     Tolerance,
@@ -80,11 +81,12 @@ def limit_cycle(
     at: Annotated[
         Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
     ] = None,
-    time: Annotated[float, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = 0.0,
+    time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     in_process: InProcess = False,
@@ -115,7 +117,9 @@ def limit_cycle(
     ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
     point = OperatingPoint.read(at) if at is not None else None
     where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded:
         result = analyse(
             loaded,

@@ -18,6 +18,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Tolerance,
     numbers,
@@ -101,6 +102,7 @@ def lin(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     json_path: Json = None,
@@ -135,7 +137,9 @@ def lin(
         "periods": numbers("--periods", periods) if periods is not None else None,
         "btptol": btptol,
     }
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded:
         if over:
             return _over(loaded, over, {**where, **chosen}, out, jobs=jobs, store=store)

@@ -21,6 +21,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Timeout,
     Tolerance,
     numbers,
@@ -81,6 +82,7 @@ def loop(
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     jobs: Jobs = None,
@@ -116,6 +118,7 @@ def loop(
         solver=solver,
         step=None,
         tolerance=_TOLERANCE if tolerance is None else tolerance,
+        start=start,
         set_=set_,
         bias=bias,
     )

@@ -18,6 +18,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Tolerance,
     numbers,
@@ -68,6 +69,7 @@ def modes(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     json_path: Json = None,
@@ -92,7 +94,9 @@ def modes(
     name, where = _range(vary, points)
     others = [_settings(text) for text in against or ()]
     point = OperatingPoint.read(at) if at is not None else None
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded, Bar(1.0) as bar:
         result = analyse(
             loaded,

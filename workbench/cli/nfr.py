@@ -21,6 +21,7 @@ from workbench.cli.options import (
     Scheduler,
     Set,
     Solver,
+    Start,
     Step,
     Timeout,
     Tolerance,
@@ -67,6 +68,7 @@ def nfr(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     verify: Annotated[
@@ -111,6 +113,7 @@ def nfr(
         solver=solver,
         step=step,
         tolerance=_TOLERANCE if tolerance is None else tolerance,
+        start=start,
         set_=set_,
         bias=bias,
     )

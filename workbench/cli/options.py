@@ -28,6 +28,7 @@ __all__ = [
     "Scheduler",
     "Set",
     "Solver",
+    "Start",
     "Step",
     "Timeout",
     "Tolerance",
@@ -55,6 +56,10 @@ Step = Annotated[
     typer.Option("--step", metavar="S", help="Communication step of co-simulation, output interval else [s]."),
 ]
 Tolerance = Annotated[float | None, typer.Option("--tolerance", help="Relative tolerance of the integration.")]
+Start = Annotated[
+    float | None,
+    typer.Option("--start", metavar="T", help="Time at which runs begin [s]; else the FMU's default experiment, or 0."),
+]
 Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter or start value; repeatable.")
 ]
@@ -121,6 +126,7 @@ def open_model(
     solver: str,
     step: float | None,
     tolerance: float | None,
+    start: float | None,
     set_: Sequence[str] | None,
     bias: Sequence[str] | None,
 ) -> DescribedModel:
@@ -139,6 +145,7 @@ def open_model(
         solver,
         step=step,
         tolerance=tolerance,
+        start=start,
         start_values={n: start_value(v) for n, v in pairs("--set", set_).items()},
         bias={n: _number("--bias", n, v) for n, v in pairs("--bias", bias).items()},
     )

@@ -20,6 +20,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Timeout,
     Tolerance,
@@ -43,7 +44,9 @@ _BEFORE = (1e-6, 1e-3, 0.1)
 
 def simulate(
     model: ModelName,
-    stop: Annotated[float, typer.Option("--stop", metavar="T", help="How long [s].")],
+    stop: Annotated[
+        float | None, typer.Option("--stop", metavar="T", help="End of the run [s]; else the FMU's default experiment.")
+    ] = None,
     input: Annotated[
         list[str] | None,
         typer.Option(
@@ -59,6 +62,7 @@ def simulate(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     in_process: InProcess = False,
@@ -81,7 +85,9 @@ def simulate(
     out = Output("simulate", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     job = SimulateJob(
         stop=stop,
         inputs=inputs,

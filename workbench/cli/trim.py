@@ -17,6 +17,7 @@ from workbench.cli.options import (
     Report,
     Set,
     Solver,
+    Start,
     Step,
     Tolerance,
     numbers,
@@ -56,7 +57,7 @@ def trim(
     u0: Annotated[
         _Names, typer.Option("--u0", metavar="NAME=VALUE", help="Input held there, or begun there if free; repeatable.")
     ] = None,
-    time: Annotated[float, typer.Option("--time", metavar="T", help="Session time of the point [s].")] = 0.0,
+    time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the point [s].")] = None,
     family: Annotated[
         Literal["slowest", "nearest"],
         typer.Option("--family", help="Of many: least floating derivatives, or nearest to the start alone."),
@@ -71,6 +72,7 @@ def trim(
     solver: Solver = "auto",
     step: Step = None,
     tolerance: Tolerance = None,
+    start: Start = None,
     set_: Set = None,
     bias: Bias = None,
     json_path: Json = None,
@@ -94,7 +96,9 @@ def trim(
         for option, texts in (("--fix", fix), ("--x0", x0), ("--u0", u0))
     )
     bounds = {n: _limits(n, v) for n, v in pairs("--bound", bound).items()}
-    loaded = open_model(model, interface=interface, solver=solver, step=step, tolerance=tolerance, set_=set_, bias=bias)
+    loaded = open_model(
+        model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
+    )
     with loaded:
         result = run(
             loaded,

@@ -37,6 +37,8 @@ class Model(ABC):
         inputs, outputs, parameters, states: the variables, in the model's order.
         notes: remarks for the user.
         grid: constant communication step that co-simulation insists on [s]; None: steps may differ.
+        start_time: where sessions begin unless told otherwise [s].
+        stop_time: end of the default experiment [s]; None: it names none.
         recipe: how to make the model again in another process; None: it lives in this one only.
         at: where its sessions start; None: where the model starts by itself.
     """
@@ -50,6 +52,8 @@ class Model(ABC):
     states: tuple[Variable, ...]
     notes: tuple[str, ...]
     grid: float | None = None
+    start_time: float = 0.0
+    stop_time: float | None = None
     recipe: Recipe | None = None
     at: OperatingPoint | None = None
 
@@ -71,6 +75,7 @@ class Model(ABC):
             raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")
         twin = copy.copy(self)
         twin.at, twin.notes = point, (*self.notes, *notes)
+        twin.start_time = self.start_time if point is None else point.time
         return twin
 
     @abstractmethod
@@ -84,7 +89,7 @@ class Model(ABC):
         """Return a session, initialised, at `start_time` [s]: at the operating point `at` where the model has one.
 
         Args:
-            start_time: session time at which the model is initialised [s]; None: that of `at`, else 0.
+            start_time: session time at which the model is initialised [s]; None: the model's own.
             step: communication step [s] in place of the model's; ignored by model exchange.
             signals: forced inputs whose values at `start_time` hold already during
                 initialisation; None: the inputs' start values. At an operating point its inputs hold then.
@@ -112,7 +117,7 @@ class Model(ABC):
         inputs of the point until it rests: at a stable equilibrium it stands there then, at a later time.
 
         Args:
-            time: session time at which the model is initialised [s]; None: that of `at`, else 0.
+            time: session time at which the model is initialised [s]; None: the model's own.
             values: states, discrete states and inputs → where they start, beside or instead of those of `at`; the
                 others start as the model starts them.
             outputs: output → what the model shows there, where it is known; compared, never set.
@@ -136,7 +141,7 @@ class Model(ABC):
         """Return the model at one instant, for derivatives and outputs at any states and inputs near it.
 
         Args:
-            time: session time [s]; None: that of `at`, else 0.
+            time: session time [s]; None: where the model's sessions begin.
             values: as for `open_at`.
 
         Raises:

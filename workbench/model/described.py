@@ -71,6 +71,8 @@ class DescribedModel(Model):
         self.name = description.model_name
         self.interface = interface
         self.solver = setup.solver
+        self.start_time = setup.start_time if recipe.at is None or recipe.start is not None else recipe.at.time
+        self.stop_time = description.experiment.stop_time
         self.driver = driver
         self.notes = notes
         if not description.interfaces[interface].variable_step:
@@ -110,7 +112,7 @@ class DescribedModel(Model):
         setup = dataclasses.replace(
             self._setup,
             step=step or self._setup.step,
-            start_time=float(start_time or 0.0),
+            start_time=self.start_time if start_time is None else float(start_time),
             signals=dict(signals or {}),
         )
         return self._start(setup)
@@ -118,9 +120,11 @@ class DescribedModel(Model):
     def placed(self, at: At | None) -> Self:
         twin = super().placed(at)
         twin.recipe = dataclasses.replace(self.recipe, at=twin.at)
+        if self.recipe.start is not None:
+            twin.start_time = self.start_time
         return twin
 
-    def open_on(self, instance: Instance, *, start_time: float = 0.0, step: float | None = None) -> FmuSession:
+    def open_on(self, instance: Instance, *, start_time: float, step: float | None = None) -> FmuSession:
         """Return a session on an instance that stands before its initialisation, say after a reset.
 
         Args:
@@ -148,15 +152,14 @@ class DescribedModel(Model):
         tolerance: float | None = None,
         approach: bool = True,
     ) -> FmuSession:
-        given, begin = self._setup, self.at or OperatingPoint(x={}, u={})
-        if outputs is None and values is None and time is None and self.interface == "cs":
-            outputs = begin.y  # they tell where states are hidden
-        values = {**begin.values, **(values or {})}
-        time = begin.time if time is None else time
+        given = self._setup
+        if outputs is None and values is None and time is None and self.interface == "cs" and self.at is not None:
+            outputs = self.at.y  # they tell where states are hidden
+        values = {**(self.at.values if self.at else {}), **(values or {})}
         check_values({**values, **(outputs or {})}, given.variables)
         setup = dataclasses.replace(
             given,
-            start_time=float(time),
+            start_time=self.start_time if time is None else float(time),
             start_values={**given.start_values, **starts_of(given.variables, values)},
             point=dict(values),
             outputs=dict(outputs or {}),

@@ -15,11 +15,21 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.kernel.library import why_kernel_missing
 from workbench.model.fmu_model import DRIVERS, FmuModel
-from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe
+from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe
 from workbench.session.fmu import Setup
 from workbench.session.solvers import SOLVERS, choose_solver
 
-__all__ = ["check_biases", "check_number", "check_starts", "choose_driver", "load", "open_unpacked"]
+__all__ = [
+    "check_biases",
+    "check_number",
+    "check_start",
+    "check_starts",
+    "choose_driver",
+    "experiment_notes",
+    "load",
+    "open_unpacked",
+    "start_of",
+]
 
 _SETTABLE = ("parameter", "input", "local", "output")
 
@@ -31,6 +41,7 @@ def load(
     *,
     step: float | None = None,
     tolerance: float | None = None,
+    start: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     hold_inputs: bool = False,
@@ -44,7 +55,8 @@ def load(
         solver: "vkm", "gear", or "auto"; co-simulation FMUs bring their own.
         step: communication step of co-simulation [s]; None: the FMU's default experiment, else
             derived from the signals.
-        tolerance: relative tolerance of the integration; None: 1e-6.
+        tolerance: relative tolerance of the integration; None: the FMU's default experiment, else 1e-6.
+        start: time at which sessions begin [s]; None: the FMU's default experiment, else 0.
         start_values: parameters and start values to set, by name.
         bias: constants added to inputs, by name, whether forced or not.
         hold_inputs: co-simulation: hold inputs between communication points, as most masters do, also where the FMU
@@ -61,6 +73,7 @@ def load(
     """
     check_number("step", step)
     check_number("tolerance", tolerance, upper=1.0)
+    check_start(start)
     unpacked = unpack(path)
     try:
         recipe = FmuRecipe(
@@ -71,6 +84,7 @@ def load(
             solver=solver,
             step=step,
             tolerance=tolerance,
+            start=start,
             start_values=dict(start_values or {}),
             bias=dict(bias or {}),
             hold_inputs=hold_inputs,
@@ -106,13 +120,18 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         variables=variables,
         start_values=check_starts(recipe.start_values, variables),
         bias=check_biases(recipe.bias, variables),
-        rtol=recipe.tolerance or DEFAULT_TOLERANCE,
+        rtol=recipe.tolerance or description.experiment.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
+        start_time=start_of(recipe, description),
         step=recipe.step,
         hold_inputs=recipe.hold_inputs,
         solver=name,
     )
-    choices = [*_notes(recipe.interface, chosen, description, recipe.step), *filter(None, [note, remark])]
+    choices = [
+        *_notes(recipe.interface, chosen, description, recipe.step),
+        *experiment_notes(recipe, description),
+        *filter(None, [note, remark]),
+    ]
     notes = (*description.notes, *choices)
     return FmuModel(unpacked, description, interface=chosen, setup=setup, driver=driver, notes=notes, recipe=recipe)
 
@@ -126,6 +145,28 @@ def check_number(name: str, value: float | None, *, upper: float = math.inf) -> 
     if value is not None and not (math.isfinite(value) and 0.0 < value < upper):
         limit = f" and below {upper:g}" if math.isfinite(upper) else ""
         raise InputError(f"{name} must be positive{limit}, not {value:g}")
+
+
+def check_start(start: float | None) -> None:
+    """Raise an InputError unless a start time is None or a number."""
+    if start is not None and not math.isfinite(start):
+        raise InputError(f"start must be a finite number of seconds, not {start:g}")
+
+
+def start_of(recipe: LoadRecipe, description: Description) -> float:
+    """Return the time at which sessions begin [s]: what was asked for, else that of the default experiment, else 0."""
+    start = description.experiment.start_time if recipe.start is None else recipe.start
+    return start or 0.0
+
+
+def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
+    """Return what the default experiment decides where nothing was asked for, as far as it is not usual."""
+    given, notes = description.experiment, []
+    if recipe.start is None and given.start_time:
+        notes.append(f"start: {given.start_time:g} s, the default experiment's; --start sets it")
+    if recipe.tolerance is None and given.tolerance not in (None, DEFAULT_TOLERANCE):
+        notes.append(f"tolerance: {given.tolerance:g}, the default experiment's; --tolerance sets it")
+    return notes
 
 
 def _choose_interface(wanted: str, description: Description, source: str) -> str:

@@ -82,7 +82,7 @@ class LoadRecipe(Recipe):
 
     Attributes:
         source: what the user named, for messages.
-        interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
+        interface, solver, driver, step, tolerance, start, start_values, bias, hold_inputs: see `load`.
         at: where its sessions start; None: at the model's own start. See `Model.placed`.
     """
 
@@ -92,6 +92,7 @@ class LoadRecipe(Recipe):
     driver: str = "auto"
     step: float | None = None
     tolerance: float | None = None
+    start: float | None = None
     start_values: Mapping[str, Value] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     hold_inputs: bool = False
@@ -109,6 +110,7 @@ class LoadRecipe(Recipe):
             "driver": self.driver,
             "step": self.step,
             "tolerance": self.tolerance,
+            "start": self.start,
             "start_values": dict(self.start_values),
             "bias": dict(self.bias),
             "hold_inputs": self.hold_inputs,
@@ -127,7 +129,7 @@ class FmuRecipe(LoadRecipe):
         source: what the user named, for messages and for `identity`.
         folder: where it is unpacked; the loading process owns it.
         owned: whether that folder is temporary.
-        interface, solver, driver, step, tolerance, start_values, bias, hold_inputs: see `load`.
+        interface, solver, driver, step, tolerance, start, start_values, bias, hold_inputs: see `load`.
         at: see `LoadRecipe`.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
         sha256: of the FMU, told along with the archive; empty: read the file.

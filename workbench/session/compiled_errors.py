@@ -67,7 +67,7 @@ def _missing(now: Situation) -> Exception:
 
 
 def _ended(now: Situation) -> Exception:
-    return EndedError(time=now.failure.time, log=now.instance.log.tail())
+    return EndedError(f"the FMU ended its run{now.instance.log.tail()}", time=now.failure.time)
 
 
 def _iteration(now: Situation) -> Exception:

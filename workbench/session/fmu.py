@@ -311,7 +311,7 @@ class FmuSession(Session):
         return {name: float(value) for name, value in zip(names, values, strict=True)}
 
     def _ended(self) -> EndedError:
-        return EndedError(time=self.time, log=self.instance.log.tail())
+        return EndedError(f"the FMU ended its run{self.instance.log.tail()}", time=self.time)
 
     # -- snapshots ------------------------------------------------------------------------
 

@@ -251,7 +251,7 @@ class FmuPoint(Point):
         """Set the other inputs and evaluate every relation where the model stands; True: states jumped."""
         info = self._stand.event(u)
         if info.terminate:
-            raise EndedError("the FMU, at a perturbed point,", time=self.time)
+            raise EndedError("the FMU ended its run at a perturbed point", time=self.time)
         return info.states_changed
 
     def _read(self) -> Evaluation:

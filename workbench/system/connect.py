@@ -16,7 +16,7 @@ from workbench.fmi.description import Experiment
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.load import check_number
+from workbench.model.load import check_number, check_start
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import (
     Component,
@@ -59,6 +59,7 @@ def connect(
     solver: str = "auto",
     step: float | None = None,
     tolerance: float | None = None,
+    start: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     order: str = "auto",
@@ -84,6 +85,7 @@ def connect(
         solver: "vkm", "gear", or "auto".
         step: communication step of co-simulation [s]; model exchange needs none.
         tolerance: relative tolerance of the integration; None: 1e-6.
+        start: time at which sessions begin [s]; None: 0.
         start_values: by full name, "component.variable".
         bias: constants added to the system's inputs.
         order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
@@ -118,6 +120,7 @@ def connect(
         solver=solver,
         step=step,
         tolerance=tolerance,
+        start=start,
         start_values={**starts, **(start_values or {})},
         bias=bias,
         order=order,
@@ -133,6 +136,7 @@ def open_description(
     solver: str = "auto",
     step: float | None = None,
     tolerance: float | None = None,
+    start: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     order: str = "auto",
@@ -147,6 +151,7 @@ def open_description(
         solver: for model exchange.
         step: communication step of co-simulation [s].
         tolerance: relative tolerance of the integration.
+        start: time at which sessions begin [s]; None: the default experiment's, else 0.
         start_values: by full name.
         bias: constants added to the system's inputs.
         order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
@@ -159,6 +164,7 @@ def open_description(
     """
     check_number("step", step)
     check_number("tolerance", tolerance, upper=1.0)
+    check_start(start)
     return open_system(
         SystemRecipe(
             source=description.source or description.name,
@@ -167,6 +173,7 @@ def open_description(
             solver=solver,
             step=step,
             tolerance=tolerance,
+            start=start,
             start_values=dict(start_values or {}),
             bias=dict(bias or {}),
             order=order,

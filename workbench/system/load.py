@@ -21,6 +21,7 @@ def load(
     *,
     step: float | None = None,
     tolerance: float | None = None,
+    start: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     hold_inputs: bool = False,
@@ -36,7 +37,8 @@ def load(
         solver: "vkm", "gear", or "auto"; co-simulation FMUs bring their own.
         step: communication step of co-simulation [s]; None: the FMU's default experiment, else
             derived from the signals.
-        tolerance: relative tolerance of the integration; None: 1e-6.
+        tolerance: relative tolerance of the integration; None: the default experiment's, else 1e-6.
+        start: time at which sessions begin [s]; None: the default experiment's, else 0.
         start_values: parameters and start values to set, by name; in a system "component.variable".
         bias: constants added to inputs, by name, whether forced or not.
         hold_inputs: co-simulation: hold inputs between communication points, as most masters do, also where the FMU
@@ -62,6 +64,7 @@ def load(
             solver=solver,
             step=step,
             tolerance=tolerance,
+            start=start,
             start_values=start_values,
             bias=bias,
             driver=driver,
@@ -72,6 +75,7 @@ def load(
         solver,
         step=step,
         tolerance=tolerance,
+        start=start,
         start_values=start_values,
         bias=bias,
         hold_inputs=hold_inputs,

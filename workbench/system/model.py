@@ -13,7 +13,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Connection, Wiring
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_driver
+from workbench.model.load import check_biases, check_starts, choose_driver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.session.fmu import Setup
 from workbench.session.solvers import choose_solver
@@ -87,6 +87,7 @@ class SystemModel(DescribedModel):
             bias=check_biases(recipe.bias, variables),
             rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
             tolerance=recipe.tolerance or described.experiment.tolerance,
+            start_time=start_of(recipe, described),
             step=recipe.step,
             solver=solver,
         )
@@ -96,7 +97,7 @@ class SystemModel(DescribedModel):
             interface="me",
             setup=setup,
             driver=driver,
-            notes=(*_notes(opened, self._plan), *filter(None, [note, remark])),
+            notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note, remark])),
             recipe=recipe,
         )
 

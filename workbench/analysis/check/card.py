@@ -48,6 +48,7 @@ class _Part:
     solver: str = "auto"
     step: float | None = None
     tolerance: float | None = None
+    start: float | None = None
     start_values: Mapping[str, Value] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
 
@@ -62,6 +63,7 @@ def check(
     solver: str = "auto",
     step: float | None = None,
     tolerance: float | None = None,
+    start: float | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     workers: Workers | None = None,
@@ -83,6 +85,7 @@ def check(
         solver: of model exchange, see `load`.
         step: natural communication step [s] in place of the FMU's.
         tolerance: relative tolerance of the integration, see `load`.
+        start: time at which runs begin [s], see `load`.
         start_values: parameters and start values by name; in a system "component.variable".
         bias: constants added to inputs by name, likewise.
         workers: where and under which limits; None: worker processes, 60 s for each check.
@@ -96,7 +99,7 @@ def check(
         FmuError: the file cannot be read, or has no binary for this platform.
     """
     names = choose(only, skip)
-    given = _Given(solver, step, tolerance, dict(start_values or {}), dict(bias or {}))
+    given = _Given(solver, step, tolerance, start, dict(start_values or {}), dict(bias or {}))
     where = workers or Workers(timeout=DEFAULT_PATIENCE)
     system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
     if system is not None:
@@ -116,6 +119,7 @@ class _Given:
     solver: str
     step: float | None
     tolerance: float | None
+    start: float | None
     start_values: dict[str, Value]
     bias: dict[str, float]
 
@@ -137,6 +141,7 @@ def _parts_of(system: SystemDescription, path: str | Path, interface: str, given
             solver=c.solver if given.solver == "auto" else given.solver,
             step=given.step or c.step,
             tolerance=given.tolerance,
+            start=given.start,
             start_values={**c.set, **_own(c.name, given.start_values)},
             bias=_own(c.name, given.bias),
         )
@@ -159,6 +164,7 @@ def _card(part: _Part, names: tuple[str, ...], where: Workers, progress: Progres
         part.solver,
         step=part.step,
         tolerance=part.tolerance,
+        start=part.start,
         start_values=part.start_values,
         bias=part.bias,
     )

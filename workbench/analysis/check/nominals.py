@@ -62,7 +62,7 @@ def _seen(subject: Subject, session: FmuSession) -> tuple[Floats, Floats]:
 def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats, moves: Floats) -> Finding:
     declared = np.array([n != 1.0 for n in nominal])
     ratio = largest / nominal
-    rtol = subject.model.recipe.tolerance or 1e-6
+    rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6
     large = ratio > _FAR
     lost = (moves > _ROUNDING * nominal) & (largest < rtol * nominal)
     off = np.flatnonzero((large | lost) & declared)

@@ -77,7 +77,7 @@ class Subject:
     @cached_property
     def start(self) -> float:
         """When test runs begin [s]."""
-        return self.model.description.experiment.start_time or 0.0
+        return self.model.start_time
 
     @property
     def own_step(self) -> float | None:

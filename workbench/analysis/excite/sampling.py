@@ -73,7 +73,7 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     return Sampling(
         dt=interval,
         period=period,
-        first=float(ticks[0]) if len(ticks) else (at.time if at else 0.0) + period,
+        first=float(ticks[0]) if len(ticks) else (at.time if at else model.start_time) + period,
         lead=0.0 if steady else LEAD * min(interval, period),
         late=steady,
         notes=_remarks(interval, period, rates, chosen=dt is None),
@@ -116,7 +116,7 @@ def _ticks(model: Model, at: OperatingPoint | None) -> Floats:
 
 
 def _ticks_of(model: Model, at: OperatingPoint | None) -> Floats:
-    with model.open_point(time=at.time if at else 0.0, values=point_values(at)) as point:
+    with model.open_point(time=at.time if at else None, values=point_values(at)) as point:
         return point.ticks(_LOOK, np.inf)
 
 

@@ -55,7 +55,7 @@ def feed_forward(
     actuator: str | None = None,
     crude: bool = False,
     at: OperatingPoint | None = None,
-    time: float = 0.0,
+    time: float | None = None,
 ) -> FeedForwardResult:
     """Design a filter F ≈ H/G from a block's output to a control input, and try it.
 
@@ -96,7 +96,7 @@ def feed_forward(
         actuator: file of a model with one input and one output in front of the target, such as `fmu:LimitedActuator`.
         crude: also try the filter cut down to its gain where |H| is largest.
         at: operating point; None: the start values.
-        time: session time of the linearisation [s].
+        time: session time of the linearisation [s]; None: where the model starts.
 
     Raises:
         InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
@@ -109,6 +109,7 @@ def feed_forward(
     )  # fmt: skip
     settings.check()
     run = _run(model, inputs, outputs, closes_at, stop)
+    time = model.start_time if time is None else time
     with one_thread():
         plant = linear_plant(model, loops, at=at, time=time)
         frequency = dense_grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])

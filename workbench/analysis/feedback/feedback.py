@@ -50,7 +50,7 @@ def feedback(
     gains: Range = ALL,
     block: str | None = None,
     at: OperatingPoint | None = None,
-    time: float = 0.0,
+    time: float | None = None,
     method: str = "auto",
     settle: bool = False,
     settle_gains: Range | None = None,
@@ -96,7 +96,7 @@ def feedback(
         gains: lowest and highest gain looked at.
         block: component taken as the nonlinear block; None: the only static one there is.
         at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
-        time: session time of the analysis [s]; connections that close later are open.
+        time: session time of the analysis [s]; connections that close later are open; None: where the system starts.
         method: of `workbench.lin`.
         settle: measure settling times.
         settle_gains: lowest and highest gain of that; None: the stable interval nearest to 0, less 3 % at its ends.
@@ -127,6 +127,7 @@ def feedback(
     """
     settings = Settings(threshold=threshold, thresholds=tuple(thresholds), order=order, longest=longest)
     _check(gains, count, signals, start_after, gain)
+    time = system.start_time if time is None else time
     with one_thread(), ExitStack() as keep:
         place = find_place(system, source, target)
         watched = place.outer(place.inner(watch)) if watch is not None else None

@@ -63,7 +63,7 @@ def limit_cycle(
     run_until: float | None = None,
     inputs: Mapping[str, Signal] | None = None,
     at: OperatingPoint | None = None,
-    time: float = 0.0,
+    time: float | None = None,
     workers: Workers | None = None,
 ) -> LimitCycleResult:
     """Find the limit cycles of a system with one nonlinear block, by several methods side by side.
@@ -98,7 +98,7 @@ def limit_cycle(
             block's input from period to period.
         inputs: signals that start the motion of that run.
         at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
-        time: session time [s]; connections that close later are open.
+        time: session time [s]; connections that close later are open; None: where the system starts.
         workers: where a block is measured.
 
     Returns:
@@ -118,6 +118,7 @@ def limit_cycle(
     if harmonics < 1 or periods < 1:
         raise InputError("harmonics and periods must be 1 or more")
     names = _outputs(system, outputs)
+    time = system.start_time if time is None else time
     with ExitStack() as keep, one_thread():
         loop = cut(system, block, at=at, time=time, keep=keep)
         curve = _crossings(system, loop, band, amplitudes, workers)

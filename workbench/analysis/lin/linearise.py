@@ -62,7 +62,7 @@ def lin(
         method: "exact", "difference", "kalman-bertram", "response", or "auto", which chooses and says why.
         inputs: inputs of the linear model, in this order; None: all real inputs.
         outputs: outputs (or states) of the linear model; None: all real outputs.
-        time: session time of the point [s]; None: that of `at`, else 0.
+        time: session time of the point [s]; None: that of `at`, else where the model starts.
         periods: sample periods for kalman-bertram [s]; None: found from the time events.
         btptol: relative tolerance in which sample periods have a common multiple.
         period: over which `response` holds its inputs [s]; None: the communication step.

@@ -145,7 +145,7 @@ def lin_over(
     """
     grid = {name: tuple(float(v) for v in values) for name, values in over.items()}
     _check(model, grid)
-    begin = find_point(model, at)[0] or OperatingPoint(x={}, u={})
+    begin = find_point(model, at)[0] or OperatingPoint(x={}, u={}, time=model.start_time)
     settings: dict[str, Any] = {
         "x0": {**begin.x, **begin.discrete, **(x0 or {})}, "u0": {**begin.u, **(u0 or {})}, "dx": dx, "du": du,
         "inputs": inputs, "outputs": outputs, "time": begin.time if time is None else time, "period": period,

@@ -77,7 +77,7 @@ def make_task(
         InputError: unknown name, a point of another model.
     """
     found, notes = find_point(model, at)
-    where = found or OperatingPoint(x={}, u={})
+    where = found or OperatingPoint(x={}, u={}, time=model.start_time)
     states = {**where.x, **where.discrete, **(x0 or {})}
     forced = {**where.u, **(u0 or {})}
     known = [v.name for v in model.inputs]

@@ -65,7 +65,7 @@ class CsUnit:
             self._give(courses, (time - start) / span, span)
             result = self._part.do_step(time, end - time)
             if result.terminate:
-                raise EndedError(self.name, time=result.time, log=self._part.log.tail())
+                raise EndedError(f"{self.name} ended its run{self._part.log.tail()}", time=result.time)
             if result.time >= end - 1e-12 * max(abs(end), span):
                 self._part.time = end
                 self._arrive(courses, 1.0)
@@ -106,7 +106,7 @@ class CsUnit:
         if courses:
             self._access(courses).write([convert(c.variable, c.at(part)) for c in courses])
         if instance.iterate_events().terminate:
-            raise EndedError(self.name, time=instance.time, log=instance.log.tail())
+            raise EndedError(f"{self.name} ended its run{instance.log.tail()}", time=instance.time)
         instance.enter_step_mode()
 
     def _access(self, courses: Sequence[Course]) -> Access:

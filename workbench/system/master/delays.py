@@ -181,7 +181,8 @@ def delay_report(
     for name, value in (("step", step), ("stop", stop), ("frequency", frequency)):
         if value is not None and not 0.0 < value < float("inf"):
             raise InputError(f"{name} must be positive, not {value:g}")
-    stop = stop or model.description.experiment.stop_time
+    if stop is None and model.stop_time is not None and model.stop_time > model.start_time:
+        stop = model.stop_time - model.start_time
     step = step or _usual_step(model, stop, inputs)
     stop = stop or _STEPS * step
     outputs, takes = _outputs(model, stop, inputs, step)
@@ -206,7 +207,7 @@ def delay_report(
 def _usual_step(model: MasterModel, stop: float | None, inputs: Mapping[str, Signal]) -> float:
     """Return the communication step that a run uses [s]."""
     with model.open_session(signals=inputs) as session:
-        session.advance(stop or 1.0, signals=inputs)
+        session.advance(session.time + (stop or 1.0), signals=inputs)
         return session.communication_step or (stop or 1.0) / _STEPS
 
 
@@ -216,11 +217,12 @@ def _outputs(
     """Run with the step, half of it and a quarter; also return how the units took their inputs."""
     names = [v.name for v in model.outputs if v.is_number and not model.shows_input(v.name)]
     count = max(1, round(stop / step))
-    points = stop * np.arange(1, count + 1)[:: max(1, count // _MOST_POINTS)] / count
+    end = model.start_time + stop
+    points = model.start_time + stop * np.arange(1, count + 1)[:: max(1, count // _MOST_POINTS)] / count
     found, takes = [], dict[int, str]()
     for divisor in (1.0, 2.0, 4.0):
         with model.open_session(step=stop / count / divisor, signals=inputs) as session:
-            record = session.advance(stop, signals=inputs, record=names, points=points)
+            record = session.advance(end, signals=inputs, record=names, points=points)
             first = np.searchsorted(record.time, points, side="left")
             found.append({n: record.values[n][first] for n in names})
             if isinstance(session.instance, MasterInstance):

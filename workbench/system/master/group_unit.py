@@ -141,6 +141,6 @@ def _signal(course: Course, start: float, end: float) -> Signal:
 
 
 def _of(name: str, error: SimulationError) -> SimulationError:
-    found = SimulationError(str(error) if name in str(error) else f"{name}: {error}")
+    found = type(error)(str(error) if name in str(error) else f"{name}: {error}")
     found.time = error.time
     return found

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_driver
+from workbench.model.load import check_biases, check_starts, choose_driver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.origin import with_origin
 from workbench.session.fmu import FmuSession, Setup
@@ -64,7 +64,14 @@ class MasterModel(DescribedModel):
             interface="cs",
             setup=setup,
             driver=driver,
-            notes=(*_own_notes(opened), master, _step_note(setup, described), *notes, *filter(None, [remark])),
+            notes=(
+                *_own_notes(opened),
+                master,
+                _step_note(setup, described),
+                *experiment_notes(recipe, described),
+                *notes,
+                *filter(None, [remark]),
+            ),
             recipe=recipe,
         )
 
@@ -176,6 +183,7 @@ def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setu
         bias=check_biases(recipe.bias, variables),
         rtol=tolerance or DEFAULT_TOLERANCE,
         tolerance=tolerance,
+        start_time=start_of(recipe, described),
         step=recipe.step or opened.description.default_experiment.step,
         hold_inputs=recipe.hold_inputs,
         solver="fmu",
