@@ -119,7 +119,8 @@ def simulate(
     names = _names(model, outputs)
     start = model.start_time if start_time is None else start_time
     stop, told = _stop(model, stop)
-    at = _points(start, stop, interval or _usual_interval(model, stop - start), points, grid=model.grid)
+    interval = _usual_interval(model, stop - start) if interval is None else interval
+    at = _points(start, stop, interval, points, grid=model.grid)
     run = _Run(model, start, stop, inputs, names, at)
     try:
         record, step = run.once(None)

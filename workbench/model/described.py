@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Self
 
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
