@@ -156,3 +156,51 @@ def test_a_gain_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     slope = np.polyfit(u, y, 1)[0]  # the least-squares line
     assert (found["order"], found["A"], found["poles"]) == (0, [], [])
     assert found["D"][0][0] == pytest.approx(slope, rel=1e-9)
+
+
+def regulated(seed: int, *, reacts_at_once: bool, gain: float = 0.8) -> wb.Experiment:
+    """x(k + 1) = 0.9 x(k) + 0.3 u(k), y = x + white noise, held by u(k) = r(k) − gain · y(k) or y(k − 1)."""
+    random = np.random.default_rng(seed)
+    samples = 1500
+    r, noise = random.choice([-1.0, 1.0], samples), 0.5 * random.standard_normal(samples)
+    x, u, y = 0.0, np.zeros(samples), np.zeros(samples)
+    for k in range(samples):
+        y[k] = x + noise[k]
+        u[k] = r[k] - gain * (y[k] if reacts_at_once else y[k - 1] if k else 0.0)
+        x = 0.9 * x + 0.3 * u[k]
+    return wb.make_experiment(DT, u, y, input_names=["u"], output_names=["y"])
+
+
+def test_data_from_a_closed_loop_are_named_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    regulated(0, reacts_at_once=False).to_csv(tmp_path / "data.csv")
+    command = ["identify", str(tmp_path / "data.csv"), "--input", "u", "--output", "y", "--order", "1"]
+    assert run([*command, "--json", str(tmp_path / "loop.json")]) == 0
+    assert capsys.readouterr().out.startswith("NOT A MODEL OF THE PLANT: the data come from a closed loop: u reacts")
+    found = json.loads((tmp_path / "loop.json").read_text(encoding="utf-8"))
+    assert found["closed_loop"] is True
+    assert found["warnings"][0].startswith("NOT A MODEL OF THE PLANT")
+    assert run([*command, "--json", "-"]) == 0
+    assert "NOT A MODEL OF THE PLANT" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_controller_that_reacts_within_the_sample_is_never_called_open_loop(seed: int) -> None:
+    """It cannot be told from a direct feedthrough: unknown, and found out where there is none."""
+    data = regulated(seed, reacts_at_once=True)
+    result = wb.identify(data, order=1)
+    assert result.closed_loop is None
+    assert any("closed loop is unknown" in note for note in result.notes)
+    # The harm that a wrong "open loop" would hide: the plant's gain at rest is 3, and it has no feedthrough.
+    assert abs(result.model.D.item()) > 0.1
+    assert wb.identify(data, order=1, feedthrough=False).closed_loop is True
+
+
+@pytest.mark.parametrize("direct", [0.0, 0.5])
+def test_an_open_loop_is_not_suspected(direct: float) -> None:
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        u = random.standard_normal((1500, 1))
+        plant = Plant(np.array([[0.9]]), np.array([[0.3]]), np.array([[1.0]]), np.array([[direct]]))
+        y = plant.output(u) + 0.5 * random.standard_normal((1500, 1))
+        found = wb.identify(wb.make_experiment(DT, u, y), order=1).closed_loop
+        assert found is (None if direct else False)

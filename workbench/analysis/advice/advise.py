@@ -49,6 +49,7 @@ def advise(
     *,
     order: int | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
+    feedthrough: bool = True,
 ) -> Advice:
     """Judge data: excitation, length, sampling, delay, noise, linearity, feedback, saturation, outliers and more.
 
@@ -60,6 +61,8 @@ def advise(
         order: of the model they are meant for; None: not known yet.
         limits: output → lowest and highest value that the system allows, where they are known; two-level inputs
             leave no other way to tell a limit from a settled response.
+        feedthrough: the plant may have a direct feedthrough; False: it has none, so that inputs and outputs that move
+            together within a sample are a sign of feedback.
 
     Raises:
         InputError: fewer than 40 samples, a limit for a column that is no output.
@@ -68,7 +71,7 @@ def advise(
         if name not in experiment.output_names:
             raise InputError(f"limits: '{name}' is no output of the data; {suggest(name, experiment.output_names)}")
     with one_thread():
-        study = Study(experiment, order=order, limits=limits)
+        study = Study(experiment, order=order, limits=limits, feedthrough=feedthrough)
         return Advice(
             experiment=experiment,
             findings=tuple(judge(study) for judge in TOPICS.values()),

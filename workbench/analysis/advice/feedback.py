@@ -6,7 +6,9 @@ independent of the whole input; then the correlations are normal whatever the in
 in the whole of what the inputs do not explain, one sample before: that is tested besides
 (L. Ljung, System Identification, 2nd ed., sections 13.4 and 16.6).
 
-Feedback without any noise cannot be seen so: there are no errors to react to.
+Feedback without any noise cannot be seen so: there are no errors to react to. Nor can a reaction within the sample, as
+of a digital controller that turns y[k] into u[k] at once, where the noise is white: it looks like a direct feedthrough
+of the plant. Only who knows that the plant has none can tell; else the verdict is "unknown".
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ __all__ = ["judge_feedback", "reactions"]
 _LAGS = 10
 _CERTAIN = 1e-4  # probability of a false alarm
 _LEAST_SHARE = 0.005  # of the unforeseen input that past errors explain
+_ADVICE = "open the loop or add a known excitation; simulation-based and MOESP fits will be biased"
 _SPAN = 100  # lags over which correlations of the input with itself count
 
 
@@ -61,14 +64,46 @@ def judge_feedback(study: Study) -> Finding:
     if study.arx.exact:
         return Finding("feedback", "unknown", "there is no noise that an input could react to")
     correlation, probability, share = reactions(study)
-    values = {"probability_open_loop": probability, "share_of_input": share, "correlation": correlation.tolist()}
+    at_once, together = _within_sample(study)
+    values = {
+        "probability_open_loop": probability, "share_of_input": share, "correlation": correlation.tolist(),
+        "probability_nothing_at_once": at_once, "share_at_once": together,
+    }  # fmt: skip
     if probability < _CERTAIN and share > _LEAST_SHARE:
         _, j, _ = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
         name = study.experiment.input_names[study.varying_inputs[int(j)]]
         evidence = f"{name} reacts to earlier disturbances of the outputs ({100 * share:.1f} % of what is new in it)"
-        advice = "open the loop or add a known excitation; simulation-based and MOESP fits will be biased"
-        return Finding("feedback", "poor", evidence, advice, values)
+        return Finding("feedback", "poor", evidence, _ADVICE, values)
+    if at_once < _CERTAIN and together > _LEAST_SHARE:
+        if not study.feedthrough:
+            evidence = "inputs and outputs move together within a sample, and the plant has no direct feedthrough"
+            return Finding("feedback", "poor", evidence, _ADVICE, values)
+        evidence = (
+            "inputs and outputs move together within a sample: a direct feedthrough of the plant, or a controller that "
+            "reacts at once; these data cannot tell"
+        )
+        advice = "if the plant has no direct feedthrough, say so (feedthrough=False, --no-feedthrough)"
+        return Finding("feedback", "unknown", evidence, advice, values)
     return Finding("feedback", "good", "the inputs do not react to the outputs' disturbances", "", values)
+
+
+def _within_sample(study: Study) -> tuple[float, float]:
+    """Return how well inputs and outputs go together beyond what the past of both tells.
+
+    The probability that nothing connects them within the sample, times the number of pairs, and the largest square of
+    their correlation.
+    """
+    lags = study.arx.lags
+    u, y = study.u[:, study.varying_inputs], study.y[:, study.varying_outputs]
+    past = np.hstack([lagged(y, 1, lags, lags), lagged(u, 1, lags, lags)])
+    now = np.hstack([y, u])[lags:]
+    left = now - past @ linalg.lstsq(past, now, cond=1e-11, lapack_driver="gelsy")[0]
+    spread, size = np.std(left, axis=0), np.std(now, axis=0)
+    alive = spread > 1e-4 * size  # an input that its past foretells has nothing of its own
+    normal = np.where(alive, left / np.where(alive, spread, 1.0), 0.0)
+    together = float(np.max((normal[:, : y.shape[1]].T @ normal[:, y.shape[1] :] / len(normal)) ** 2))
+    pairs = y.shape[1] * u.shape[1]
+    return min(1.0, pairs * float(stats.chi2.sf(together * (len(normal) - past.shape[1]), 1))), together
 
 
 def _unforeseen(u: Floats, column: int) -> Floats | None:

@@ -35,6 +35,7 @@ class Study:
         experiment: the data.
         order: of the model they are meant for; None: unknown.
         limits: output → lowest and highest value its hardware allows.
+        feedthrough: the plant may have a direct feedthrough.
 
     Attributes:
         experiment: the data; of a long record the beginning, without what is still settling, outliers repaired, lest
@@ -42,7 +43,7 @@ class Study:
         raw: the same with the outliers.
         outliers: output → samples that stand out.
         settling: so many samples were left out at the beginning.
-        order, limits: as given.
+        order, limits, feedthrough: as given.
         u: inputs without their means, shape (n, m).
         y: outputs without their means, shape (n, p).
         varying_inputs, varying_outputs: columns that are not constant.
@@ -52,7 +53,12 @@ class Study:
     """
 
     def __init__(
-        self, experiment: Experiment, *, order: int | None, limits: Mapping[str, tuple[float, float]] | None
+        self,
+        experiment: Experiment,
+        *,
+        order: int | None,
+        limits: Mapping[str, tuple[float, float]] | None,
+        feedthrough: bool = True,
     ) -> None:
         if experiment.n_samples < _FEWEST_SAMPLES:
             raise InputError(
@@ -66,6 +72,7 @@ class Study:
         self.experiment = repaired.experiment
         self.order = order
         self.limits = dict(limits or {})
+        self.feedthrough = feedthrough
         self.u = _centred(self.experiment.u)
         self.y = _centred(self.experiment.y)
         self.varying_inputs = _varying(self.u, self.experiment.u)

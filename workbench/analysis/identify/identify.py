@@ -76,7 +76,7 @@ def identify(
         InputError: the data cannot be read or excite too little for the order, unknown name, too few samples.
     """
     prepared = prepare(chosen(data, inputs, outputs, dt), how=detrend, settle=settle)
-    advice = advise(prepared.data, order=None if order == "auto" else order)
+    advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=feedthrough)
     if order != "auto":
         advice.refuse(order)
     options: dict[str, Any] = {

@@ -69,9 +69,12 @@ class IdentifyResult(Reportable):
         return _mean(self.validation.error_percent)
 
     @property
-    def closed_loop(self) -> bool:
-        """Whether the data were recorded in closed loop, as the advice finds: the model then is not the plant's."""
-        return self.advice.finding("feedback").verdict == "poor"
+    def closed_loop(self) -> bool | None:
+        """Whether the data were recorded in closed loop, as the advice finds; None: they cannot tell.
+
+        If they were, the model is not that of the plant.
+        """
+        return {"poor": True, "unknown": None}.get(self.advice.finding("feedback").verdict, False)
 
     @property
     def failed(self) -> dict[str, str]:
@@ -91,7 +94,10 @@ class IdentifyResult(Reportable):
     def notes(self) -> tuple[str, ...]:
         """Choices and doubts, one line each."""
         alone = () if self.other is not None else ("validated on the data of the fit, which flatters: give other data",)
-        found = (*self.data.notes, *self.estimate.notes, *self.model.notes, *self.validation.notes, *alone)
+        evidence = self.advice.finding("feedback").evidence
+        unknown = f"whether the data come from a closed loop is unknown: {evidence}"
+        loop = (unknown,) if self.closed_loop is None else ()
+        found = (*loop, *self.data.notes, *self.estimate.notes, *self.model.notes, *self.validation.notes, *alone)
         return tuple(dict.fromkeys(found))
 
     def to_ss(self) -> control.StateSpace:
