@@ -31,6 +31,7 @@ LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
 COMMON = {
     "errors": set(),
     "core": {"errors"},
+    "endings": set(),
     "signals": {"errors", "shift_register"},
     "csv_file": {"errors"},
     "json_values": set(),

@@ -20,7 +20,7 @@ from workbench.cli.feed_forward import feed_forward
 from workbench.cli.feedback import feedback
 from workbench.cli.identify import identify
 from workbench.cli.info import info
-from workbench.cli.interrupt import insist_on_interrupts
+from workbench.cli.interrupt import exit_code, insist_on_interrupts, interrupted, listen_for_endings
 from workbench.cli.limit_cycle import limit_cycle
 from workbench.cli.lin import lin
 from workbench.cli.loop import loop
@@ -31,12 +31,12 @@ from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
+from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError, one_line
 
-__all__ = ["BAD_INPUT", "INTERRUPTED", "main"]
+__all__ = ["BAD_INPUT", "main"]
 
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="workbench",
@@ -91,13 +91,15 @@ def _options(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and end the process with its exit code.
 
-    0 done, 1 a point failed, 2 bad input (one line on standard error), 130 interrupted.
+    0 done, 1 a point failed, 2 bad input (one line on standard error), 128 + a signal's number: interrupted by it
+    (Ctrl-C: 130).
 
     Args:
         arguments: in place of the process's own.
     """
     _use_utf8()
     insist_on_interrupts()
+    listen_for_endings()
     sys.exit(run(arguments))
 
 
@@ -121,8 +123,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # the version of typer decides whether it is raised or returned
-    if code == INTERRUPTED and not any(text.startswith("interrupted") for text in notes.said()):
-        notes.note("interrupted: there is no result")
+    if code == INTERRUPTED:
+        code = exit_code()
+        if not any(text.startswith("interrupted") for text in notes.said()):
+            notes.note(f"{interrupted()}: there is no result")
     notes.flush()
     return code if isinstance(code, int) else 0
 

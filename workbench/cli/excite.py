@@ -26,6 +26,7 @@ from workbench.cli.options import (
     open_model,
     workers,
 )
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ __all__ = ["excite"]
 
 # Tighter than for a time history: integration errors must stay far below the model's own noise.
 _TOLERANCE = 1e-8
-_INTERRUPTED = 130
 
 _Names = list[str] | None
 
@@ -163,7 +163,7 @@ def _listed(option: str, one: Sequence[str] | None, several: Sequence[str] | Non
 
 def _run(excitation: Excitation, out: Output) -> int:
     """Record; whatever ends it, what was recorded is written."""
-    from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
     from workbench.cli.progress import Bar
 
@@ -185,8 +185,8 @@ def _run(excitation: Excitation, out: Output) -> int:
     if stopped is None:
         return 0
     if isinstance(stopped, KeyboardInterrupt):
-        note(f"interrupted after {excitation.done} of {excitation.total} samples")
-        return _INTERRUPTED
+        note(f"{interrupted()} after {excitation.done} of {excitation.total} samples")
+        return INTERRUPTED
     raise stopped
 
 

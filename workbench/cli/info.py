@@ -104,9 +104,8 @@ def _snapshots(unpacked: Unpacked, description: Description, interfaces: list[st
         solver="auto",
     )
     with ThreadPoolExecutor(1) as thread:
-        probing = thread.submit(probe_snapshots, recipe, description.interfaces, interfaces)
-        import_module("rich.table")  # needed next; loaded while the worker starts
-        return probing.result()
+        thread.submit(import_module, "rich.table")  # needed next; loaded while the worker starts
+        return probe_snapshots(recipe, description.interfaces, interfaces)  # here, where Ctrl-C ends it
 
 
 def _groups(description: Description) -> dict[str, tuple[Variable, ...]]:

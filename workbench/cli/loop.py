@@ -28,6 +28,7 @@ from workbench.cli.options import (
     open_model,
     workers,
 )
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +47,6 @@ __all__ = ["loop"]
 _TOLERANCE = 1e-8
 
 _POINTS_FAILED = 1
-_INTERRUPTED = 130
 
 
 def loop(
@@ -102,7 +102,7 @@ def loop(
     Example: `workbench loop system:rudder_loop --at plant.del --amplitude 1,4 --band 4:15 --plot loop.png`
     """
     from workbench.analysis.loop.loop import loop as run
-    from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
@@ -151,7 +151,8 @@ def loop(
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     if stops:
-        return _INTERRUPTED
+        note(f"{interrupted()}: points are missing")
+        return INTERRUPTED
     return _POINTS_FAILED if any(c.failed for c in result.curves) else 0
 
 

@@ -29,6 +29,7 @@ from workbench.cli.options import (
     open_model,
     workers,
 )
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ __all__ = ["nfr"]
 _TOLERANCE = 1e-8
 
 _POINTS_FAILED = 1
-_INTERRUPTED = 130
 
 
 def nfr(
@@ -141,7 +141,7 @@ def nfr(
 
 def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
     """Measure; whatever ends it, what was measured is written."""
-    from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
     from workbench.cli.progress import Bar
 
@@ -168,8 +168,8 @@ def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
         if stopped is None:
             return _POINTS_FAILED if result.failed else 0
     if isinstance(stopped, KeyboardInterrupt):
-        note(f"interrupted after {sweep.done} of {sweep.total} points")
-        return _INTERRUPTED
+        note(f"{interrupted()} after {sweep.done} of {sweep.total} points")
+        return INTERRUPTED
     raise stopped
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from workbench.cli.options import Csv, InProcess, Jobs, Json, Report
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ __all__ = ["reproduce"]
 
 _T = TypeVar("_T")
 
-_INTERRUPTED = 130
 _LONGEST = 600.0  # [s], of one experiment
 
 
@@ -50,6 +50,7 @@ def reproduce(
 
     Example: `workbench reproduce figure 48 --report page.html`
     """
+    from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
@@ -78,8 +79,8 @@ def reproduce(
     _show(result, out.console)
     out.write(result.to_dict(), csv=result.to_csv, page=lambda: reproduce_page(result))
     if result.interrupted:
-        note("interrupted: what is missing was not measured")
-        return _INTERRUPTED
+        note(f"{interrupted()}: what is missing was not measured")
+        return INTERRUPTED
     return 1 if result.missed else 0
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 import typer
 
 from workbench.cli.options import Csv, Jobs, Json, Report, Timeout, workers
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 _NOT_MET = 1
-_INTERRUPTED = 130
 
 
 def run(
@@ -83,7 +83,7 @@ def run(
         result.to_junit(junit)
         out.console.print(f"wrote {junit}", soft_wrap=True, markup=False)
     if result.missing:
-        return _INTERRUPTED
+        return INTERRUPTED
     return 0 if result.passed else _NOT_MET
 
 
@@ -107,7 +107,7 @@ def _check_junit(path: Path | None) -> None:
 def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays."""
     from workbench.cli.asked import command_line
-    from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
 
     with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
@@ -117,7 +117,7 @@ def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> Stud
     for text in result.notes:
         note(text)
     if result.missing:
-        note(f"interrupted: {result.missing} of {prepared.total} analyses were not run; the same command goes on")
+        note(f"{interrupted()}: {result.missing} of {prepared.total} analyses were not run; the same command goes on")
     flush()
     return result
 

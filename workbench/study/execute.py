@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 from workbench.study.commands import Commands
 from workbench.study.description import Reference
@@ -21,8 +22,6 @@ if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
     from workbench.workers import Runner, Workers
 
 __all__ = ["Execution", "Progress"]
-
-_INTERRUPTED = 130
 
 # Called with the number of runs done, and the label of the last one.
 Progress = Callable[[int, str], None]
@@ -114,7 +113,7 @@ class Execution:
         for reply in runner.run(perform, queue):
             run = runs[reply.job.number]
             outcome = Outcome(reason=reply.reason) if isinstance(reply, Lost) else reply.value
-            if outcome.code == _INTERRUPTED:
+            if outcome.code == INTERRUPTED:
                 continue
             self._done(run, outcome)
             self._release(waiting, queue)
