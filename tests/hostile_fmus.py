@@ -1,7 +1,8 @@
 """FMUs that misbehave, built for this machine: one library (tests/c/hostile), many archives around it.
 
 Those in `NEEDS_WORKER` end, block or fill the process that runs them; the others must end in one clear
-line. All misbehave from t = 0.5 s on, in Model Exchange and in Co-Simulation.
+line. All misbehave from t = 0.5 s on, in Model Exchange and in Co-Simulation. Those that hang can tell when they do:
+see tests/c/hostile.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ HOSTILE = {
     "abort": Hostile("calls abort()", needs_worker=True),
     "exit": Hostile("calls exit(3)", needs_worker=True),
     "hang": Hostile("never returns", needs_worker=True),
+    "hang-at-start": Hostile("never returns when it is instantiated", needs_worker=True),
     "memory": Hostile("takes 3 GiB of memory with every step", needs_worker=True),
     "chatter": Hostile("writes to standard output", needs_worker=True),
     "nan-output": Hostile("the output is not a number", r"y is nan, not a finite number \(at t = 0\.5"),

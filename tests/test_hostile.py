@@ -121,4 +121,4 @@ def test_a_chattering_fmu_writes_where_results_go(tmp_path: Path) -> None:
 
 
 def test_the_list_for_workers_is_complete() -> None:
-    assert set(NEEDS_WORKER) == {*ENDS, "hang", "memory", "chatter"}
+    assert set(NEEDS_WORKER) == {*ENDS, "hang", "hang-at-start", "memory", "chatter"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import _ctypes
 import ctypes
 import inspect
+import os
 import sys
 import types
 import typing
@@ -133,7 +134,7 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
         FmuError: the system cannot load it, e.g. a library it needs is absent.
     """
     try:
-        dll = ctypes.CDLL(str(path))
+        dll = _load(path)
     except OSError as error:
         raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {error}") from None
     functions = {}
@@ -143,11 +144,35 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
     return Library(functions, dll)
 
 
+# The functions of `ctypes` keep Python's lock while the library's constructors and destructors run; one that hangs
+# would stop every thread, also the one that watches for the end of the parent process. Calls through ctypes let go of
+# it. (On Windows so does ctypes itself.)
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    if sys.platform == "win32":
+        return ctypes.CDLL(str(path))
+    handle = _loader().dlopen(os.fsencode(path), os.RTLD_NOW | os.RTLD_LOCAL)
+    if not handle:
+        raise OSError((_loader().dlerror() or b"it does not say why").decode(errors="replace"))
+    return ctypes.CDLL(str(path), handle=handle)
+
+
 def _unload(handle: int) -> None:
     if sys.platform == "win32":
         _ctypes.FreeLibrary(handle)
     else:
-        _ctypes.dlclose(handle)
+        _loader().dlclose(handle)
+
+
+@lru_cache(maxsize=1)
+def _loader() -> ctypes.CDLL:
+    """Return the system's own functions for loading libraries."""
+    own = ctypes.CDLL(None)
+    own.dlopen.restype, own.dlopen.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
+    own.dlclose.restype, own.dlclose.argtypes = ctypes.c_int, [ctypes.c_void_p]
+    own.dlerror.restype, own.dlerror.argtypes = ctypes.c_char_p, []
+    return own
 
 
 def _bind(dll: ctypes.CDLL, symbol: str, result: Any, arguments: list[Any]) -> Function:

@@ -10,15 +10,10 @@
 #include "cs.h"
 #include "lti.h"
 #include "me.h"
+#include "parent.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 4 };
-
-#ifdef _WIN32
-#define KERNEL_EXPORT __declspec(dllexport)
-#else
-#define KERNEL_EXPORT __attribute__((visibility("default")))
-#endif
+enum { KERNEL_VERSION = 5 };
 
 KERNEL_EXPORT int32_t kernel_version(void);
 /* Size of a structure by its name, 0 if there is none: the caller compares it with its own. */

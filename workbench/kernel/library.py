@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from ctypes import c_char_p, c_double, c_int32, c_size_t, c_void_p
+from ctypes import c_char_p, c_double, c_int32, c_int64, c_size_t, c_ssize_t, c_void_p
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES
 
 __all__ = ["KernelMissingError", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 4  # KERNEL_VERSION in kernel.h
+VERSION = 5  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 
 _RUN = [c_void_p, c_double, c_void_p, c_size_t, c_void_p, c_int32]
@@ -33,6 +33,7 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_signal_value": (c_double, [c_void_p, c_double]),
     "kernel_signal_next_break": (c_double, [c_void_p, c_double]),
     "kernel_fourier": (None, [c_void_p, c_void_p, c_size_t, c_size_t, c_void_p]),
+    "kernel_end_with": (None, [c_ssize_t, c_int64, c_int32]),
     "kernel_fourier_result": (None, [c_void_p, c_void_p]),
 }
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Callable, Iterator
@@ -13,7 +15,9 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
+from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
+from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.limits import Limits, MemoryWatch
 
 if TYPE_CHECKING:
@@ -28,22 +32,28 @@ READY, ITEM, DONE, ERROR, MEMORY, BUG = "ready", "item", "done", "error", "memor
 Task = Callable[["Model", Any], Iterator[Any]]
 
 # So long a worker without a parent may take to clean up [s].
-_FAREWELL = 2.0
+_FAREWELL = 5.0
+
+# So often is looked whether the parent is another one [s].
+_PATIENCE = 1.0
 
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 
 
-def work(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
+def work(pipe: Connection, recipe: Recipe, limits: Limits, scratch: str) -> None:
     """Serve one parent; ends the process.
 
     Args:
         pipe: brings pairs of a task and its argument, takes messages (kind, content).
         recipe: of the model.
         limits: the memory limit is set here, the time limit is the parent's affair.
+        scratch: folder for all temporary files, which the parent removes.
     """
     _behave()
-    watcher = threading.Thread(target=_watch_parent, args=(recipe,), daemon=True)
+    tempfile.tempdir = os.environ["TMPDIR"] = scratch
+    watcher = threading.Thread(target=_watch_parent, args=(recipe, scratch), daemon=True)
     watcher.start()
+    _end_in_any_case()
     with suppress(EOFError, BrokenPipeError, ConnectionError):
         _serve(pipe, recipe, limits)
     # The parent hung up: if it is dead, the watcher cleans up and ends this process.
@@ -84,8 +94,9 @@ def _do(items: Iterator[Any], pipe: Connection, memory: MemoryWatch) -> tuple[st
 
 
 def _behave() -> None:
-    """Leave Ctrl-C to the parent, standard output to the result, and no core dumps or dialogs behind."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Leave the signals that ask to end to the parent, standard output to the result, and no core dumps or dialogs."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
     os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
     if sys.platform == "win32":
         import ctypes  # noqa: PLC0415 - Windows only
@@ -98,10 +109,21 @@ def _behave() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _watch_parent(recipe: Recipe) -> None:
-    """End this process when the parent is gone, even while the FMU's code runs."""
+def _watch_parent(recipe: Recipe, scratch: str) -> None:
+    """Clean up and end this process when the parent is gone, also while the FMU's code runs."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        wait([parent.sentinel])
+        while os.getppid() == parent.pid and not wait([parent.sentinel], _PATIENCE):
+            pass
         recipe.abandon()
+        shutil.rmtree(scratch, ignore_errors=True)
     os._exit(1)
+
+
+def _end_in_any_case() -> None:
+    """End this process a little later when the parent is gone, also while code that hangs keeps Python from running."""
+    parent = multiprocessing.parent_process()
+    if parent is None or why_kernel_missing():
+        return
+    arguments = (parent.sentinel, parent.pid, int(1000 * _FAREWELL))
+    threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()

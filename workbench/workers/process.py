@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import pickle
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
 
+from workbench.endings import ENDING
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task, work
 from workbench.workers.limits import Limits
@@ -43,9 +48,11 @@ class WorkerProcess:
         # Spawned, not forked: the same on all platforms, and no thread or library of the parent is copied half way.
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self._process = context.Process(target=work, args=(theirs, recipe, limits), daemon=True)
+        self._scratch = tempfile.mkdtemp(prefix="fmi-workbench-worker-")
+        self._process = context.Process(target=work, args=(theirs, recipe, limits, self._scratch), daemon=True)
         with _without_main(), _without_interrupts():
             self._process.start()
+        _alive.add(self)
         theirs.close()
 
     @property
@@ -86,11 +93,13 @@ class WorkerProcess:
 
     def kill(self) -> int | None:
         """End the process by force if it still runs; return its exit code. At most once."""
+        _alive.discard(self)
         self._process.kill()
         self._process.join()
         code = self._process.exitcode
         self.pipe.close()
         self._process.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
         return code
 
 
@@ -113,17 +122,29 @@ def _without_main() -> Iterator[None]:
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Hold Ctrl-C back while a process is spawned; the child inherits that, the parent hears it afterwards.
+    """Hold back signals that ask to end while a process is spawned: the child never hears them, the parent afterwards.
 
     The terminal sends Ctrl-C to all its processes; one that is still importing would end with a traceback.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    # Started by the first process otherwise, in the middle of which it lets Ctrl-C through again.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
+        # Started by the first process otherwise, in the middle of which it lets Ctrl-C through again.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+# At its end multiprocessing asks processes to terminate, which a worker leaves to its parent, and waits for them. What
+# is registered later is done earlier.
+_alive: weakref.WeakSet[WorkerProcess] = weakref.WeakSet()
+
+
+@atexit.register
+def _end_all() -> None:
+    for worker in list(_alive):
+        worker.kill()

@@ -2,11 +2,21 @@
  *
  * How is chosen by the GUID it is instantiated with, "{hostile-segfault}": one library serves all.
  * Co-Simulation is one step of the explicit Euler method per communication step.
+ *
+ * Environment: where it hangs it first writes the number of its process to the file HOSTILE_TELLS; with
+ * HOSTILE_HANGS_WHEN_LOADED it hangs already while the system loads the library.
  */
+#define _POSIX_C_SOURCE 200809L /* getpid */
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef _WIN32
+#include <process.h>
+#else
+#include <unistd.h>
+#endif
 
 #include "fmi2_stub.h"
 
@@ -18,12 +28,14 @@ enum { VR_U, VR_X, VR_DER_X, VR_Y, N_VARIABLES };
 
 typedef enum {
     NOTHING, SEGFAULT, ABORT, EXIT, HANG, MEMORY, NAN_OUTPUT, NAN_STATE, ERROR_STATUS, FATAL_STATUS,
-    LAZY_RESTORE, WRONG_RESTORE, RANDOM, ONCE, CHATTER, SEGFAULT_AT_START, N_BEHAVIOURS
+    LAZY_RESTORE, WRONG_RESTORE, RANDOM, ONCE, CHATTER, SEGFAULT_AT_START,
+    HANG_AT_START, N_BEHAVIOURS
 } Behaviour;
 
 static const char *const names[N_BEHAVIOURS] = {
     "nothing", "segfault", "abort", "exit", "hang", "memory", "nan-output", "nan-state", "error", "fatal",
     "lazy-restore", "wrong-restore", "random", "once", "chatter", "segfault-at-start",
+    "hang-at-start",
 };
 
 typedef struct {
@@ -50,9 +62,27 @@ static void hog(void)
     }
 }
 
+static void hang(void)
+{
+    const char *name = getenv("HOSTILE_TELLS");
+    FILE *file = name != NULL ? fopen(name, "w") : NULL;
+    if (file != NULL) {
+        fprintf(file, "%ld\n", (long)getpid());
+        fclose(file);
+    }
+    for (volatile unsigned turns = 0;; turns = turns + 1) {
+    }
+}
+
+__attribute__((constructor)) static void loaded(void)
+{
+    if (getenv("HOSTILE_HANGS_WHEN_LOADED") != NULL) {
+        hang();
+    }
+}
+
 static fmi2Status misbehave(Model *model)
 {
-    volatile unsigned turns = 0;
     if (model->time < FROM) {
         return fmi2OK;
     }
@@ -65,9 +95,8 @@ static fmi2Status misbehave(Model *model)
     case EXIT:
         exit(3);
     case HANG:
-        for (;;) {
-            turns = turns + 1;
-        }
+        hang();
+        break;
     case MEMORY:
         hog();
         break;
@@ -110,6 +139,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     (void)logging;
     if (behaviour == SEGFAULT_AT_START) {
         *nowhere = 1;
+    }
+    if (behaviour == HANG_AT_START) {
+        hang();
     }
     if (behaviour == N_BEHAVIOURS || (behaviour == ONCE && alive > 0)) {
         const char *why = behaviour == ONCE ? "there is one already" : "the GUID is not that of this model";
