@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import signal
-import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -160,37 +155,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_help_needs_no_numerics() -> None:
     code = "import sys, workbench.cli.app; sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'fmpy')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one process on Windows")
-def points_kept(store: Path) -> int:
-    """Return how many points are in a store that another process may be making."""
-    if not list(store.glob("*.sqlite")):
-        return 0
-    with closing(sqlite3.connect(store / "measurements.sqlite")) as connection:
-        try:
-            return int(connection.execute("SELECT count(*) FROM measurements").fetchone()[0])
-        except sqlite3.OperationalError:  # no table yet
-            return 0
-
-
-def test_an_interrupted_sweep_keeps_what_was_measured(tmp_path: Path) -> None:
-    path = tmp_path / "r.json"
-    command = [sys.executable, "-m", "workbench", *LAG, "--band", "0.001:10", "--ratio", "1.0005", "--json", str(path)]
-    command += ["--store", str(tmp_path)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while process.poll() is None and not points_kept(tmp_path):
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30.0)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    assert "note: interrupted after " in err
-    result = json.loads(path.read_text(encoding="utf-8"))
-    measured = [g is not None for g in result["gain"][0]]
-    assert measured[0]
-    assert not measured[-1]
-    assert "interrupted" in result["failed"][-1]["reason"]
 
 
 def test_an_interrupt_that_python_drops_in_a_finaliser_comes_again() -> None:

@@ -7,8 +7,7 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
-import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,13 @@ import pytest
 import workbench as wb
 from tests.fakes import FakeModel, SampledSession, lag
 from tests.hostile_fmus import build_hostile
+from tests.programs import start, wait_for
 from workbench.analysis.nfr import NfrSweep, nfr
 from workbench.analysis.nfr_result import NfrResult
 from workbench.cli.app import run
 from workbench.store import FILE_NAME
 from workbench.workers import Workers
 
-ROOT = Path(__file__).resolve().parent.parent
 RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "0.5:20"]
 
 
@@ -41,21 +40,24 @@ def points_in(folder: Path) -> int:
         database.close()
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "workbench", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+def command(*arguments: str) -> subprocess.Popen[str]:
+    return start(["-m", "workbench", *arguments])
 
 
 def kill_after(count: int, folder: Path, *arguments: str) -> int:
     """Run the command line with a store, kill it once `count` points are there; return how many there are then."""
-    process = start(*arguments, "--store", str(folder))
-    deadline = time.monotonic() + 30.0
-    while points_in(folder) < count and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
-    return points_in(folder)
+    process = command(*arguments, "--store", str(folder))
+    wait_for(lambda: points_in(folder) > 0, process)
+    database = sqlite3.connect(folder / FILE_NAME, timeout=300.0, isolation_level=None)
+    with closing(database):
+        while True:
+            database.execute("BEGIN IMMEDIATE")  # nothing is written while this lasts: no point comes after the count
+            if points_in(folder) >= count:
+                process.send_signal(signal.SIGKILL)
+                process.communicate()
+                return points_in(folder)
+            assert process.poll() is None
+            database.execute("COMMIT")
 
 
 def numbers(result: dict[str, Any]) -> dict[str, Any]:
@@ -144,9 +146,9 @@ def test_failed_points_of_a_store_are_measured_again(tmp_path: Path, capfd: pyte
 
 def test_two_sweeps_share_a_store(tmp_path: Path) -> None:
     arguments = [*RUDDER, "--store", str(tmp_path), "--jobs", "1", "--json"]
-    both = [start(*arguments, str(tmp_path / f"{k}.json")) for k in range(2)]
+    both = [command(*arguments, str(tmp_path / f"{k}.json")) for k in range(2)]
     for process in both:
-        _, err = process.communicate(timeout=60.0)
+        _, err = process.communicate()
         assert process.returncode == 0, err
     first, second = (numbers(json.loads((tmp_path / f"{k}.json").read_text())) for k in range(2))
     assert first == second

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
-import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +12,9 @@ from typing import Any
 import pytest
 
 import workbench as wb
+from tests.programs import ended, start
 from tests.worker_tasks import obey
+from workbench.endings import ENDING
 from workbench.workers.child import READY
 from workbench.workers.limits import Limits, memory_limit_works
 from workbench.workers.pool import Pool
@@ -75,18 +74,37 @@ def test_a_crash_costs_its_own_job_only(model: wb.DescribedModel) -> None:
     assert found[bad[2]] == ["the FMU ended its process (exit code 3)"]
 
 
+class Clock:
+    """In place of the module `time`: stands still but for what a test adds."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now, self.per_look = 0.0, 0.0
+        monkeypatch.setattr("workbench.workers.pool.time", self)
+        monkeypatch.setattr("workbench.workers.process.time", self)
+
+    def monotonic(self) -> float:
+        self.now += self.per_look
+        return self.now
+
+
 @posix
-def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel) -> None:
-    begin = time.monotonic()
-    found = do(model, ("endless_in_c",), ("say", 1), limits=Limits(timeout=0.3))
-    assert found["endless_in_c",] == ["time limit: not finished after 0.3 s; --timeout sets it"]
-    assert found["say", 1] == [1]
-    assert time.monotonic() - begin < 5.0
+def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(monkeypatch)
+    with Pool(model.recipe, jobs=1, limits=Limits(timeout=0.3)) as pool:
+        events = pool.run(obey, deque([("endless_in_c",), ("say", 1)]))
+        assert next(events) == Reply(("endless_in_c",), "before")
+        clock.per_look = 0.1
+        assert next(events) == Lost(("endless_in_c",), "time limit: not finished after 0.3 s; --timeout sets it")
+        clock.per_look = 0.0
+        assert list(events) == [Reply(("say", 1), 1)]
 
 
-def test_the_time_limit_counts_from_item_to_item(model: wb.DescribedModel) -> None:
-    found = do(model, ("sleep", 0.3, 0.3, 0.3), limits=Limits(timeout=0.6))
-    assert found["sleep", 0.3, 0.3, 0.3] == [0.3, 0.3, 0.3]
+def test_the_time_limit_counts_from_item_to_item(model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(monkeypatch)
+    with Pool(model.recipe, jobs=1, limits=Limits(timeout=0.6)) as pool:
+        for event in pool.run(obey, deque([("say", 1, 2, 3)])):
+            assert isinstance(event, Reply)
+            clock.now += 0.5
 
 
 @linux
@@ -135,8 +153,9 @@ def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.DescribedModel) -
 
 
 @posix
-def test_ctrl_c_is_the_parents_affair(model: wb.DescribedModel) -> None:
-    assert do(model, ("interrupt",)) == {("interrupt",): ["still here"]}
+@pytest.mark.parametrize("number", ENDING)
+def test_signals_that_ask_to_end_are_the_parents_affair(model: wb.DescribedModel, number: int) -> None:
+    assert do(model, ("signal", number)) == {("signal", number): ["before", "still here"]}
 
 
 @posix
@@ -177,6 +196,7 @@ def test_a_model_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
 ORPHANS = """
 import workbench as wb
 from collections import deque
+from tests.programs import ended, start
 from tests.worker_tasks import obey
 from workbench.workers import Limits
 from workbench.workers.pool import Pool
@@ -191,30 +211,40 @@ for event in pool.run(obey, deque([("sleep", 0.0, 100.0), ("say", 1), ("endless_
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_workers_end_with_their_parent_whatever_ends_it(how: signal.Signals) -> None:
     # The script has no `if __name__ == "__main__"`: a worker does not run it again.
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, text=True, env=environment)
+    process = start(["-c", ORPHANS])
     assert process.stdout is not None
-    lines = [process.stdout.readline().split() for _ in range(2)]
-    time.sleep(0.3)  # the second worker is in C code now
+    lines = [process.stdout.readline().split() for _ in range(3)]
     process.send_signal(how)
-    process.wait()
+    process.communicate()
     folder, *pids = lines[-1]
     assert len(pids) == 2
-    deadline = time.monotonic() + 5.0
-    while any(alive(int(p)) for p in pids) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not any(alive(int(p)) for p in pids)
+    assert all(ended(int(p)) for p in pids)
     assert not Path(folder).exists()
-    process.stdout.close()
+
+
+@posix
+def test_a_worker_ends_with_its_parent_though_its_code_holds_the_lock_of_python() -> None:
+    """As the code of an FMU that embeds Python may."""
+    process = start(["-c", ORPHANS.replace("endless_in_c", "endless_with_lock")])
+    assert process.stdout is not None
+    lines = [process.stdout.readline().split() for _ in range(3)]
+    process.kill()
+    process.communicate()
+    assert all(ended(int(p)) for p in lines[-1][1:])
+
+
+def test_a_script_that_leaves_its_workers_to_themselves_ends() -> None:
+    process = start(["-c", ORPHANS.replace("flush=True)", "flush=True)\n    import sys; sys.exit(4)")])
+    process.communicate()
+    assert process.returncode == 4
 
 
 def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
     script = tmp_path / "plain.py"
     script.write_text(ORPHANS.replace('("sleep", 0.0, 100.0), ("say", 1), ("endless_in_c",)', '("say", 1)'))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, env=environment)
-    assert len(done.stdout.splitlines()) == 1
-    assert done.stderr == ""
+    process = start([str(script)])
+    out, err = process.communicate()
+    assert (process.returncode, len(out.splitlines()), err) == (0, 1, "")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -32,7 +31,7 @@ def _name(model: Model) -> Iterator[Any]:
 def _signal(model: Model, number: int) -> Iterator[Any]:
     yield "before"
     os.kill(os.getpid(), number)
-    yield "never"
+    yield "still here"
 
 
 def _segfault(model: Model) -> Iterator[Any]:
@@ -54,7 +53,15 @@ def _sleep(model: Model, *seconds: float) -> Iterator[Any]:
 
 def _endless_in_c(model: Model) -> Iterator[Any]:
     """Sit in C code, as an FMU that hangs does."""
+    yield "before"
     ctypes.CDLL(None).pause()
+    yield "never"
+
+
+def _endless_with_lock(model: Model) -> Iterator[Any]:
+    """Sit in C code that keeps Python's lock."""
+    yield "before"
+    ctypes.PyDLL(None).pause()
     yield "never"
 
 
@@ -88,11 +95,6 @@ def _modules(model: Model) -> Iterator[Any]:
 def _stdout(model: Model) -> Iterator[Any]:
     os.write(1, b"written by the FMU\n")
     yield None
-
-
-def _interrupt(model: Model) -> Iterator[Any]:
-    os.kill(os.getpid(), signal.SIGINT)
-    yield "still here"
 
 
 _DEEDS = {name.lstrip("_"): deed for name, deed in list(globals().items()) if name.startswith("_") and callable(deed)}
