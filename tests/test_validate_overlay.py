@@ -66,6 +66,7 @@ def measured(frequency: Floats, rows: dict[float, object]) -> NfrResult:
         model="Plant", interface="me", solver="vkm", input="u", output="y", input_unit=None, output_unit="deg",
         frequency_hz=frequency, amplitude=np.array(list(rows)), response=response,
         phase_deg=np.array([follow_phase(row) for row in response]), offset=np.zeros(shape), averaged=averaged,
+        error=np.full(shape, np.nan), stable=np.full(shape, np.nan),
         periods=np.ones(shape, dtype=np.int64), step=np.full(shape, np.nan), failed=(), warnings=(),
         certificates=tuple((None,) * shape[1] for _ in range(shape[0])),
     )  # fmt: skip

@@ -32,6 +32,7 @@ class Certificate:
             step), "tolerance" (model exchange: a hundredth of it).
         check_gain: how much the gain changed by that, relative.
         check_phase_deg: how much the phase changed by that [deg].
+        why: why it has not settled; None where it has, or failed.
     """
 
     errcrit: float
@@ -45,6 +46,7 @@ class Certificate:
     check: str | None = None
     check_gain: float | None = None
     check_phase_deg: float | None = None
+    why: str | None = None
 
 
 def certify(settling: Settling, response: Response | None) -> Certificate:
@@ -66,6 +68,7 @@ def certify(settling: Settling, response: Response | None) -> Certificate:
         drift=finite(drift),
         harmonics=tuple(finite(h) for h in harmonics),
         thd=finite(math.hypot(*known)) if known else None,
+        why=None if response is None else response.why,
     )
 
 

@@ -59,6 +59,8 @@ def nfr(
       - A transient that can be identified is removed and the point is then settled; the published test
         alone stops while a slow or lightly damped transient still falsifies the value (see
         `workbench.analysis.settling.Settling` and `workbench.analysis.transient.remove_transient`).
+      - Each point states its error (see `workbench.analysis.nfr_error`), and nothing is called settled whose error is above
+        errcrit/10.
       - Co-simulation is repeated with smaller communication steps (see `workbench.analysis.nfr_step.refine`).
 
     Not for a model without a periodic response: an unstable one fails point by point, a limit

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from workbench.analysis.nfr_error import INTEGRATION, Evidence
+from workbench.analysis.nfr_linear import LinearPart, linear_part
 from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
 from workbench.analysis.nfr_step import at_step, checked, refine
 from workbench.analysis.zero_input import ZeroInput, watch
 from workbench.errors import InputError
 from workbench.model import Model
+from workbench.session.base import Floats
 from workbench.signals import Sine
 from workbench.workers import Job, Remark
 
-__all__ = ["PointsJob", "ZeroInputJob"]
+__all__ = ["LinearJob", "PointsJob", "ZeroInputJob"]
+
+# The integration may take so much of the error that was asked for.
+_SHARE = 0.2
 
 # A check by the tolerance takes so much of the one that the model has.
 _TIGHTER = 0.01
@@ -32,6 +39,21 @@ class ZeroInputJob(Job):
     def run(self, model: Model) -> Iterator[ZeroInput | Remark]:
         yield watch(model, self.task)
         yield from map(Remark, model.remarks())
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearJob(Job):
+    """Find the linear model where the runs start.
+
+    Attributes:
+        input, output: names of the variables.
+    """
+
+    input: str
+    output: str
+
+    def run(self, model: Model) -> Iterator[LinearPart | None]:
+        yield linear_part(model, self.input, self.output)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +78,25 @@ class PointsJob(Job):
 
     def run(self, model: Model) -> Iterator[NfrPoint]:
         if model.interface != "cs":
-            yield from self._verified(model) if self.verify else self._pass(model, self.tasks)
+            yield from self._as_exact_as_needed(model)
         elif self.step is None:
             yield from refine(self.tasks, lambda tasks: list(self._pass(model, tasks)))
         else:
             yield from at_step(self.tasks, self.step, lambda tasks: list(self._pass(model, tasks)))
+
+    def _as_exact_as_needed(self, model: Model) -> Iterator[NfrPoint]:
+        """Measure model exchange, near a resonance with a tighter tolerance, lest the solver's own damping tell."""
+        tasks = [replace(t, rtol=model.rtol) for t in self.tasks]
+        factor = min(map(_factor, tasks))
+        if factor == 1.0 or model.recipe is None:
+            yield from self._measured(model, tasks)
+            return
+        recipe = model.recipe.tighter(factor)
+        with recipe.open() as exact:
+            yield from self._measured(exact, [replace(t, rtol=exact.rtol) for t in tasks])
+
+    def _measured(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
+        return self._verified(model, tasks) if self.verify else self._pass(model, tasks)
 
     def _pass(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
         """Measure `tasks` once: each afresh, or all in one session."""
@@ -68,12 +104,12 @@ class PointsJob(Job):
             return carried(model, tasks)
         return (run_fresh(model, t) for t in tasks)
 
-    def _verified(self, model: Model) -> Iterator[NfrPoint]:
-        points = list(self._pass(model, self.tasks))
+    def _verified(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
+        points = list(self._pass(model, tasks))
         if model.recipe is None:
             raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
         with model.recipe.tighter(_TIGHTER).open() as exact:
-            finer = list(self._pass(exact, self.tasks))
+            finer = list(self._pass(exact, tasks))
         for point, other in zip(points, finer, strict=True):
             yield checked(point, other, by="tolerance", words=f"{_TIGHTER:g} of the tolerance")
 
@@ -86,9 +122,27 @@ def carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
         # One session serves all frequencies; the rows of each divide its period and bound the step.
         steps = [t.step for t in rest if t.step is not None]
         with model.open_session(signals={rest[0].input: first}, step=max(steps, default=None)) as session:
+            standing: Floats | None = None
             while rest:
                 task = rest.pop(0)
-                point = run_point(session, task)
+                evidence = task.evidence(standing)
+                point = run_point(session, task, evidence)
+                standing = _standing(evidence, point)
                 yield point if model.interface == "cs" else replace(point, step=None)
                 if point.reason is not None:
                     break
+
+
+def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:
+    """Return where the linear model of a carried point stands at its end."""
+    return None if evidence.twin is None else evidence.twin.end(point.periods)
+
+
+def _factor(task: PointTask) -> float:
+    """Return what of the tolerance the resonance allows, by tens: numerical damping shifts it by 1/|1 − μ|."""
+    twin = task.evidence().twin
+    if twin is None or task.rtol == 0.0:
+        return 1.0
+    error = INTEGRATION * task.rtol * (1.0 + twin.sensitivity)
+    allowed = _SHARE * task.errcrit / 10.0
+    return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))

@@ -9,8 +9,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.analysis.certificate import Certificate, certify
+from workbench.analysis.certificate import Certificate, certify, finite
 from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_period
+from workbench.analysis.nfr_error import Evidence
+from workbench.analysis.nfr_linear import LinearPart
 from workbench.analysis.settling import Outcome, Response, Settling
 from workbench.errors import SimulationError
 from workbench.model import Model
@@ -53,6 +55,8 @@ class PointTask:
         rows: samples per period.
         fixed_step: whether the session's communication step is one row, and not the model's own.
         stopped: asked between periods; true ends the measurement by KeyboardInterrupt.
+        linear: the linear model where the run starts; None: there is none.
+        rtol: relative tolerance of the workbench's own integration; 0: nothing is integrated, or not by it.
     """
 
     input: str
@@ -64,6 +68,17 @@ class PointTask:
     rows: int = ROWS
     fixed_step: bool = False
     stopped: Callable[[], bool] = _never
+    linear: LinearPart | None = None
+    rtol: float = 0.0
+
+    def evidence(self, start: Floats | None = None) -> Evidence:
+        """Return what is known of the point before it is measured.
+
+        Args:
+            start: states of the linear model where the sine begins, from the operating point; None: 0.
+        """
+        twin = None if self.linear is None else self.linear.twin(self.frequency, self.amplitude, start)
+        return Evidence(twin=twin, rtol=self.rtol, rows=self.rows)
 
     @property
     def step(self) -> float | None:
@@ -81,7 +96,11 @@ class NfrPoint:
         response: complex, output over input; None where the point failed.
         offset: mean of the output [unit of the output]; None where the point failed.
         periods: number of periods run (of the run that is reported).
-        averaged: whether it never settled and is the mean of the last half of the periods.
+        averaged: whether it never settled: it is the mean of the last half of the periods, or what they tend to,
+            and known only as well as `error` says.
+        error: of the response, relative to the true one, as a complex number's magnitude, with 95 % confidence; None
+            where it is not known, or the point failed.
+        stable: whether the periodic motion is stable; None where that is not known.
         resolved: whether the transient was identified and removed (see `Settling`).
         step: longest communication step of co-simulation [s]; None for model exchange, or where nothing ran.
         reason: why the point failed; None where it did not.
@@ -95,6 +114,8 @@ class NfrPoint:
     offset: float | None = None
     periods: int = 0
     averaged: bool = False
+    error: float | None = None
+    stable: bool | None = None
     resolved: bool = False
     step: float | None = None
     reason: str | None = None
@@ -119,14 +140,20 @@ def run_fresh(model: Model, task: PointTask) -> NfrPoint:
     return point if model.interface == "cs" else replace(point, step=None)
 
 
-def run_point(session: Session, task: PointTask) -> NfrPoint:
+def run_point(session: Session, task: PointTask, evidence: Evidence | None = None) -> NfrPoint:
     """Measure a point in `session` from where it stands; the sine begins there with phase zero.
 
     Whole periods are run, each resumed from the last, so that the next point in the same session
     begins where this one's sine is zero again: the input of a carried sweep has no jump.
     After a failed point the session cannot be continued.
+
+    Args:
+        session: where to run.
+        task: what to measure.
+        evidence: what is known of the point; None: what `task` knows of a fresh start.
     """
-    settling = Settling(errcrit=task.errcrit, most=task.max_periods)
+    evidence = task.evidence() if evidence is None else evidence
+    settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
     sine = Sine(amplitude=task.amplitude, frequency=task.frequency, start=session.time)
     longest: float | None = None
     response: Response | None = None
@@ -206,14 +233,18 @@ def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Float
 
 def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:
     if response.outcome in _REASONS:
-        return _failed(task, periods, f"{task.output} {_REASONS[response.outcome]}")
+        failed = _failed(task, periods, f"{task.output} {_REASONS[response.outcome]}")
+        return replace(failed, stable=False if response.outcome is Outcome.DIVERGED else None)
+    averaged = response.outcome is Outcome.AVERAGED
     return NfrPoint(
         frequency=task.frequency,
         amplitude=task.amplitude,
         response=response.value,
         offset=response.offset,
         periods=periods,
-        averaged=response.outcome is Outcome.AVERAGED,
+        averaged=averaged,
+        error=finite(response.error),
+        stable=None if averaged else True,
         resolved=response.outcome is Outcome.RESOLVED,
     )
 

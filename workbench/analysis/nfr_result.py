@@ -33,8 +33,9 @@ _JUMP_DEG = 100.0
 
 # Fields of the certificate that are columns of the CSV; the harmonics follow.
 _CSV_FIELDS = (
-    "thd", "delta_phase_deg", "delta_gain", "defect", "drift", "check", "check_gain", "check_phase_deg"
+    "thd", "delta_phase_deg", "delta_gain", "defect", "drift", "check", "check_gain", "check_phase_deg", "why"
 )  # fmt: skip
+_NEW = ("error", "stable")
 _NOTHING_KNOWN = Certificate(errcrit=math.nan, max_periods=0)
 
 
@@ -72,7 +73,10 @@ class NfrResult(Reportable):
         response: complex, output over input, [unit of the output / unit of the input].
         phase_deg: [deg], followed along rising frequency (source report, chapter 4.4.2); NaN also where the gain is 0.
         offset: mean of the output, [unit of the output].
-        averaged: bool; not settled, mean of the last half of the periods.
+        averaged: bool; not settled: the mean of the last half of the periods, or what they tend to.
+        error: of the response, relative to the true one, as a complex number's magnitude, with 95 % confidence; NaN
+            where it is not known.
+        stable: 1 where the periodic motion is stable, 0 where it is not, NaN where that is not known.
         periods: int, periods run.
         step: communication step of the run that is reported [s]; NaN for model exchange.
         failed: the points without a value, each with its reason.
@@ -95,6 +99,8 @@ class NfrResult(Reportable):
     phase_deg: Floats
     offset: Floats
     averaged: NDArray[np.bool_]
+    error: Floats
+    stable: Floats
     periods: NDArray[np.int64]
     step: Floats
     failed: tuple[FailedPoint, ...]
@@ -142,6 +148,8 @@ class NfrResult(Reportable):
             "phase_deg": _nullable(self.phase_deg),
             "offset": _nullable(self.offset),
             "averaged": self.averaged.tolist(),
+            "error": _nullable(self.error),
+            "stable": [[None if np.isnan(x) else bool(x) for x in row] for row in self.stable.tolist()],
             "periods": self.periods.tolist(),
             "step": _nullable(self.step),
             "failed": [vars(f) for f in self.failed],
@@ -169,8 +177,12 @@ class NfrResult(Reportable):
     def _from_dict(cls, data: Mapping[str, Any]) -> NfrResult:
         frequency, amplitude = (np.array(data[k], dtype=np.float64) for k in ("frequency_hz", "amplitude"))
         shape = (len(amplitude), len(frequency))
-        keys = ("gain", "phase_deg", "offset", "step")
-        gain, phase, offset, step = (np.array(data[k], dtype=np.float64).reshape(shape) for k in keys)
+        keys = ("gain", "phase_deg", "offset", "error", "stable", "step")
+        # What versions before 0.2 wrote says nothing of errors.
+        unknown = [[None] * shape[1]] * shape[0]
+        gain, phase, offset, error, stable, step = (
+            np.array(data.get(k, unknown) if k in _NEW else data[k], dtype=np.float64).reshape(shape) for k in keys
+        )
         # A gain of 0 has no phase.
         angle = np.radians(np.where(gain == 0.0, 0.0, phase))
         return cls(
@@ -187,6 +199,8 @@ class NfrResult(Reportable):
             phase_deg=phase,
             offset=offset,
             averaged=np.array(data["averaged"], dtype=bool).reshape(shape),
+            error=error,
+            stable=stable,
             periods=np.array(data["periods"], dtype=np.int64).reshape(shape),
             step=step,
             failed=tuple(FailedPoint(**f) for f in data["failed"]),
@@ -213,10 +227,13 @@ class NfrResult(Reportable):
 
     def _csv_rows(self) -> list[list[Any]]:
         reasons = {(f.amplitude, f.frequency_hz): f.reason for f in self.failed}
-        names = ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "averaged", "periods", "failed"]
+        names = ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "error", "stable"]
+        names += ["averaged", "periods", "failed"]
         rows: list[list[Any]] = [[*names, "status", *_CSV_FIELDS, *(f"h{n}" for n in range(2, 11))]]
         status = self.status
-        numbers = [_nullable(x) for x in (self.gain, self.gain_db, self.phase_deg, self.offset)]
+        numbers = [
+            _nullable(x) for x in (self.gain, self.gain_db, self.phase_deg, self.offset, self.error, self.stable)
+        ]
         for i, a in enumerate(self.amplitude.tolist()):
             for j, f in enumerate(self.frequency_hz.tolist()):
                 values = [x[i][j] for x in numbers]
@@ -318,13 +335,36 @@ def assemble(
         phase_deg=np.array([follow_phase(row) for row in response]),
         offset=np.array([[np.nan if p.offset is None else p.offset for p in row] for row in grid]),
         averaged=np.array([[p.averaged for p in row] for row in grid]),
+        error=np.array([[_number(p.error) for p in row] for row in grid]),
+        stable=np.array([[_number(p.stable) for p in row] for row in grid]),
         periods=np.array([[p.periods for p in row] for row in grid]),
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
         failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
-        warnings=(*(p.warning for row in grid for p in row if p.warning), *warnings),
+        warnings=(*_unsettled(grid), *(p.warning for row in grid for p in row if p.warning), *warnings),
         certificates=tuple(tuple(p.certificate for p in row) for row in grid),
         zero_input=zero_input,
     )
+
+
+def _unsettled(grid: Sequence[Sequence[NfrPoint]]) -> list[str]:
+    """Return one line for each reason why points have not settled."""
+    groups: dict[str, list[NfrPoint]] = {}
+    for point in (p for row in grid for p in row):
+        if point.averaged and point.certificate is not None and point.certificate.why is not None:
+            groups.setdefault(point.certificate.why, []).append(point)
+    return [_unsettled_line(why, points) for why, points in groups.items()]
+
+
+def _unsettled_line(why: str, points: Sequence[NfrPoint]) -> str:
+    first = points[0]
+    others = f" and {len(points) - 1} more" if len(points) > 1 else ""
+    known = [p.error for p in points if p.error is not None]
+    errors = [f"known to {100.0 * max(known):.2g} %{' or better' if len(known) > 1 else ''}"] if known else []
+    errors += ["the error is not known" if not known else f"the error of {len(points) - len(known)} is not known"] * (
+        len(known) < len(points)
+    )
+    where = f"{first.frequency:.6g} Hz, amplitude {first.amplitude:g}{others}"
+    return f"{where}: not settled ({', '.join(errors)}): {why}"
 
 
 def follow_phase(response: NDArray[np.complex128]) -> Floats:

@@ -15,8 +15,8 @@ __all__ = ["at_step", "checked", "refine", "rows_of_step"]
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
 
-# Changes by halving the step that are accepted: gain (relative), phase [deg].
-_GAIN, _PHASE_DEG = 0.005, 0.5
+# Change of the response (relative, complex) by halving the step that is accepted.
+_CHANGE = 0.005
 
 # With an explicit step a change beyond this is told (gain relative; phase in rad: the same error of the phasor).
 _TELL = 0.01
@@ -30,10 +30,11 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
     """Measure points with ever smaller communication steps until the step no longer matters.
 
     The first run has 200 steps per period (or the FMU's own step, if that is smaller), each further
-    run half the step of the one before. A point's answer is taken when gain and phase change by at
-    most 0.5 % and 0.5° from one run to the next; where the output did not become periodic (see
-    `Settling`), by at most errcrit (relative, rad), since more is not known of it. The finer
-    run is reported. With a method of first order inside the FMU the error left is about the change seen.
+    run half the step of the one before. A point's answer is taken when the response changes by at
+    most 0.5 % from one run to the next; where the output did not become periodic (see
+    `Settling`), by at most errcrit, since more is not known of it. The finer
+    run is reported. With a method of first order inside the FMU the error left is about the change seen, and is
+    added to the point's.
 
     A point that needs more than 400 000 communication steps fails and says so.
 
@@ -50,7 +51,10 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
         agreed = [_agree(o, n, t.errcrit) for o, n, t in zip(old, new, tasks, strict=True)]
         if all(agreed) or budget < 2 * _cost(tasks, new):
             ends = zip(
-                old, (_certified(n, o, n, by="step") for o, n in zip(old, new, strict=True)), agreed, strict=True
+                old,
+                (_certified(n, o, n, by="step", times=1.0) for o, n in zip(old, new, strict=True)),
+                agreed,
+                strict=True,
             )
             return [n if good else _unconverged(o, n) for o, n, good in ends]
 
@@ -76,21 +80,22 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)
-    return [checked(p, h, by="step", words="half the communication step") for p, h in pairs]
+    return [checked(p, h, by="step", words="half the communication step", times=2.0) for p, h in pairs]
 
 
-def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str) -> NfrPoint:
-    """Return `point` with the outcome of a second measurement in its certificate, and a warning if they differ.
+def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: float = 1.0) -> NfrPoint:
+    """Return `point` with the outcome of a second measurement in certificate and error, and a warning if they differ.
 
     Args:
         point: what is reported.
         other: the second measurement.
         by: what was changed for it, for the certificate.
         words: the same for people.
+        times: by how many times that change the point is wrong: 2 for half the step of a method of first order.
     """
     if point.reason is not None:
         return point
-    point = _certified(point, point, other, by=by)
+    point = _certified(point, point, other, by=by, times=times)
     gain, phase_deg = change(point, other)
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
@@ -104,11 +109,28 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str) -> NfrPoin
     return replace(point, warning=warning)
 
 
-def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str) -> NfrPoint:
+def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, times: float) -> NfrPoint:
+    """Return `point` with the change from `old` to `new` in its certificate and, so many times, in its error."""
     if point.certificate is None:
         return point
     gain, phase_deg = map(finite, change(old, new))
-    return replace(point, certificate=replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg))
+    certificate = replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg)
+    error = None if point.error is None else finite(point.error + times * _apart(old, new))
+    too_large = point.status == "settled" and (error is None or error > 0.1 * certificate.errcrit)
+    return replace(
+        point,
+        certificate=replace(certificate, why=f"it depends on the {by}") if too_large else certificate,
+        error=error,
+        averaged=point.averaged or too_large,
+        resolved=point.resolved and not too_large,
+    )
+
+
+def _apart(old: NfrPoint, new: NfrPoint) -> float:
+    """Return by how much two measurements differ as complex numbers, relative to the second; inf where one failed."""
+    if old.response is None or not new.response:
+        return math.inf
+    return abs(old.response - new.response) / abs(new.response)
 
 
 def rows_of_step(frequency: float, step: float) -> int:
@@ -133,10 +155,9 @@ def _cost(tasks: Sequence[PointTask], points: Sequence[NfrPoint]) -> int:
 
 
 def _agree(old: NfrPoint, new: NfrPoint, errcrit: float) -> bool:
-    gain, phase_deg = change(old, new)
-    if old.resolved and new.resolved:
-        return gain <= _GAIN and phase_deg <= _PHASE_DEG
-    return gain <= max(_GAIN, errcrit) and phase_deg <= max(_PHASE_DEG, math.degrees(errcrit))
+    if old.response == new.response == 0.0:
+        return True
+    return _apart(old, new) <= (_CHANGE if old.resolved and new.resolved else max(_CHANGE, errcrit))
 
 
 def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:

@@ -7,8 +7,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from workbench import __version__
-from workbench.analysis.certificate import from_dict
+from workbench.analysis.certificate import finite, from_dict
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.nfr_result import MISSING, NfrResult
 from workbench.analysis.zero_input import ZeroInput
@@ -22,7 +24,7 @@ __all__ = ["STATUSES", "NfrStore", "check_redo", "from_result"]
 STATUSES = ("settled", "averaged", "failed")
 
 # To be raised whenever a change of the code changes a measured number: results of both are not mixed.
-_ALGORITHM = 1
+_ALGORITHM = 2
 
 _ZERO_INPUT = "zero input"
 
@@ -152,6 +154,8 @@ def _of_result(previous: NfrResult, i: int, j: int, reason: str | None) -> NfrPo
         offset=float(previous.offset[i, j]) if reason is None else None,
         periods=int(previous.periods[i, j]),
         averaged=bool(previous.averaged[i, j]),
+        error=finite(float(previous.error[i, j])),
+        stable=bool(previous.stable[i, j]) if np.isfinite(previous.stable[i, j]) else None,
         step=step if step > 0.0 else None,
         reason=reason,
         certificate=previous.certificates[i][j],

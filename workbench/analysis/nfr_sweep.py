@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.analysis.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr_job import PointsJob, ZeroInputJob
+from workbench.analysis.nfr_job import LinearJob, PointsJob, ZeroInputJob
+from workbench.analysis.nfr_linear import LinearPart
 from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import rows_of_step
@@ -89,6 +90,7 @@ class NfrSweep:
         self._points: dict[Key, NfrPoint] = {}
         self._zero_input: ZeroInput | None = None
         self._watch = drift_check
+        self._linear: LinearPart | None = None
         self._runner: Runner | None = None
         self._stopped = False
         self._store = None if store is None else self._open_store(store)
@@ -162,18 +164,28 @@ class NfrSweep:
         with ExitStack() as stack:
             if self._store is not None:
                 stack.callback(self._store.close)
-            jobs: deque[Job] = deque(self._jobs())
-            if not any(isinstance(job, PointsJob) for job in jobs):
+            if self.done == self.total:
                 return
             runner, notes = choose(self._model, self._workers)
             self._runner = stack.enter_context(runner)
             self._notes += notes
-            if isinstance(runner, InProcess):
-                jobs = deque(self._stoppable(job) for job in jobs)
             if self._stopped:
                 runner.stop()
+            self._look(runner)
+            jobs: deque[Job] = deque(self._jobs())
+            if isinstance(runner, InProcess):
+                jobs = deque(self._stoppable(job) for job in jobs)
             for event in runner.run(perform, jobs):
                 yield from self._take(event, jobs)
+
+    def _look(self, runner: Runner) -> None:
+        """Find the linear model before anything is measured."""
+        job = LinearJob(input=self._input, output=self._output)
+        for event in runner.run(perform, deque([job])):
+            if isinstance(event, Lost):
+                self._notes.append(f"no linear model at the operating point, so errors are wider: {event.reason}")
+            else:
+                self._linear = event.value
 
     def stop(self) -> None:
         """Let `run` end with KeyboardInterrupt soon; may be called by a signal handler."""
@@ -202,6 +214,7 @@ class NfrSweep:
             amplitude=amplitude,
             errcrit=self._errcrit,
             max_periods=self._max_periods,
+            linear=self._linear,
         )
 
     def _stoppable(self, job: Job) -> Job:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import pairwise
 
 import numpy as np
 
 from workbench.analysis.harmonics import COMPARED, Period, fundamental
+from workbench.analysis.nfr_error import Evidence, beyond, error_of_limit, error_of_mean
 from workbench.analysis.transient import Limit, remove_transient
 from workbench.session.base import Floats
 
@@ -18,6 +19,17 @@ __all__ = ["Outcome", "Response", "Settling"]
 
 # A defect (see `transient`) below this is the solver's noise; asking for less would never end.
 _NOISE = 1e-4
+
+# A response that was extrapolated to more than this many times what was reached was not measured at its amplitude.
+_MOST_BEYOND = 2.0
+
+_RESONANT = "it has not reached its amplitude: near a light resonance it still grows towards more than twice of it"
+_SLOW = "a transient dies away slowly"
+_RESTLESS = "its periods differ and do not tend to one: sampling beats, noise, a motion of the model's own"
+_DEAD = "there is no response"
+
+# Periods that lose less than this from one half of the newest to the other do not die away.
+_DWINDLES = 0.95
 
 # So many periods in a row, each this much larger than the one before, are divergence at once.
 _RUNAWAY_FACTOR, _RUNAWAY_PERIODS = 10.0, 6
@@ -44,6 +56,9 @@ class Response:
         harmonics: Fourier coefficients of the output, laid out as in `Period`, [unit of output].
         defect: by how much the response fails to repeat itself, relative to its fundamental: `transient.Limit`'s
             where one was believed, the scatter of the periods where they were averaged, else inf.
+        error: of `value`, relative to the true one, as a complex number's magnitude; inf where it is not known.
+        beyond: how many times larger the response that the periods tend to is than any measured.
+        why: why it has not settled; None where it has.
     """
 
     value: complex
@@ -51,6 +66,9 @@ class Response:
     outcome: Outcome
     harmonics: Floats
     defect: float
+    error: float = math.inf
+    beyond: float = 1.0
+    why: str | None = None
 
 
 @dataclass
@@ -66,13 +84,15 @@ class Settling:
 
       1. RESOLVED, from the second period on: the periodic response is extrapolated
          (`transient.remove_transient`); it is believed when its defect, all harmonics together, is
-         at most errcrit/100, but not below 1e-4. An error of the response of that size follows,
-         a tenth of what the published gain test would let pass.
+         at most errcrit/100, but not below 1e-4, its error (`nfr_error.error_of_limit`) at most
+         errcrit/10, and it is no larger than twice what was reached: a response that was
+         never there is not measured, whatever a linear model would do.
       2. SETTLED: the periods resist that description (sampling beats, noise), but the published
          test passes in the second half of the periods allowed, from where on the source report,
-         too, takes the model to be stationary. The value is the same extrapolation: the last
-         period with its drift removed, or better.
-      3. AVERAGED: neither by the last period; as published. SCATTERED, which is a failure, if
+         too, takes the model to be stationary, and the error is at most errcrit/10. The value is the same
+         extrapolation or the mean of the last half of the periods, whichever has the smaller error.
+      3. AVERAGED: neither by the last period; as published, the mean of the last half, or the extrapolation where
+         its error is less than half of the mean's. SCATTERED, which is a failure, if
          those periods lie farther from their mean (root mean square) than the mean from zero: then gain and
          phase are anything.
       4. DIVERGED: the change from period to period itself grows, exponentially. Tested by its
@@ -90,11 +110,13 @@ class Settling:
     Attributes:
         errcrit: error criterion, dimensionless [rad for the phase].
         most: largest number of periods, at least 2.
+        evidence: what is known of the point besides its periods.
         periods: what was added so far.
     """
 
     errcrit: float
     most: int
+    evidence: Evidence = field(default_factory=Evidence)
     periods: list[Period] = field(default_factory=list)
 
     def add(self, period: Period) -> Response | None:
@@ -106,30 +128,65 @@ class Settling:
         if count >= 2 and period.responds:
             limit = self._limit()
             if limit.defect <= max(self.errcrit / 100.0, _NOISE):
-                return self._response(limit.harmonics, Outcome.RESOLVED, limit.defect)
+                found = self._of_limit(limit, Outcome.RESOLVED)
+                if self._is_good(found):
+                    return found
             if 2 * count > self.most and self._repeats() and not self._grows():
-                return self._response(limit.harmonics, Outcome.SETTLED, limit.defect)
+                of_limit = self._of_limit(limit, Outcome.SETTLED)
+                found = min(of_limit, self._of_mean(limit, of_limit, Outcome.SETTLED), key=_error)
+                if self._is_good(found):
+                    return found
         return self._last_resort() if count >= self.most else None
+
+    def _is_good(self, response: Response) -> bool:
+        """Whether it is known as well as was asked for."""
+        return response.error <= self.errcrit / 10.0 and response.beyond <= _MOST_BEYOND
 
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
+
+    def _of_limit(self, limit: Limit, outcome: Outcome) -> Response:
+        last = self.periods[-1]
+        error = error_of_limit(limit, abs(last.drive), last.size, self.evidence)
+        return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
+
+    def _of_mean(self, limit: Limit, of_limit: Response, outcome: Outcome) -> Response:
+        half = limit.periods[len(limit.periods) // 2 :]
+        mean = np.mean(half, axis=0)
+        scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
+        size = abs(fundamental(mean))
+        spread = scatter / size if size > 0.0 else math.inf
+        error = error_of_mean(limit, abs(self.periods[-1].drive), of_limit.error, self.evidence)
+        return self._response(mean, Outcome.SCATTERED if spread > 1.0 else outcome, spread, error)
 
     def _last_resort(self) -> Response:
         last = self.periods[-1].harmonics
         if self._grows():
             return self._response(last, Outcome.DIVERGED, math.inf)
-        half = np.array([p.harmonics for p in self.periods[len(self.periods) // 2 :]])
-        mean = np.mean(half, axis=0)
         if not any(p.responds for p in self.periods):
-            return self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
-        scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
-        scattered = scatter > abs(fundamental(mean))
-        spread = scatter / abs(fundamental(mean)) if scatter > 0.0 else 0.0
-        return self._response(mean, Outcome.SCATTERED if scattered else Outcome.AVERAGED, spread)
+            mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
+            nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
+            return replace(nothing, why=_DEAD)
+        limit = self._limit()
+        of_limit = self._of_limit(limit, Outcome.AVERAGED)
+        of_mean = replace(self._of_mean(limit, of_limit, Outcome.AVERAGED), beyond=of_limit.beyond)
+        better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
+        return replace(of_limit if better else of_mean, why=self._why(limit, of_limit))
 
-    def _response(self, harmonics: Floats, outcome: Outcome, defect: float) -> Response:
+    def _why(self, limit: Limit, of_limit: Response) -> str:
+        """Return why the periods have not settled."""
+        if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
+            return _RESONANT
+        sizes = np.linalg.norm(limit.changes[:, 1:], axis=1)
+        middle = max(1, len(sizes) // 2)
+        dwindles = np.linalg.norm(sizes[:middle]) < _DWINDLES * np.linalg.norm(sizes[-middle:])
+        return _SLOW if dwindles else _RESTLESS
+
+    def _response(
+        self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0
+    ) -> Response:
         value = fundamental(harmonics) / self.periods[-1].drive
-        return Response(value, float(harmonics[0]), outcome, harmonics, defect)
+        return Response(value, float(harmonics[0]), outcome, harmonics, defect, error, beyond)
 
     def residual(self) -> tuple[float, float, float] | None:
         """Return what still changed from the last period but one to the last.
@@ -171,6 +228,10 @@ class Settling:
         first = math.log(window[half] / window[0]) / half
         second = math.log(window[-1] / window[half]) / (len(window) - 1 - half)
         return second >= 0.9 * first and first > math.log(1.1) * 4.0 / self.most
+
+
+def _error(response: Response) -> float:
+    return response.error
 
 
 def _value(period: Period) -> complex:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.session.base import Floats
 
-__all__ = ["Limit", "remove_transient"]
+__all__ = ["Limit", "multipliers", "remove_transient", "weigh"]
 
 # Decaying modes that are looked for together: two pairs of complex poles.
 _MOST_MODES = 4
@@ -44,11 +45,13 @@ class Limit:
             root of the sum of squares over the harmonics' changes in one period.
         weights: by which the last periods, newest first, are weighed; one more than the decaying modes that
             they remove.
+        changes: from period to period, newest first, the columns that decided, shape (K − 1, compared).
     """
 
     periods: Floats
     defect: float
     weights: Floats
+    changes: Floats
 
     @property
     def modes(self) -> int:
@@ -58,7 +61,7 @@ class Limit:
     @property
     def harmonics(self) -> Floats:
         """Fourier coefficients of the periodic response, laid out as in `Period`."""
-        return _weigh(self.periods, self.weights)
+        return weigh(self.periods, self.weights)
 
 
 def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
@@ -105,8 +108,24 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     Source: A. Sidi, Vector Extrapolation Methods with Applications, SIAM 2017, chapter 2
     (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
     """
-    defect, weights = min(_candidates(periods[:, :compared]), key=_by_defect)
-    return Limit(periods, defect, weights)
+    seen = periods[:, :compared]
+    defect, weights = min(_candidates(seen), key=_by_defect)
+    return Limit(periods, defect, weights, _changes(seen))
+
+
+def _changes(periods: Floats) -> Floats:
+    """Return the differences of successive periods, newest first."""
+    return periods[-1:0:-1] - periods[-2::-1]
+
+
+def multipliers(changes: Floats, modes: int) -> NDArray[np.complex128]:
+    """Return the multipliers of the modes that best predict the newest changes, inside the unit circle or not.
+
+    Args:
+        changes: newest first, twice as many as modes at least.
+        modes: number of modes, at least 1.
+    """
+    return np.asarray(np.roots(_prediction(changes, modes, 0.0)), dtype=np.complex128)
 
 
 def _by_defect(candidate: tuple[float, Floats]) -> float:
@@ -115,7 +134,7 @@ def _by_defect(candidate: tuple[float, Floats]) -> float:
 
 def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
     """Yield (defect, weights) for no mode, one mode, and so on; called for each period."""
-    changes = periods[-1:0:-1] - periods[-2::-1]  # newest first
+    changes = _changes(periods)
     scale = abs(complex(periods[-1, 1], periods[-1, 2]))
     newest = _size(changes[0])
     yield _defect(changes[:1], periods[-1]), _ALONE
@@ -218,7 +237,7 @@ def _prediction_of_two(newest: Floats, a: Floats, b: Floats, ridge: float) -> Fl
     return np.array([1.0, first - shared * second, second])
 
 
-def _weigh(periods: Floats, weights: Floats) -> Floats:
+def weigh(periods: Floats, weights: Floats) -> Floats:
     """Weigh the last periods, newest first, and take out what a ramp leaves in the in-phase parts."""
     newest_first = periods[::-1]
     n = weights.size

@@ -220,17 +220,19 @@ def _table(result: NfrResult, i: int) -> Table:
     )
     ratio = _ratio(result.output_unit, result.input_unit)
     offset = f"offset{_brackets(result.output_unit)}"
-    for heading in ("Hz", f"gain{ratio}", "dB", "deg", offset, "THD %", "periods"):
+    for heading in ("Hz", f"gain{ratio}", "dB", "deg", "error %", offset, "THD %", "periods"):
         table.add_column(heading, justify="right")
     table.add_column("")
     reasons = {f.frequency_hz: f.reason for f in result.failed if f.amplitude == result.amplitude[i]}
-    columns = (result.gain, result.gain_db, result.phase_deg, result.offset, 100.0 * result.thd)
+    columns = (
+        result.gain, result.gain_db, result.phase_deg, 100.0 * result.error, result.offset, 100.0 * result.thd
+    )  # fmt: skip
     for j, frequency in enumerate(result.frequency_hz):
         if reasons.get(frequency) == MISSING:
             continue  # said once below the table
         mark = "averaged" if result.averaged[i, j] else "failed" if frequency in reasons else ""
         numbers = [float(column[i, j]) for column in columns]
-        texts = [_text(x, form) for x, form in zip(numbers, (".5g", ".3f", ".2f", ".4g", ".3g"), strict=True)]
+        texts = [_text(x, form) for x, form in zip(numbers, (".5g", ".3f", ".2f", ".2g", ".4g", ".3g"), strict=True)]
         table.add_row(f"{frequency:.5g}", *texts, str(result.periods[i, j]), mark)
     return table
 

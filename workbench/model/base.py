@@ -41,6 +41,7 @@ class Model(ABC):
         stop_time: end of the default experiment [s]; None: it names none.
         recipe: how to make the model again in another process; None: it lives in this one only.
         at: where its sessions start; None: where the model starts by itself.
+        rtol: relative tolerance of the workbench's own integration; 0: there is nothing that it integrates.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Model(ABC):
     stop_time: float | None = None
     recipe: Recipe | None = None
     at: OperatingPoint | None = None
+    rtol: float = 0.0
 
     def placed(self, at: At | None) -> Self:
         """Return the model that starts at an operating point, here and in every worker; it is closed with this one.

@@ -73,6 +73,7 @@ class DescribedModel(Model):
         self.solver = setup.solver
         self.start_time = setup.start_time if recipe.at is None or recipe.start is not None else recipe.at.time
         self.stop_time = description.experiment.stop_time
+        self.rtol = setup.rtol if interface == "me" and setup.solver != "none" else 0.0
         self.driver = driver
         self.notes = notes
         if not description.interfaces[interface].variable_step:

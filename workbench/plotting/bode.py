@@ -22,11 +22,14 @@ __all__ = ["plot_nfr"]
 # Above so many amplitudes a legend would cover the curves: it moves to the side.
 _LEGEND_INSIDE = 6
 
+# A response that may be anything is not drawn as infinite: the bar ends 20 dB above it.
+_FLOOR = 0.1
+
 
 def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool = False) -> Figure:
     """Draw gain [dB], phase [deg] and, if wanted, offset over frequency [Hz], one curve per amplitude.
 
-    Circles: settled; triangles: averaged; crosses on the lower edge: failed.
+    Circles: settled; triangles: averaged; crosses on the lower edge: failed; bars: the error.
 
     Args:
         result: what to draw.
@@ -44,6 +47,7 @@ def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool 
     for ax, (values, name) in zip(axes, pictures, strict=False):
         _curves(ax, result, values)
         ax.set_ylabel(name)
+    _error_bars(axes[0], axes[1], result)
     _open_up(axes[0], result.gain_db, 1.0)
     _open_up(axes[1], result.phase_deg, 5.0)
     _degrees(axes[1], result.phase_deg)
@@ -70,6 +74,20 @@ def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
                 markersize=4.0 if marker == "o" else 6.0,
                 **style,
             )
+
+
+def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
+    """Draw what the errors leave open, where the eye can see it: the sector of a circle around each response."""
+    for i, error in enumerate(result.error):
+        known = np.isfinite(error) & np.isfinite(result.gain_db[i])
+        f, e = result.frequency_hz[known], error[known]
+        style: dict[str, Any] = {"ecolor": COLOURS[i % len(COLOURS)], "fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
+        # The true response is the measured one over 1 + e·exp(jφ), with any φ.
+        below = 20.0 * np.log10(1.0 + e)
+        above = -20.0 * np.log10(np.maximum(1.0 - e, _FLOOR))
+        gain.errorbar(f, result.gain_db[i][known], yerr=np.array([below, above]), **style)
+        turned = np.degrees(np.arcsin(np.minimum(e, 1.0)))
+        phase.errorbar(f, result.phase_deg[i][known], yerr=np.where(e < 1.0, turned, 180.0), **style)
 
 
 def _failures(ax: Axes, result: NfrResult) -> None:

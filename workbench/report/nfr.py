@@ -16,7 +16,7 @@ __all__ = ["nfr_page"]
 _DROP_DB = 3.0
 _MEANING = {
     "settled": "the response no longer changed from period to period",
-    "averaged": "never settled; the value is the mean of the last periods and deserves a look",
+    "averaged": "not settled: the value is known only as well as its error says",
     "failed": "no value",
 }
 
@@ -28,7 +28,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         result: what to report.
         offset: whether the output's mean is drawn too.
     """
-    words = "Circles: settled; triangles: averaged; crosses on the lower edge: failed."
+    words = "Circles: settled; triangles: averaged; crosses on the lower edge: failed. Bars: the error."
     return Page(
         title=f"Frequency response of {result.model}: {result.input} → {result.output}",
         lead=_lead(result),
@@ -101,9 +101,12 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
 def _values(result: NfrResult, i: int) -> Section:
     unit = result.input_unit
     ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
-    headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", bracketed("offset", result.output_unit), "THD [%]")
-    columns = (result.gain, result.gain_db, result.phase_deg, result.offset, 100.0 * result.thd)
-    forms = (".5g", ".3f", ".2f", ".4g", ".3g")
+    offset = bracketed("offset", result.output_unit)
+    headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", "error [%]", offset, "THD [%]")
+    columns = (
+        result.gain, result.gain_db, result.phase_deg, 100.0 * result.error, result.offset, 100.0 * result.thd
+    )  # fmt: skip
+    forms = (".5g", ".3f", ".2f", ".2g", ".4g", ".3g")
     rows = [
         (
             f"{f:.5g}",
@@ -114,7 +117,7 @@ def _values(result: NfrResult, i: int) -> Section:
         for j, f in enumerate(result.frequency_hz.tolist())
         if not _is_missing(result, i, j)
     ]
-    table = Table((*headings, "periods", "status"), rows, verdict=7, right=range(7))
+    table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
     return Section(f"Amplitude {result.amplitude[i]:g} {unit or ''}".strip(), tables=[table])
 
 

@@ -1,0 +1,192 @@
+"""What the linear model at the operating point foretells of a frequency response: its transient and its resonance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.session.base import Floats
+from workbench.session.point import Point
+
+__all__ = ["LinearPart", "Twin", "linear_part"]
+
+Complex = NDArray[np.complex128]
+
+# With more states the matrix exponentials of each point would cost more than its periods do.
+_MOST_STATES = 200
+
+# Eigenvectors that give the matrix back to this relative accuracy are used.
+_EXACT = 1e-9
+
+# Events of the model that are looked for: one is enough to know that it is sampled.
+_LOOK = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPart:
+    """The linear model from the forced input to the output, ẋ = Ax + Bu + dx0, y = Cx + Du, x and u from the point.
+
+    Attributes:
+        a, b, c: shapes (n, n), (n,), (n,).
+        d: feed-through.
+        dx0: derivatives at the point itself, shape (n,); 0 at an equilibrium.
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    d: float
+    dx0: Floats
+
+    @cached_property
+    def modes(self) -> tuple[Complex, Complex, Complex] | None:
+        """Poles, eigenvectors and their inverse; None where they do not give A back (coinciding poles)."""
+        poles, vectors = np.linalg.eig(self.a.astype(np.complex128))
+        try:
+            inverse = np.linalg.inv(vectors)
+        except np.linalg.LinAlgError:
+            return None
+        again = (vectors * poles) @ inverse
+        good = np.linalg.norm(again - self.a) <= _EXACT * np.linalg.norm(self.a)
+        return (poles, vectors, inverse) if good else None
+
+    def transition(self, period: float) -> tuple[Floats, Floats]:
+        """Return e^(AT) and its integral over T [s] (without eigenvectors: C. F. Van Loan 1978)."""
+        n = len(self.b)
+        if self.modes is None:
+            from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and rarely needed
+
+            block = np.zeros((2 * n, 2 * n))
+            block[:n, :n], block[:n, n:] = self.a, np.eye(n)
+            found: Floats = expm(block * period)
+            return found[:n, :n], found[:n, n:]
+        poles, vectors, inverse = self.modes
+        still = np.abs(poles) * period < 1e-12
+        integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
+        return ((vectors * np.exp(poles * period)) @ inverse).real, ((vectors * integral) @ inverse).real
+
+    def twin(self, frequency: float, amplitude: float, start: Floats | None = None) -> Twin | None:
+        """Return the linear model forced as a point is; None where it has a pole at that very frequency.
+
+        Args:
+            frequency: [Hz].
+            amplitude: [unit of the input].
+            start: states where the sine begins, from the operating point, shape (n,); None: 0.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                found = Twin.of(self, frequency, amplitude, np.zeros(len(self.b)) if start is None else start)
+        except (np.linalg.LinAlgError, ValueError, OverflowError):
+            return None
+        return found if np.isfinite(found.response) and np.isfinite(found.sensitivity) else None
+
+
+@dataclass(eq=False)
+class Twin:
+    """The linear model under the sine of one point, period by period.
+
+    Its free response is x(k) = Φ^k·x(0) with Φ = e^(AT) and x(0) the distance from the periodic motion, and what
+    it puts into the Fourier coefficients of period k is a fixed row times x(k).
+
+    Attributes:
+        response: output over input, complex.
+        sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
+            small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
+    """
+
+    response: complex
+    sensitivity: float
+    _phi: Floats
+    _rows: Floats
+    _x: Floats
+    _steady: Floats
+    _free: list[Floats] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, part: LinearPart, frequency: float, amplitude: float, start: Floats) -> Twin:
+        """Return the twin of a point."""
+        n, omega, period = len(part.b), 2.0 * math.pi * frequency, 1.0 / frequency
+        if n == 0:
+            return cls(complex(part.d), 0.0, np.zeros((0, 0)), np.zeros((3, 0)), start, start)
+        resolvent = 1j * omega * np.eye(n) - part.a
+        forced = np.linalg.solve(resolvent, part.b.astype(np.complex128))
+        twice = np.linalg.solve(resolvent, forced)
+        response = complex(part.c @ forced) + part.d
+        phi, integral = part.transition(period)
+        # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
+        first = -2j / period * np.linalg.solve(resolvent.T, part.c.astype(np.complex128)) @ (phi - np.eye(n))
+        rows = np.array([part.c @ integral / period, first.real, first.imag])
+        rest, *_ = np.linalg.lstsq(part.a, part.dx0, rcond=None)
+        steady = amplitude * forced.imag
+        sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
+        return cls(response, sensitivity, phi, rows / amplitude, start + rest - steady, steady - rest)
+
+    def free(self, count: int) -> Floats:
+        """Return mean, in-phase and quadrature part of the transient over the input's amplitude, shape (count, 3)."""
+        while len(self._free) < count:
+            self._free.append(self._rows @ self._x)
+            self._x = self._phi @ self._x
+        return np.array(self._free[:count]).reshape(count, 3)
+
+    def end(self, count: int) -> Floats:
+        """Return the states after `count` periods, from the operating point, shape (n,)."""
+        self.free(count)
+        return self._x + self._steady
+
+
+def linear_part(model: Model, input: str, output: str) -> LinearPart | None:
+    """Return the linear model where a run starts; None where there is none.
+
+    There is none for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
+    those of its continuous states), for more than 200 states, and where the model cannot be evaluated there.
+
+    Args:
+        model: it stays open.
+        input: forced input.
+        output: output, or a state.
+    """
+    if model.interface != "me" or len(model.states) > _MOST_STATES:
+        return None
+    try:
+        with model.open_point() as point:
+            if len(point.ticks(_LOOK, np.inf)):
+                return None
+            dx0 = point.at(point.x0, point.u0).dx
+            found = None if point.why_not_exact() else _exact(point, input, output)
+        a, b, c, d = _difference(model, input, output) if found is None else found
+    except WorkbenchError:
+        return None
+    finite = all(np.isfinite(m).all() for m in (a, b, c, d, dx0))
+    return LinearPart(a, b, c, d, dx0) if finite and len(dx0) == len(b) else None
+
+
+def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Floats, float] | None:
+    """Return A, B, C, D from the FMU's directional derivatives; None where they do not reach input and output.
+
+    They are not verified: the linear model counts only as far as it goes through the measured periods.
+    """
+    states, inputs, outputs = ([v.name for v in kind] for kind in (point.states, point.inputs, point.outputs))
+    n = len(states)
+    if input not in inputs or output not in (*states, *outputs):
+        return None
+    whole = point.jacobian()
+    column = n + inputs.index(input)
+    state = np.eye(1, whole.shape[1], states.index(output) if output in states else 0)[0]
+    row = whole[n + outputs.index(output)] if output in outputs else state
+    return whole[:n, :n], whole[:n, column], row[:n], float(row[column])
+
+
+def _difference(model: Model, input: str, output: str) -> tuple[Floats, Floats, Floats, float]:
+    """Return A, B, C, D by differences."""
+    from workbench.analysis.lin.linearise import run  # noqa: PLC0415 - brings python-control, which is slow to import
+    from workbench.analysis.lin.task import make_task  # noqa: PLC0415
+
+    task = make_task(model, at=None, x0=None, u0=None, inputs=[input], outputs=[output], time=None)
+    found = run(task, "difference")
+    return found.A, found.B[:, 0], found.C[0], float(found.D[0, 0])
