@@ -204,3 +204,37 @@ def test_an_open_loop_is_not_suspected(direct: float) -> None:
         y = plant.output(u) + 0.5 * random.standard_normal((1500, 1))
         found = wb.identify(wb.make_experiment(DT, u, y), order=1).closed_loop
         assert found is (None if direct else False)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        ("u,y\nfoo,bar\n{rows}", ["--dt", "0.1"], "line 2: 'foo' is neither a number nor a known unit"),
+        ("u,y\n", ["--dt", "0.1"], "no row of numbers"),
+        ("u,y\n1,2\n", ["--dt", "0.1"], "two samples are the least, not 1"),
+        ("u,y\n{still}", ["--dt", "0.1"], "input 'u' is constant (1): it excites nothing"),
+        ("y,u\n{still}", ["--dt", "0.1"], "output 'y' is constant (1): there is nothing to identify"),
+        ("u,y\n1,nan\n{rows}", ["--dt", "0.1"], "output 'y' is nan at sample 0"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--order", "-1"], "--order: '-1' is neither auto"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--order", "²"], "--order: '²' is neither auto"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--method", "n4sdi"], "did you mean n4sid"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--amplitude", "2"], "--nfr"),
+    ],
+)
+def test_wrong_input_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, options: list[str], message: str
+) -> None:
+    rows = "".join(f"{k % 3},{k % 7}\n" for k in range(60))
+    still = "".join(f"1,{k % 7}\n" for k in range(60))
+    (tmp_path / "x.csv").write_text(text.format(rows=rows, still=still), encoding="utf-8")
+    assert run(["identify", str(tmp_path / "x.csv"), "--input", "u", "--output", "y", *options]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+
+
+@pytest.mark.parametrize("unit", ["m/s2", "N.m", "kg*m^2", "°C", "%", "rad/s", "1/s", "m·s⁻²", "[anything at all]", ""])
+def test_a_line_of_units_is_read(tmp_path: Path, unit: str) -> None:
+    (tmp_path / "x.csv").write_text(f"t;u;y\ns;{unit};V\n0;1;2\n1;2;3\n", encoding="utf-8")
+    data = wb.read_experiment(tmp_path / "x.csv", inputs=["u"], outputs=["y"])
+    assert data.units == {"u": unit.strip("[]") or None, "y": "V"}

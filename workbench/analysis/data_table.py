@@ -18,6 +18,12 @@ __all__ = ["DataTable", "read_table"]
 
 _SEPARATORS = (";", "\t", ",")
 _UNIT = re.compile(r"^(?P<name>.*\S)\s+\[(?P<unit>[^\[\]]*)\]$")
+_SYMBOL = (
+    r"(?:[pnuµmcdhkMG]?(?:m|g|s|A|K|mol|cd|Hz|N|Pa|bar|J|W|Wh|V|VA|C|F|H|T|Wb|S|Ohm|Ω|rad|l|L)"
+    r"|min|h|d|deg|degC|degF|°|°C|°F|%|1|-|rpm|rev|ft|in|lb|lbf|kn|kt|psi|t|dB)"
+)
+_POWER = r"(?:\^?-?\d+|[⁻²³¹])*"
+_UNIT_ALONE = re.compile(rf"^{_SYMBOL}{_POWER}(?:\s*[*/.·\s]\s*\(?{_SYMBOL}{_POWER}\)?)*$")
 _REMARKS = ("#", "%", "//")
 
 
@@ -42,7 +48,8 @@ def read_table(path: str | Path) -> DataTable:
 
     The separator is a semicolon, a tab, a comma or, without any of these, white space; a decimal
     comma is understood where the comma is no separator. Names may stand in the first line, each
-    with its unit as a trailing " [unit]", or with the units in a line of their own below.
+    with its unit as a trailing " [unit]", or with the units in a line of their own below: in brackets, or ones in use
+    (m/s2, N.m, °C).
 
     Raises:
         InputError: no such file, no numbers, a row of another length, a cell that is no number.
@@ -57,7 +64,7 @@ def read_table(path: str | Path) -> DataTable:
     start = _first_numbers(rows, separator)
     if start is None:
         raise InputError(f"{path}: holds no row of numbers; a table with one column per signal is needed")
-    headings = [cells for _, cells in rows[:start]]
+    headings = rows[:start]
     values = _numbers(path, rows[start:], separator)
     if not headings:
         headings = _remark_heading(lines, separator, values.shape[1])
@@ -129,33 +136,43 @@ def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], separator: str) 
     return values
 
 
-def _remark_heading(lines: Sequence[tuple[int, str]], separator: str, width: int) -> list[list[str]]:
+def _remark_heading(lines: Sequence[tuple[int, str]], separator: str, width: int) -> list[tuple[int, list[str]]]:
     """Return the names out of a remark before the data, as NumPy writes them."""
-    for _, line in reversed(lines):
+    for number, line in reversed(lines):
         if _is_remark(line):
             cells = _cells(line.strip().lstrip("#%/"), separator)
             if len(cells) == width:
-                return [cells]
+                return [(number, cells)]
     return []
 
 
 def _heading(
-    path: Path, headings: Sequence[Sequence[str]], width: int, notes: list[str]
+    path: Path, headings: Sequence[tuple[int, list[str]]], width: int, notes: list[str]
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    fitting = [cells for cells in headings if len(cells) == width]
+    fitting = [(number, cells) for number, cells in headings if len(cells) == width]
     if not fitting:
         notes.append(f"{path}: names no columns; they are called column1, column2, …")
         return tuple(f"column{i + 1}" for i in range(width)), (None,) * width
-    split = [_with_unit(cell) for cell in fitting[0]]
+    split = [_with_unit(cell) for cell in fitting[0][1]]
     names = tuple(name or f"column{i + 1}" for i, (name, _) in enumerate(split))
     units = tuple(unit for _, unit in split)
     if len(fitting) > 1 and not any(units):
-        units = tuple(cell.strip("[]()") or None for cell in fitting[1])
+        units = tuple(_unit_alone(path, fitting[1][0], cell) for cell in fitting[1][1])
         notes.append(f"{path}: the units are those of the second line")
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{path}: column '{twice[0]}' is there twice; give every column a name of its own")
     return names, units
+
+
+def _unit_alone(path: Path, line: int, cell: str) -> str | None:
+    inner = cell.strip("[]()").strip()
+    if inner and inner == cell and not _UNIT_ALONE.match(cell):
+        raise InputError(
+            f"{path}, line {line}: '{cell}' is neither a number nor a known unit; take the line out, or put units in "
+            "brackets, as [V]"
+        )
+    return inner or None
 
 
 def _with_unit(cell: str) -> tuple[str, str | None]:

@@ -94,6 +94,7 @@ def identify(
     from workbench.analysis.identify import identify as run
     from workbench.cli.output import Output
 
+    _check_overlay(lin, nfr, bode, amplitude)
     out = Output("identify", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     options: dict[str, Any] = {
         "inputs": _names(input), "outputs": _names(output), "method": method, "basis": basis, "horizon": horizon,
@@ -153,6 +154,13 @@ def _ask(data: Path, options: Mapping[str, Any], out: Output) -> int:
     return proposal.order if chosen == "auto" else chosen
 
 
+def _check_overlay(lin: Path | None, nfr: Path | None, bode: Path | None, amplitude: float | None) -> None:
+    if bode is not None and lin is None and nfr is None:
+        raise InputError("--bode: give what to hold the model against, --lin, --nfr or both")
+    if amplitude is not None and nfr is None:
+        raise InputError("--amplitude chooses one of --nfr, which is not given")
+
+
 def _overlay(
     result: IdentifyResult, lin: Path | None, nfr: Path | None, bode: Path | None, amplitude: float | None
 ) -> Overlay | None:
@@ -163,8 +171,6 @@ def _overlay(
     from workbench.cli.files import read_json
 
     if lin is None and nfr is None:
-        if bode is not None:
-            raise InputError("--bode: give what to hold the model against, --lin, --nfr or both")
         return None
     linear = None if lin is None else read_json("--lin", lin, LinResult.from_dict)
     measured = None if nfr is None else read_json("--nfr", nfr, NfrResult.from_dict)

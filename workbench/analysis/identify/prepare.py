@@ -76,13 +76,23 @@ def prepare(data: Experiment, *, how: str, settle: float) -> Prepared:
         settle: so much is cut off the beginning [s].
 
     Raises:
-        InputError: unknown detrending, too little left after the cut.
+        InputError: unknown detrending, too little left after the cut, a column that never changes.
     """
     if how not in DETRENDS:
         raise InputError(f"detrend '{how}' is unknown; {suggest(how, DETRENDS)}")
     kept = cut(data, settle)
+    _check_moving(kept)
     level = DETRENDS[how](kept)
     return Prepared(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
+
+
+def _check_moving(data: Experiment) -> None:
+    for kind, names, values in (("input", data.input_names, data.u), ("output", data.output_names, data.y)):
+        still = np.ptp(values, axis=0) <= 1e-12 * np.max(np.abs(values), axis=0)
+        if still.any():
+            k = int(np.argmax(still))
+            what = "it excites nothing" if kind == "input" else "there is nothing to identify"
+            raise InputError(f"{data.name}: {kind} '{names[k]}' is constant ({values[0, k]:.6g}): {what}; leave it out")
 
 
 def cut(data: Experiment, settle: float) -> Experiment:
