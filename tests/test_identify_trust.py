@@ -211,7 +211,7 @@ def test_an_open_loop_is_not_suspected(direct: float) -> None:
     [
         ("u,y\nfoo,bar\n{rows}", ["--dt", "0.1"], "line 2: 'foo' is neither a number nor a known unit"),
         ("u,y\n", ["--dt", "0.1"], "no row of numbers"),
-        ("u,y\n1,2\n", ["--dt", "0.1"], "two samples are the least, not 1"),
+        ("u,y\n1,2\n", ["--dt", "0.1"], "1 sample is too few; two are the least"),
         ("u,y\n{still}", ["--dt", "0.1"], "input 'u' is constant (1): it excites nothing"),
         ("y,u\n{still}", ["--dt", "0.1"], "output 'y' is constant (1): there is nothing to identify"),
         ("u,y\n1,nan\n{rows}", ["--dt", "0.1"], "output 'y' is nan at sample 0"),

@@ -216,7 +216,8 @@ def make_experiment(
     if len(inputs) != len(outputs):
         raise InputError(f"{name}: u has {len(inputs)} samples and y {len(outputs)}; they must be equally many")
     if len(inputs) < 2:
-        raise InputError(f"{name}: two samples are the least, not {len(inputs)}")
+        few = "1 sample is" if len(inputs) == 1 else f"{len(inputs)} samples are"
+        raise InputError(f"{name}: {few} too few; two are the least")
     u_names = names_of("u", input_names, inputs.shape[1])
     y_names = names_of("y", output_names, outputs.shape[1])
     twice = sorted({n for n in (*u_names, *y_names) if (*u_names, *y_names).count(n) > 1})
