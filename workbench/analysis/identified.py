@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from workbench.analysis.march import march, march_one
 from workbench.analysis.matrix_log import continuous_matrices
 from workbench.analysis.numden import NumDen, numden, transmission_zeros
+from workbench.core.poles import continuous, pole_keys, vanished
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -92,7 +93,7 @@ class IdentifiedModel:
         poles = self.poles
         if self.dt == 0.0:
             return poles
-        return np.asarray(np.log(poles[np.abs(poles) > 1e-6]) / self.dt, dtype=np.complex128)
+        return continuous(poles[~vanished(poles, self.dt)], self.dt)
 
     @property
     def is_stable(self) -> bool:
@@ -266,7 +267,7 @@ class IdentifiedModel:
         names = {key: list(getattr(self, key)) for key in _NAMES}
         poles = [[p.real, p.imag] for p in self.poles.tolist()]
         plain = {"name": self.name, "dt": self.dt, "delay": list(self.delay), "state_names": list(self.state_names)}
-        return {**plain, **arrays, **names, "poles": poles}
+        return {**plain, **arrays, **names, "poles": poles, **pole_keys(self.poles, self.dt)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> IdentifiedModel:

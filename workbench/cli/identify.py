@@ -219,20 +219,20 @@ def _bars(result: IdentifyResult, console: Console) -> None:
 
 
 def _poles(result: IdentifyResult, console: Console) -> None:
-    import numpy as np
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
+
+    from workbench.core.poles import POLE_HEADINGS, pole_rows
 
     model = result.model.undelayed()
     if not model.order:
         return
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("pole", "Hz", "damping"):
-        table.add_column(heading, justify="right")
-    for z in sorted(model.poles.tolist(), key=abs):
-        s = complex(np.log(z)) / model.dt if abs(z) > 0.0 else complex("nan")
-        damping = f"{-s.real / abs(s):.4g}" if abs(s) > 0.0 else "-"
-        table.add_row(f"{z.real:.6g} {z.imag:+.6g}j", f"{abs(s) / (2.0 * np.pi):.5g}", damping)
+    for heading in POLE_HEADINGS:
+        table.add_column(escape(heading), justify="right")
+    for row in pole_rows(model.poles.tolist(), model.dt):
+        table.add_row(f"{row.pole.real:.6g} {row.pole.imag:+.6g}j", row.natural, row.damping, row.damped)
     console.print(table)
 
 

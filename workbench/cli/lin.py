@@ -318,28 +318,19 @@ def _matrices(result: LinResult, console: Console) -> None:
 
 def _poles(result: LinResult, console: Console) -> None:
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
+
+    from workbench.core.poles import POLE_HEADINGS, pole_rows
 
     if not len(result.A) or len(result.A) > _WIDEST:
         return
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("pole", "Hz", "damping"):
-        table.add_column(heading, justify="right")
-    for pole in sorted(result.poles.tolist(), key=abs):
-        s = _as_continuous(pole, result.dt)
-        size = abs(s) if s is not None else float("nan")
-        size = 0.0 if size < _AT_REST else size
-        damping = f"{-s.real / size:.4g}" if s is not None and size > 0.0 else "-"
-        table.add_row(f"{pole.real:.6g} {pole.imag:+.6g}j", f"{size / 6.283185307179586:.6g}", damping)
+    for heading in POLE_HEADINGS:
+        table.add_column(escape(heading), justify="right")
+    for row in pole_rows(result.poles.tolist(), result.dt):
+        table.add_row(f"{row.pole.real:.6g} {row.pole.imag:+.6g}j", row.natural, row.damping, row.damped)
     console.print(table)
-
-
-def _as_continuous(pole: complex, dt: float) -> complex | None:
-    import cmath
-
-    if dt == 0.0:
-        return pole
-    return cmath.log(pole) / dt if pole else None
 
 
 def _show_comparison(result: LinComparison, out: Output) -> None:

@@ -155,11 +155,18 @@ def _modes_table(result: ModesResult, modes: ModeSet) -> Table:
     title = f"{result.model}{': ' if modes.label else ''}{modes.label}"
     first, last = modes.value[0], modes.value[-1]
     table = table_of(
-        title, "mode", f"Hz at {first:g}", f"at {last:g}", f"damping at {first:g}", f"at {last:g}", "least", "states"
+        title,
+        "mode",
+        f"natural Hz at {first:g}",
+        f"at {last:g}",
+        f"damping at {first:g}",
+        f"at {last:g}",
+        "least",
+        "states",
     )
     shown = {m.number for m in modes.modes} if len(modes.modes) <= _MOST_ROWS else modes.relevant(_MOST_ROWS)
     for mode in (m for m in modes.modes if m.number in shown):
-        f, d = mode.frequency_hz, mode.damping
+        f, d = mode.natural_frequency_hz, mode.damping
         least = np.nanmin(np.append(d, np.inf))
         cells = (_cell(f[0], "g"), _cell(f[-1], "g"), _cell(d[0], "f"), _cell(d[-1], "f"), _cell(least, "f"))
         table.add_row(str(mode.number), *cells, _names(mode))

@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.plotting.feedback_nyquist import draw_curve
 from workbench.plotting.feedback_settling import draw_settling
 from workbench.plotting.figure import COLOURS, save
@@ -90,7 +91,7 @@ def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
     ax.axvline(0.0, color="#444444", linewidth=0.9, zorder=2)
     limits = Normalize(float(locus.gains[0]), float(locus.gains[-1]))
     for column in locus.poles.T:
-        x, y = column.real, np.abs(column.imag) / (2.0 * np.pi)
+        x, y = column.real, damped_frequency_hz(column)
         if np.all((x < left) | (x > right) | (y > top)):
             continue
         points = np.column_stack([x, y]).reshape(-1, 1, 2)
@@ -102,7 +103,7 @@ def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
     _ends(ax, result, top, named=near)
     ax.set_xlim(left, right)
     ax.set_ylim(-0.01 * top, top)
-    ax.set(xlabel="real part of the pole [1/s]", ylabel="frequency |imaginary part|/2π [Hz]")
+    ax.set(xlabel="real part of the pole [1/s]", ylabel="damped frequency [Hz]")
     shade = ax.figure.colorbar(LineCollection([], cmap=_COLOURMAP, norm=limits), ax=ax, pad=0.02, aspect=30)
     shade.set_label(gain_label(result))
 
@@ -110,7 +111,7 @@ def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
 def _view(result: FeedbackResult, *, near: bool) -> tuple[float, float, float]:
     """Return left and right end [1/s] and top [Hz] of the picture."""
     poles = result.locus.poles
-    f = np.abs(poles.imag) / (2.0 * np.pi)
+    f = damped_frequency_hz(poles)
     if not near:
         left, right = float(np.quantile(poles.real, 0.02)), max(0.0, float(poles.real.max()))
         width = max(right - left, 1e-9)
@@ -146,7 +147,7 @@ def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
     """Mark the open-loop poles, and where poles stand on the border with the gain that puts them there."""
     if result.locus.gains[0] <= 0.0 <= result.locus.gains[-1]:
         poles = _open_poles(result)
-        f = np.abs(poles.imag) / (2.0 * np.pi)
+        f = damped_frequency_hz(poles)
         ax.plot(poles.real, f, "x", color="#222222", markersize=6.0, zorder=5, label="g = 0")
     seen: list[float] = []
     for c in _marked(result):
@@ -169,11 +170,7 @@ def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
 
 
 def _open_poles(result: FeedbackResult) -> Any:  # noqa: ANN401 - an array of complex numbers
-    plant = result.plant
-    poles = plant.poles
-    if plant.dt == 0.0:
-        return poles
-    return np.log(np.where(poles == 0.0, 1e-300, poles)) / plant.dt
+    return continuous(result.plant.poles, result.plant.dt)
 
 
 def _marked(result: FeedbackResult) -> list[Any]:

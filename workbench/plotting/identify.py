@@ -16,6 +16,7 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from workbench.core.poles import pole_rows
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
@@ -113,7 +114,7 @@ def plot_poles(
 ) -> Figure:
     """Draw poles and zeros of a discrete model with the unit circle, near-cancellations marked, and 95 % regions.
 
-    A table beside names frequency and damping of each pole.
+    A table beside names natural frequency and damping ratio of each pole.
 
     Args:
         model: discrete.
@@ -259,8 +260,8 @@ def _legend(ax: Axes, bootstrap: PoleBootstrap | None, cancellations: Sequence[N
 
 
 def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None) -> None:
-    """List poles, one line for a pair, with frequency, damping and size of the region."""
-    head = ["pole", "frequency\n[Hz]", "damping\n[1]"]
+    """List poles, one line for a pair, with natural frequency, damping ratio and size of the region."""
+    head = ["pole", "natural\n[Hz]", "damping\nratio"]
     head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
     upper = sorted((p for p in poles.tolist() if p.imag >= 0.0), key=lambda p: -abs(p))
     rows = [[_text(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
@@ -279,12 +280,9 @@ def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None)
 
 
 def _motion(pole: complex, dt: float) -> list[str]:
-    """Return frequency [Hz] and damping of the continuous pole behind a discrete one."""
-    if abs(pole) < 1e-6:
-        return ["–", "–"]
-    s = np.log(pole) / dt
-    size = float(abs(s))
-    return [f"{size / (2.0 * np.pi):.4g}", f"{-s.real / size:.3g}" if size > 0.0 else "–"]
+    """Return natural frequency [Hz] and damping ratio of the continuous pole behind a discrete one."""
+    (row,) = pole_rows([pole], dt)
+    return [row.natural, row.damping]
 
 
 def _size(pole: complex, bootstrap: PoleBootstrap | None) -> list[str]:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from workbench.analysis.lin.step_check import step_response
+from workbench.core.poles import natural_frequency_hz
 from workbench.plotting.figure import COLOURS, rows, save
 from workbench.session.base import Floats
 
@@ -108,7 +109,7 @@ def frequency_band(results: Sequence[LinResult]) -> Floats:
 
 
 def _corners(result: LinResult) -> list[float]:
-    sizes = np.abs(result.continuous_poles) / (2.0 * np.pi)
+    sizes = natural_frequency_hz(result.continuous_poles)
     return [float(f) for f in sizes if f > 1e-6] or ([0.05 / result.dt] if result.dt > 0.0 else [])
 
 

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 
 from workbench.plotting.figure import COLOURS, label, save
 from workbench.plotting.panels import panels
+from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesResult
@@ -28,7 +29,7 @@ _GREY = "#b8b8b8"
 
 
 def plot_modes(result: ModesResult, path: str | Path | None = None) -> Figure:
-    """Draw damping and frequency over the parameter; modes that become unstable or nearly so are coloured and named.
+    """Draw damping and natural frequency over the parameter; modes that are or become nearly unstable are named.
 
     Args:
         result: of the analysis.
@@ -52,7 +53,7 @@ def plot_modes(result: ModesResult, path: str | Path | None = None) -> Figure:
         handles += [_mark("#444444", "becomes unstable"), _mark("white", "becomes stable")]
     _limits(damping, frequency, result, chosen)
     damping.set_ylabel("damping ratio [%]")
-    frequency.set(ylabel="frequency [Hz]", xlabel=label(result.parameter, result.unit))
+    frequency.set(ylabel="natural frequency [Hz]", xlabel=label(result.parameter, result.unit))
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False, handlelength=2.4)
     if path is not None:
         save(figure, path)
@@ -104,12 +105,17 @@ def _border(axes: tuple[Axes, Axes], first: Critical, style: _Style, unit: str |
 
 def _line(axes: tuple[Axes, Axes], modes: ModeSet, mode: Mode, style: dict[str, Any]) -> None:
     axes[0].plot(modes.value, 100.0 * mode.damping, **style)
-    axes[1].plot(modes.value, np.where(mode.frequency_hz > 0.0, mode.frequency_hz, np.nan), **style)
+    axes[1].plot(modes.value, _swinging(mode), **style)
+
+
+def _swinging(mode: Mode) -> Floats:
+    """Return the natural frequency where the mode swings, NaN where its pole is real [Hz]."""
+    return np.asarray(np.where(mode.damped_frequency_hz > 0.0, mode.natural_frequency_hz, np.nan), dtype=np.float64)
 
 
 def _named(modes: ModeSet, mode: Mode, unit: str | None) -> str:
     """Return "mode 12, 2.4 → 2.7 Hz", and where it is unstable."""
-    known = mode.frequency_hz[~np.isnan(mode.frequency_hz)]
+    known = mode.natural_frequency_hz[~np.isnan(mode.pole)]
     text = f"mode {mode.number}, {known[0]:.3g} → {known[-1]:.3g} Hz"
     where = _unstable_ranges(modes, mode)
     return f"{text}\nunstable {where}{f' {unit}' if unit else ''}" if where else text
@@ -151,8 +157,8 @@ def _limits(damping: Axes, frequency: Axes, result: ModesResult, chosen: Sequenc
     damping.text(0.008, 0.03, "unstable", transform=damping.transAxes, fontsize=8.0, color="#9a4a12")
     # Frequencies of what becomes unstable; those that are only labelled may lie elsewhere.
     worst = [s.mode(n) for s in result.sets for n in {c.mode for c in s.critical}] or lines
-    highest = max((float(np.nanmax(m.frequency_hz)) for m in worst), default=1.0)
-    lowest = min((float(np.nanmin(m.frequency_hz)) for m in worst), default=0.0)
+    highest = max((float(np.nanmax(m.natural_frequency_hz)) for m in worst), default=1.0)
+    lowest = min((float(np.nanmin(m.natural_frequency_hz)) for m in worst), default=0.0)
     margin = 0.15 * max(highest - lowest, 0.2 * highest, 1e-9)
     frequency.set_ylim(max(0.0, lowest - margin), highest + margin)
     values = result.sets[0].value

@@ -12,6 +12,7 @@ from workbench.analysis.lin.compare import Verdict as Agreement
 from workbench.analysis.lin.result import LinearModel, LinResult
 from workbench.analysis.lin.step_check import StepCheck
 from workbench.analysis.lin.sweep import LinGrid, LinPoint
+from workbench.core.poles import damping_ratio, natural_frequency_hz
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
@@ -59,9 +60,9 @@ def _motion(result: LinResult) -> list[str]:
     words = [f"{counted(unstable, 'pole')} in the right half-plane." if unstable else ""]
     turning = (s.imag > 0.0) & (size > 0.0)
     if np.any(turning):
-        least = s[turning][np.argmin(-s[turning].real / size[turning])]
-        frequency, ratio = abs(least) / (2.0 * np.pi), -least.real / abs(least)
-        words.append(f"The oscillation damped least is at {frequency:.4g} Hz, damping ratio {ratio:.3g}.")
+        least = s[turning][np.argmin(damping_ratio(s[turning]))]
+        frequency, ratio = float(natural_frequency_hz(least)), float(damping_ratio(least))
+        words.append(f"The oscillation damped least is at {frequency:.4g} Hz (natural), damping ratio {ratio:.3g}.")
     return [text for text in words if text]
 
 

@@ -8,14 +8,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.poles import POLE_HEADINGS, pole_rows
 from workbench.report.page import Section, Table
 
 __all__ = ["MOST_ENTRIES", "bracketed", "counted", "matrices", "matrix", "number", "pole_table", "sampled_rows"]
 
 MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
 _MOST_POLES = 100
-_VANISHED = 1e-12  # a discrete pole below is a delay
-_AT_REST = 1e-6  # [rad/s]: what rounding makes of an integrator
 
 
 def number(value: float | None, form: str = ".5g") -> str:
@@ -53,40 +52,22 @@ def matrices(
 
 
 def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> Table:
-    """Return poles with frequency and damping, slowest first.
+    """Return poles with natural frequency, damping ratio and damped frequency, slowest first.
 
     Args:
         poles: of A.
         dt: its period [s]; 0: continuous.
         title: above the table.
     """
-    every = sorted(poles, key=lambda p: _speed(p, dt))
-    rows = [(_complex(p), *_motion(p, dt)) for p in every[:_MOST_POLES]]
+    every = pole_rows(poles, dt)
+    rows = [(_complex(r.pole), r.natural, r.damping, r.damped) for r in every[:_MOST_POLES]]
     rest = f"the slowest {_MOST_POLES} of {len(every)}" if len(every) > _MOST_POLES else ""
-    unit = "" if dt > 0.0 else " [1/s]"
-    words = ", ".join(filter(None, [title, rest]))
-    return Table((f"pole{unit}", "frequency [Hz]", "damping ratio"), rows, title=words, right=(0, 1, 2))
+    headings = (f"pole{'' if dt > 0.0 else ' [1/s]'}", *POLE_HEADINGS[1:])
+    return Table(headings, rows, title=", ".join(filter(None, [title, rest])), right=range(4))
 
 
 def _complex(z: complex) -> str:
     return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g} {'+' if z.imag > 0.0 else '−'} {abs(z.imag):.6g}j"
-
-
-def _speed(z: complex, dt: float) -> float:
-    """Return the size of a pole [rad/s]; infinite for a delay."""
-    if dt == 0.0:
-        return abs(z)
-    return abs(np.log(z)) if abs(z) > _VANISHED else math.inf
-
-
-def _motion(z: complex, dt: float) -> tuple[str, str]:
-    if dt > 0.0 and abs(z) <= _VANISHED:
-        return "delay", "–"
-    s = complex(np.log(z)) / dt if dt > 0.0 else z
-    size = abs(s)
-    if size < _AT_REST:
-        return "0", "–"
-    return f"{size / (2.0 * math.pi):.5g}", f"{-s.real / size:.4g}"
 
 
 def sampled_rows(rows: Sequence[Sequence[str]], most: int) -> Sequence[Sequence[str]]:

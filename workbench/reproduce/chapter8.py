@@ -14,6 +14,7 @@ from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.nyquist.result import Crossing
 from workbench.analysis.simulate import simulate
+from workbench.core.poles import damped_frequency_hz
 from workbench.fmi.variable import Value
 from workbench.plotting.nyquist import plot_nyquist
 from workbench.reproduce.drawings import titled
@@ -44,7 +45,7 @@ def _aircraft() -> Measurement:
         {
             "aircraft-states": float(len(linear.A)),
             "aircraft-outputs": float(outputs),
-            "unstable-pair": float(abs(growing.imag) / 2.0 / np.pi),
+            "unstable-pair": float(damped_frequency_hz(growing)),
             "aileron-limits": _limits({}),
             "elevator-limits": _limits(_elevator_settings()),
         },

@@ -16,6 +16,7 @@ from workbench.analysis.reduction.factored import Factored, factored
 from workbench.analysis.reduction.low_pass import low_pass
 from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
+from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError, suggest
 
 __all__ = ["SIGNS", "Design", "Settings", "design"]
@@ -149,14 +150,14 @@ def _reduced(g: BalancedReduction, h: BalancedReduction, judge: Judge) -> Filter
 
 
 def _mirrored(poles: Complex, edge: float) -> str:
-    inside = int(np.sum(np.abs(poles) <= 2.0 * np.pi * edge))
+    inside = int(np.sum(natural_frequency_hz(poles) <= edge))
     return f"{len(poles)} poles, {inside} below {edge:g} Hz" if len(poles) else "none"
 
 
 def _notes(on_axis: Complex, cancelled: Complex, mirrored: Complex) -> tuple[str, ...]:
     notes = []
     if len(mirrored):
-        listed = ", ".join(f"{abs(p) / (2.0 * np.pi):.3g}" for p in mirrored[mirrored.imag >= 0.0].tolist())
+        listed = ", ".join(f"{float(natural_frequency_hz(p)):.3g}" for p in mirrored[mirrored.imag >= 0.0].tolist())
         notes.append(
             f"poles were mirrored at {listed} Hz; around these frequencies the filter has another phase than H/G"
         )

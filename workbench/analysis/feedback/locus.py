@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from workbench.analysis.feedback.gains import Crossing
 from workbench.analysis.feedback.plant import Complex, Plant
+from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.session.base import Floats
 
 __all__ = ["Fastest", "Locus", "fastest", "locus", "shown_gains"]
@@ -43,7 +44,7 @@ class Fastest:
     Attributes:
         gain: g.
         growth: of that oscillation [1/s], negative.
-        frequency_hz: of it [Hz].
+        frequency_hz: of it, damped [Hz].
         slowest: growth of the slowest pole of all at that gain, oscillating or not [1/s].
     """
 
@@ -109,11 +110,7 @@ def locus(plant: Plant, low: float, high: float, *, also: Sequence[float] = ()) 
 
 
 def _rates(plant: Plant, gain: float) -> Complex:
-    poles = plant.poles_at(gain)
-    if plant.dt == 0.0:
-        return poles
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.where(poles == 0.0, 1e-300, poles)) / plant.dt, dtype=np.complex128)
+    return continuous(plant.poles_at(gain), plant.dt)
 
 
 def _followed(rows: Sequence[Complex]) -> Complex:
@@ -159,10 +156,10 @@ def fastest(plant: Plant, low: float, high: float) -> Fastest | None:
 
 
 def _oscillation(plant: Plant, gain: float) -> tuple[float, float]:
-    """Return growth [1/s] and frequency [Hz] of the slowest oscillating pole; infinite growth: there is none."""
+    """Return growth [1/s] and damped frequency [Hz] of the slowest oscillating pole; infinite growth: there is none."""
     rates = _rates(plant, gain)
     swinging = rates[np.abs(rates.imag) > np.abs(rates.real)]
     if not len(swinging):
         return np.inf, 0.0
     slowest = swinging[int(np.argmax(swinging.real))]
-    return float(slowest.real), float(abs(slowest.imag) / (2.0 * np.pi))
+    return float(slowest.real), float(damped_frequency_hz(slowest))

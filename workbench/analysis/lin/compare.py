@@ -19,6 +19,7 @@ from workbench.analysis.lin.task import LinTask, Width, check_names, make_task, 
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
 from workbench.core.operating_point import At
+from workbench.core.poles import natural_frequency_hz
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.origin import Reportable, with_origin
@@ -260,7 +261,7 @@ def _frequencies(results: Sequence[LinResult]) -> Floats:
 
 def _corners(result: LinResult) -> Floats:
     """Return the frequencies of the poles that a sampled response can show [Hz]."""
-    sizes = np.abs(result.continuous_poles) / (2.0 * np.pi)
+    sizes = natural_frequency_hz(result.continuous_poles)
     return np.asarray(sizes[sizes > 1e-6], dtype=np.float64)
 
 

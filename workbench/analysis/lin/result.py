@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.poles import continuous, pole_keys, vanished
 from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["Doubt", "Intersample", "LinResult", "LinearModel", "Zero"]
 
 Complex = NDArray[np.complex128]
-
-VANISHED = 1e-6  # discrete poles smaller than this are over within a sample
 
 
 @dataclass(frozen=True)
@@ -158,7 +157,7 @@ class LinResult(Reportable):
         poles = self.poles
         if self.dt == 0.0:
             return poles
-        return np.asarray(np.log(poles[np.abs(poles) > VANISHED]) / self.dt, dtype=np.complex128)
+        return continuous(poles[~vanished(poles, self.dt)], self.dt)
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Return the frequency response, shape (k, q, m).
@@ -241,6 +240,7 @@ class LinResult(Reportable):
             "dt": self.dt,
             **{n: list(getattr(self, n)) for n in ("state_names", "input_names", "output_names")},
             "poles": [[p.real, p.imag] for p in self.poles.tolist()],
+            **pole_keys(self.poles, self.dt),
             "x0": dict(self.point.x),
             "u0": dict(self.point.u),
             "y0": dict(self.point.y),

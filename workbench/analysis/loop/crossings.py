@@ -10,6 +10,7 @@ from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
 from workbench.analysis.loop.transfer import Transfer
+from workbench.core.poles import damped_frequency_hz, natural_frequency_hz
 from workbench.session.base import Floats
 
 __all__ = ["gain_crossings", "real_crossings", "scan"]
@@ -56,7 +57,7 @@ def real_crossings(f: Transfer) -> list[float]:
 def scan(f: Transfer, candidates: Floats | None = None) -> Floats:
     """Return frequencies that cover the poles of F and the candidates with five decades around them, rising [Hz]."""
     poles = f.rates
-    sizes = np.concatenate([np.abs(poles), np.abs(poles.imag)]) / (2.0 * np.pi)
+    sizes = np.concatenate([natural_frequency_hz(poles), damped_frequency_hz(poles)])
     own = sizes[(sizes > 1e-9 * sizes.max(initial=0.0)) & (sizes > 0.0)]
     every = np.concatenate([own, [] if candidates is None else candidates])
     if not len(every):

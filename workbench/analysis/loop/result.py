@@ -15,6 +15,7 @@ from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
 from workbench.analysis.loop.transfer import Transfer
+from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
@@ -115,7 +116,7 @@ class LoopResult(Reportable):
         """
         transfer = self._linear().transfer
         poles = np.concatenate([transfer.rates, transfer.sensitivity().rates])
-        every = np.concatenate([np.abs(poles) / (2.0 * np.pi), self._linear().margins.crossovers_hz])
+        every = np.concatenate([natural_frequency_hz(poles), self._linear().margins.crossovers_hz])
         every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
         if not len(every):
             every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -14,7 +15,6 @@ __all__ = ["Complex", "Transfer"]
 
 Complex = NDArray[np.complex128]
 
-_VANISHED = 1e-6  # sampled poles smaller than this are over within a sample
 _NEAR = 1e-12  # 1 + D below this: the loop gain at high frequency is -1
 
 
@@ -51,8 +51,8 @@ class Transfer:
         """Poles [1/s]; of a sampled system those that its samples show, without the ones at 0."""
         if self.dt == 0.0:
             return self.poles
-        seen = self.poles[np.abs(self.poles) > _VANISHED]
-        return np.asarray(np.log(seen) / self.dt, dtype=np.complex128)
+        poles = self.poles
+        return continuous(poles[~vanished(poles, self.dt)], self.dt)
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Return F at frequencies [Hz], shape (k,); NaN on a pole.

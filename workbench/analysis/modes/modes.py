@@ -14,6 +14,7 @@ from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeetin
 from workbench.analysis.modes.source import Source, Where, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
 from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.poles import damped_frequency_hz
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
@@ -281,7 +282,7 @@ def _refined(source: Source, ends: tuple[Frame, Frame], number: int, tolerance: 
     return Critical(
         mode=number,
         value=root.value,
-        frequency_hz=abs(root.pole.imag) / (2.0 * np.pi),
+        frequency_hz=float(damped_frequency_hz(root.pole)),
         becomes="unstable" if rising else "stable",
         real=root.pole.real,
     )

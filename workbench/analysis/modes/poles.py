@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from workbench.analysis.blas import one_thread
+from workbench.core.poles import VANISHED, continuous
 from workbench.session.base import Floats
 
 __all__ = ["Complex", "Poles", "poles_of"]
@@ -19,7 +20,6 @@ __all__ = ["Complex", "Poles", "poles_of"]
 Complex = NDArray[np.complex128]
 
 _ROUNDING = 20.0
-_VANISHED = 1e-6  # discrete poles smaller than this are over within a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +136,5 @@ def _continuous(value: Complex, uncertain: Floats, dt: float) -> tuple[Complex, 
     """Return discrete poles as continuous ones; those that vanish within a sample have no end of damping."""
     if dt == 0.0:
         return value, uncertain
-    size = np.maximum(np.abs(value), _VANISHED)
-    turned = np.where(np.abs(value) > _VANISHED, value, _VANISHED + 0.0j)
-    return np.asarray(np.log(turned) / dt, dtype=np.complex128), np.asarray(uncertain / size / dt, dtype=np.float64)
+    size = np.maximum(np.abs(value), VANISHED)
+    return continuous(value, dt), np.asarray(uncertain / size / dt, dtype=np.float64)

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.modes.poles import Complex
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
 from workbench.csv_file import write_csv
 from workbench.fmi.variable import Value
 from workbench.origin import Reportable
@@ -33,8 +35,8 @@ class Mode:
     """One mode over the parameter.
 
     Attributes:
-        number: from 1 on, by rising frequency at the first value; what appears later (two real poles of what was a
-            pair) comes after.
+        number: from 1 on, by rising damped frequency at the first value; what appears later (two real poles of what
+            was a pair) comes after.
         pole: of the pair that with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
         uncertain: how far rounding may have moved it, shape (k,) [1/s].
         states: those that take most part in it, at its first value.
@@ -46,17 +48,29 @@ class Mode:
     states: tuple[str, ...]
 
     @property
+    def natural_frequency_hz(self) -> Floats:
+        """|pole|/2π, shape (k,) [Hz]; 0 for a pole at 0."""
+        return np.asarray(np.where(self._rests, 0.0, natural_frequency_hz(self.pole)), dtype=np.float64)
+
+    @property
+    def damped_frequency_hz(self) -> Floats:
+        """|Im pole|/2π, of the free motion; 0 for a real pole; shape (k,) [Hz]."""
+        return damped_frequency_hz(self.pole)
+
+    @property
     def frequency_hz(self) -> Floats:
-        """Of the damped oscillation, |Im|/2π; 0 for a real pole; shape (k,) [Hz]."""
-        return np.asarray(np.abs(self.pole.imag) / (2.0 * np.pi), dtype=np.float64)
+        """The damped frequency, under its name of version 0.1; shape (k,) [Hz]."""
+        return self.damped_frequency_hz
 
     @property
     def damping(self) -> Floats:
         """Damping ratio −Re/|pole|, shape (k,); NaN for a pole at 0."""
-        size = np.abs(self.pole)
-        rest = size <= self.uncertain
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(rest, np.nan, -self.pole.real / size), dtype=np.float64)
+        return np.asarray(np.where(self._rests, np.nan, damping_ratio(self.pole)), dtype=np.float64)
+
+    @property
+    def _rests(self) -> NDArray[np.bool_]:
+        """Where the pole is 0 within rounding, shape (k,)."""
+        return np.asarray(np.abs(self.pole) <= self.uncertain)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +187,8 @@ class ModeSet:
             "number": [m.number for m in self.modes],
             "states": [list(m.states) for m in self.modes],
             "frequency_hz": [m.frequency_hz.tolist() for m in self.modes],
+            "natural_frequency_hz": [m.natural_frequency_hz.tolist() for m in self.modes],
+            "damped_frequency_hz": [m.damped_frequency_hz.tolist() for m in self.modes],
             "damping": [m.damping.tolist() for m in self.modes],
             "real": [m.pole.real.tolist() for m in self.modes],
             "imag": [m.pole.imag.tolist() for m in self.modes],
@@ -183,9 +199,10 @@ class ModeSet:
         }
 
     def rows(self) -> Iterator[list[Any]]:
-        """Yield label, value, mode, frequency, damping, real and imaginary part."""
+        """Yield label, value, mode, damped frequency, damping, real and imaginary part, natural frequency."""
         for m in self.modes:
-            table = np.column_stack([self.value, m.frequency_hz, m.damping, m.pole.real, m.pole.imag])
+            columns = (m.frequency_hz, m.damping, m.pole.real, m.pole.imag, m.natural_frequency_hz)
+            table = np.column_stack([self.value, *columns])
             for value, *rest in table[~np.isnan(m.pole)].tolist():
                 yield [self.label, value, m.number, *(None if math.isnan(x) else x for x in rest)]
 
@@ -246,4 +263,5 @@ class ModesResult(Reportable):
             path: of the file, or an open one.
         """
         heading = ["configuration", self.parameter, "mode", "frequency_hz", "damping", "real", "imag"]
+        heading += ["natural_frequency_hz"]
         write_csv(path, [heading, *(row for s in self.sets for row in s.rows())])

@@ -11,6 +11,7 @@ from scipy.linalg import matrix_balance
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.poles import natural_frequency_hz
 from workbench.errors import SimulationError
 
 __all__ = ["Factored", "factored", "right_of_axis"]
@@ -138,7 +139,7 @@ def by_size(roots: Complex) -> Complex:
 
 def _places(zeros: Complex, poles: Complex) -> Floats:
     """Return frequencies between the smallest and the largest root [Hz]."""
-    sizes = np.abs(np.concatenate([zeros, poles])) / (2.0 * np.pi)
+    sizes = natural_frequency_hz(np.concatenate([zeros, poles]))
     sizes = sizes[sizes > 1e-9]
     low, high = (sizes.min(), sizes.max()) if len(sizes) else (0.1, 10.0)
     return np.asarray(np.geomspace(max(low, 1e-6 * high), 2.0 * high, _PLACES), dtype=np.float64)

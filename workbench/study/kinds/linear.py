@@ -7,12 +7,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from workbench.core.poles import continuous, natural_frequency_hz, vanished
 from workbench.errors import InputError, suggest
 from workbench.study.kinds.base import NotMeasured, Result
 from workbench.study.kinds.curve import Curve, unwrap
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     Matrices = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -28,10 +30,11 @@ _Response = Callable[[float], complex]
 
 
 def poles(result: Result) -> list[complex]:
-    """Return the poles of a linear model as those of a continuous one [rad/s]; a pole at z = 0 is left out."""
+    """Return the poles of a linear model as those of a continuous one [1/s]; delays, near z = 0, are left out."""
     dt = float(result["dt"])
-    found = [complex(*p) for p in result["poles"]]
-    return [cmath.log(z) / dt for z in found if z != 0.0] if dt > 0.0 else found
+    found = np.array([complex(*p) for p in result["poles"]], dtype=np.complex128)
+    seen: list[complex] = continuous(found[~vanished(found, dt)], dt).tolist()
+    return seen
 
 
 def linear_curve(result: Result, *, at: Sequence[float], input: str | None, output: str | None, plant: str) -> Curve:
@@ -87,7 +90,7 @@ def _frequencies(result: Result, at: Sequence[float]) -> list[float]:
 
 
 def _around(result: Result) -> tuple[float, float]:
-    rates = [abs(p) / (2.0 * math.pi) for p in poles(result)]
+    rates = [float(natural_frequency_hz(p)) for p in poles(result)]
     rates = [r for r in rates if r > 1e-9 * max(rates)]
     return (min(rates) / 100.0, max(rates) * 10.0) if rates else (0.01, 100.0)
 

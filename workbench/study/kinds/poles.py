@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from workbench.core.poles import damping_ratio, natural_frequency_hz
 from workbench.study.kinds.base import Limited, NotMeasured, Result, Value
 from workbench.study.kinds.linear import poles
 
@@ -41,7 +42,7 @@ class _OfPoles(Limited):
 
 
 def _hz(pole: complex) -> float:
-    return abs(pole) / (2.0 * math.pi)
+    return float(natural_frequency_hz(pole))
 
 
 class Damping(_OfPoles):
@@ -50,7 +51,7 @@ class Damping(_OfPoles):
     units = ("1",)
 
     def value(self, pole: complex) -> Value:
-        return Value(value=-pole.real / abs(pole), where=f"pole at {_hz(pole):.4g} Hz", unit="1")
+        return Value(value=float(damping_ratio(pole)), where=f"pole at {_hz(pole):.4g} Hz", unit="1")
 
 
 class PoleFrequency(_OfPoles):
@@ -59,7 +60,7 @@ class PoleFrequency(_OfPoles):
     units = ("Hz",)
 
     def value(self, pole: complex) -> Value:
-        return Value(value=_hz(pole), where=f"damping {-pole.real / abs(pole):.4g}", unit="Hz")
+        return Value(value=_hz(pole), where=f"damping {float(damping_ratio(pole)):.4g}", unit="Hz")
 
 
 class Stability(_OfPoles):
