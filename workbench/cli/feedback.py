@@ -267,7 +267,7 @@ def _show(result: FeedbackResult, console: Console) -> None:
         if f is not None:
             console.print(
                 f"the slowest oscillation decays fastest with gain {f.gain:.5g}: {f.growth:.4g} 1/s at "
-                f"{f.frequency_hz:.4g} Hz (slowest pole of all: {f.slowest:.4g} 1/s)",
+                f"{f.frequency_hz:.4g} Hz damped (slowest pole of all: {f.slowest:.4g} 1/s)",
                 markup=False,
                 soft_wrap=True,
             )

@@ -71,8 +71,8 @@ def _stability(result: FeedbackResult) -> Section:
     ]
     headings = ("gain", "frequency [Hz]", "G there", "poles beyond, gain below", "gain above")
     fastest = [
-        f"gain {f.gain:.5g}: the slowest oscillation decays with {f.growth:.4g} 1/s at {f.frequency_hz:.4g} Hz, the "
-        f"slowest pole of all with {f.slowest:.4g} 1/s"
+        f"gain {f.gain:.5g}: the slowest oscillation decays with {f.growth:.4g} 1/s at {f.frequency_hz:.4g} Hz "
+        f"damped, the slowest pole of all with {f.slowest:.4g} 1/s"
         for f in result.fastest
         if f is not None
     ]
