@@ -51,7 +51,10 @@ class SimulationError(WorkbenchError):
     Attributes:
         message: one line, the time is appended.
         time: session time at which it happened [s]; None where there is none.
+        before: what was recorded or computed until then; None where nothing was.
     """
+
+    before: object = None
 
     def __init__(self, message: str, *, time: float | None = None) -> None:
         super().__init__(message if time is None else f"{message} (at t = {time:.9g} s)")

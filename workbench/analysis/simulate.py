@@ -13,7 +13,7 @@ import numpy as np
 from workbench.analysis.divergence import divergence
 from workbench.analysis.divergence_run import explained
 from workbench.csv_file import write_csv
-from workbench.errors import InputError, SimulationError, article, suggest
+from workbench.errors import EndedError, InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.origin import Reportable, with_origin
@@ -41,6 +41,8 @@ class SimulationResult(Reportable):
         signals: name → shape (n,): the outputs, then the forced inputs as the model saw them.
         units: name → unit, None where the model declares none.
         notes: doubts about the result, e.g. a communication step that is too long.
+        ended_at: when the run was cut short [s], by the FMU itself or by a failure; None: it came to its end.
+        failed: why it failed; None: it did not. An FMU that ends its own run has not failed.
     """
 
     model: str
@@ -50,6 +52,8 @@ class SimulationResult(Reportable):
     signals: dict[str, Floats]
     units: dict[str, str | None]
     notes: tuple[str, ...] = ()
+    ended_at: float | None = None
+    failed: str | None = None
 
     def plot(self) -> Figure:
         """Return a picture with one panel per signal."""
@@ -64,10 +68,12 @@ class SimulationResult(Reportable):
             "signals": {name: values.tolist() for name, values in self.signals.items()},
             "units": dict(self.units),
             "notes": list(self.notes),
+            "ended_at": self.ended_at,
+            "failed": self.failed,
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write time [s] and every signal as columns with a heading line.
+        """Write time [s] and every signal as columns with a heading line; a run cut short ends with a comment.
 
         Args:
             path: of the file, or an open text stream.
@@ -75,7 +81,12 @@ class SimulationResult(Reportable):
         Raises:
             InputError: the file cannot be written.
         """
-        write_csv(path, [["time", *self.signals], *zip(*self._columns(), strict=True)])
+        write_csv(path, [["time", *self.signals], *zip(*self._columns(), strict=True), *self._cut()])
+
+    def _cut(self) -> list[list[str]]:
+        if self.ended_at is None:
+            return []
+        return [[f"# ended at {self.ended_at:.9g} s: {self.failed or 'by the FMU itself'}"]]
 
     def _columns(self) -> list[list[float]]:
         return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
@@ -110,7 +121,7 @@ def simulate(
     Raises:
         InputError: unknown name, an output forced, times or points out of order.
         FmuError: the FMU cannot be instantiated.
-        SimulationError: the model failed while running.
+        SimulationError: the model failed while running; its `before` is the result up to then.
         DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
             in finite time, and when.
     """
@@ -123,17 +134,17 @@ def simulate(
     at = _points(start, stop, interval, points, grid=model.grid)
     run = _Run(model, start, stop, inputs, names, at)
     try:
-        record, step = run.once(None)
+        found = run.once(None)
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
+        if isinstance(error.before, Record):
+            why.before = run.result(_Once(error.before, None), told, failed=why)
         if why is error:
             raise
         raise why from error
-    notes = told if step is None or not verify_step else (*told, *run.doubts(record, step))
-    units = _units(model, [*names, *inputs])
-    columns = {**record.values, **record.inputs}
-    notes += (*_growth(record, units), *model.remarks())
-    return SimulationResult(model.name, model.interface, model.solver, record.time, columns, units, notes)
+    if found.step is not None and verify_step:
+        told += run.doubts(found)
+    return run.result(found, told)
 
 
 def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
@@ -165,6 +176,15 @@ def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
+class _Once:
+    """What one run gave: its rows, the communication step (None: model exchange), and how the FMU ended it if it did."""
+
+    record: Record
+    step: float | None
+    ended: EndedError | None = None
+
+
+@dataclass(frozen=True)
 class _Run:
     """What to run, so that it can be run again with another communication step."""
 
@@ -175,24 +195,55 @@ class _Run:
     names: list[str]
     points: Floats
 
-    def once(self, step: float | None) -> tuple[Record, float | None]:
-        """Return the record and the communication step that was used (None: model exchange)."""
+    def once(self, step: float | None) -> _Once:
+        """Run with a communication step; None: the model's own."""
         with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
-            record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
-            used = session.communication_step
-            record = _with_end(session, record, self.inputs, self.names)
-        return (record if used is None else _at_points(record, self.start, self.points)), used
+            ended = None
+            try:
+                record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
+                record = _with_end(session, record, self.inputs, self.names)
+            except EndedError as error:
+                if not isinstance(error.before, Record):
+                    raise
+                record, ended = error.before, error
+            return _Once(record, session.communication_step, ended)
 
-    def doubts(self, record: Record, step: float) -> tuple[str, ...]:
+    def result(
+        self, found: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None
+    ) -> SimulationResult:
+        """Return the result of a run, cut short or not."""
+        model, end = self.model, found.ended or failed
+        record = found.record
+        if model.interface == "cs":
+            record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
+        units = _units(model, [*self.names, *self.inputs])
+        columns = {**record.values, **record.inputs}
+        if found.ended is not None:
+            notes += (f"{found.ended}, before {self.stop:g} s",)
+        notes += (*_growth(record, units), *model.remarks())
+        return SimulationResult(
+            model.name,
+            model.interface,
+            model.solver,
+            record.time,
+            columns,
+            units,
+            notes,
+            ended_at=None if end is None else end.time,
+            failed=None if failed is None else str(failed),
+        )
+
+    def doubts(self, found: _Once) -> tuple[str, ...]:
         """Repeat with half the communication step; return a note if the answer changes."""
+        step = found.step or 0.0
         advice = f"use a step below {step:.3g} s, or interface me"
         try:
-            finer, _ = self.once(0.5 * step)
+            finer = self.once(0.5 * step)
         except SimulationError as error:
             return (f"with half the communication step the run fails ({error}); {advice}",)
         except InputError:  # a constant step that cannot be halved
             return ()
-        change, name = _largest_change(record, finer)
+        change, name = _largest_change(found.record, finer.record)
         if change <= WORRYING_CHANGE:
             return ()
         return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
@@ -204,7 +255,7 @@ def _largest_change(coarse: Record, fine: Record) -> tuple[float, str]:
     for signal, values in coarse.values.items():
         last = np.searchsorted(fine.time, coarse.time, side="right") - 1
         other = fine.values[signal][last]
-        right = np.append(coarse.time[1:] > coarse.time[:-1], True)
+        right = np.append(coarse.time[1:] > coarse.time[:-1], True) & (coarse.time <= fine.time[-1])
         span = max(float(np.ptp(other)), 1e-9 * float(np.max(np.abs(other))), 1e-300)
         change = float(np.max(np.abs(values - other)[right])) / span
         if change > worst:
@@ -267,9 +318,9 @@ def _with_end(session: Session, record: Record, inputs: Mapping[str, Signal], na
     )
 
 
-def _at_points(record: Record, start: float, points: Floats) -> Record:
-    """Keep the rows at the points only; co-simulation records every communication point twice."""
-    wanted = np.isin(record.time, np.append(start, points))
+def _at_points(record: Record, start: float, points: Floats, end: Sequence[float] | Floats) -> Record:
+    """Keep the rows at the points (and the end) only; co-simulation records every communication point twice."""
+    wanted = np.isin(record.time, np.concatenate([[start], points, end]))
     same_time = np.append(record.time[1:] == record.time[:-1], False)
     repeats = same_time.copy()
     for column in record.values.values():

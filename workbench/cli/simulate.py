@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,9 +36,6 @@ if TYPE_CHECKING:
     from workbench.cli.output import Output
 
 __all__ = ["simulate"]
-
-# A failed run is repeated up to just before the failure, which need not come at the same time again.
-_BEFORE = (1e-6, 1e-3, 0.1)
 
 
 def simulate(
@@ -77,6 +73,7 @@ def simulate(
 
     Example: `workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png`
     """
+    from workbench.analysis.simulate import SimulationResult
     from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
     from workbench.cli.notes import note
     from workbench.cli.output import Output
@@ -98,16 +95,8 @@ def simulate(
         try:
             result = simulate_in_worker(loaded, job, workers=where)
         except SimulationError as error:
-            if error.time is None or not error.time > 0.0:
-                raise
-            # Nothing is lost: what came before the failure is run once more and written.
-            for part in _BEFORE:
-                try:
-                    before = simulate_in_worker(loaded, replace(job, stop=error.time * (1.0 - part)), workers=where)
-                except SimulationError:
-                    continue
-                _write(before, out)
-                break
+            if isinstance(error.before, SimulationResult):  # nothing is lost
+                _write(error.before, out)
             raise
     _write(result, out)
     for text in result.notes:

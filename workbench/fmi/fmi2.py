@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import Access, TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import WARNING, EventInfo, Instance, StepResult
+from workbench.fmi.instance import DISCARD, WARNING, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
 __all__ = ["Instance2"]
 
 _INTEGER = TypeCalls("fmi2GetInteger", "fmi2SetInteger", ctypes.c_int, int, int)
+_LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
 _KINDS = {"me": 0, "cs": 1}
 
 
@@ -50,6 +51,7 @@ class Instance2(Instance):
         "get_states": "fmi2GetContinuousStates",
         "get_derivatives": "fmi2GetDerivatives",
         "get_indicators": "fmi2GetEventIndicators",
+        "do_step": "fmi2DoStep",
         "get_nominals": "fmi2GetNominalsOfContinuousStates",
         "get_fmu_state": "fmi2GetFMUstate",
         "set_fmu_state": "fmi2SetFMUstate",
@@ -100,8 +102,24 @@ class Instance2(Instance):
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
-        self.call("fmi2DoStep", time, step, 1)
+        status = self.library[self.CALLS["do_step"]](self.component, time, step, 1)
+        end = self.ended_at() if status == DISCARD else None
+        if end is not None:
+            return StepResult(end, terminate=True)
+        if status > WARNING:
+            self.fail(self.CALLS["do_step"], status)
         return StepResult(time + step)
+
+    def ended_at(self) -> float | None:
+        if not self.library.has("fmi2GetBooleanStatus"):
+            return None
+        ended, reached = ctypes.c_int(), ctypes.c_double(self.time)
+        asked = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
+        if asked > WARNING or not ended.value:
+            return None
+        if self.library.has("fmi2GetRealStatus"):
+            self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))
+        return max(self.time, float(reached.value))
 
     def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
         if not self.library.has("fmi2SetRealInputDerivatives"):

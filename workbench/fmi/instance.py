@@ -322,6 +322,10 @@ class Instance(ABC):
     def do_step(self, time: float, step: float) -> StepResult:
         """Advance a co-simulation FMU from `time` by `step` [s]."""
 
+    def ended_at(self) -> float | None:
+        """Return when the FMU ended its run inside the step that it has just discarded [s]; None: it did not."""
+        return None
+
     def enter_step_mode(self) -> None:
         """Leave event mode (co-simulation with `event_mode`)."""
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no step mode")

@@ -108,7 +108,8 @@ class Library:
 
     def has(self, name: str) -> bool:
         """Whether the binary exports the function."""
-        return not getattr(self._functions[name], "missing", False)
+        function = self._functions.get(name)
+        return function is not None and not getattr(function, "missing", False)
 
     def address(self, name: str) -> int | None:
         """Return where the function begins, for compiled callers; None where the binary has none."""

@@ -135,7 +135,7 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
             return false;
         }
         const bool early = is_early(answer.time, cs->time, end);
-        if (early) {
+        if (early || answer.terminate) {
             cs->time = answer.time;
         }
         if (!handle(cs, who, &answer, early)) {

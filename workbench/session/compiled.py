@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.errors import FmuError, InputError
+from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
 from workbench.kernel.native_record import NativeRecord
@@ -72,6 +72,9 @@ class CompiledSession(FmuSession):
         forcing, record = self.loop.force(self.forcing), self.loop.record(variables, self.recording)
         try:
             self._drive(until, targets, record, new=new)
+        except SimulationError as error:
+            error.before = self.loop.rows(record, self.forcing)
+            raise
         finally:
             self.forcing.written = forcing.written[: forcing.n]
         return self.loop.rows(record, self.forcing)

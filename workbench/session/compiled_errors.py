@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from workbench.errors import EndedError, InputError, SimulationError
-from workbench.fmi.instance import MAX_EVENT_ITERATIONS, Instance
+from workbench.fmi.instance import DISCARD, MAX_EVENT_ITERATIONS, Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
 from workbench.session.algebraic_error import unsolved
@@ -52,8 +52,14 @@ class Situation:
 
 
 def _status(now: Situation) -> Exception:
+    instance = now.instance
+    end = (
+        instance.ended_at() if now.failure.status == DISCARD and now.function == instance.CALLS.get("do_step") else None
+    )
+    if end is not None:
+        return EndedError(f"the FMU ended its run{instance.log.tail()}", time=end)
     try:
-        now.instance.fail(now.function, now.failure.status)
+        instance.fail(now.function, now.failure.status)
     except SimulationError as error:
         return error
 

@@ -102,7 +102,8 @@ class CsSession(FmuSession):
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
         rows = Rows(self.instance, variables, self.forcing)
-        self._run(until, targets.tolist(), rows, new=new)
+        with rows.kept():
+            self._run(until, targets.tolist(), rows, new=new)
         return rows.record()
 
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:
@@ -181,7 +182,7 @@ class CsSession(FmuSession):
 
     def _after(self, result: StepResult, *, early: bool) -> None:
         """An event inside the step is made at once; one at its end after the left limits there are recorded."""
-        if early:
+        if early or result.terminate:
             self.time = result.time
         if result.terminate:
             raise self._ended()

@@ -274,7 +274,11 @@ class FmuSession(Session):
             before = self.forcing
             self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
             self._forcing_changed(before)
-        return self._advance(until, targets, variables, new=new)
+        try:
+            return self._advance(until, targets, variables, new=new)
+        except EndedError as error:
+            self._add_end(error, variables)
+            raise
 
     def _forcing_changed(self, before: Forcing) -> None:
         """Carry over what the FMU sees from the previous signals to the present ones."""
@@ -309,6 +313,19 @@ class FmuSession(Session):
             return {}
         values = read_finite(self.instance.access(variables), variables, self.time)
         return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+    def _add_end(self, error: EndedError, variables: Sequence[Variable]) -> None:
+        """Add the row at which the FMU ended its run to those before: it may still be read then."""
+        rows = error.before
+        if not isinstance(rows, Record) or not len(rows.time) or error.time is None or error.time <= rows.time[-1]:
+            return
+        values = read_finite(self.instance.access(variables), variables, error.time) if variables else []
+        last = dict(zip([v.name for v in variables], values, strict=True))
+        error.before = Record(
+            time=np.append(rows.time, error.time),
+            values={n: np.append(column, last[n]) for n, column in rows.values.items()},
+            inputs={n: np.append(column, column[-1:]) for n, column in rows.inputs.items()},
+        )
 
     def _ended(self) -> EndedError:
         return EndedError(f"the FMU ended its run{self.instance.log.tail()}", time=self.time)

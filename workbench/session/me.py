@@ -144,7 +144,8 @@ class MeSession(FmuSession):
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
         rows = Rows(self.instance, variables, self.forcing)
-        self._run(until, targets.tolist(), rows, new=new)
+        with rows.kept():
+            self._run(until, targets.tolist(), rows, new=new)
         return rows.record()
 
     def _run(self, until: float, targets: list[float], rows: Rows, *, new: bool) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -54,6 +55,15 @@ class Rows:
             self._values.append(read_finite(self._access, self._variables, time))
         self._times.append(time)
         self._inputs.append(list(self._forcing.written if inputs is None else inputs))
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Hand the rows so far to whoever catches a failure."""
+        try:
+            yield
+        except SimulationError as error:
+            error.before = self.record()
+            raise
 
     def record(self) -> Record:
         """Return all rows as arrays."""

@@ -53,7 +53,8 @@ class MasterSession(CsSession):
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
         rows = UndoableRows(self.instance, variables, self.forcing)
-        self._run(until, targets.tolist(), rows, new=new)
+        with rows.kept():
+            self._run(until, targets.tolist(), rows, new=new)
         return rows.record()
 
     def _longest(self, until: float) -> float:
