@@ -177,7 +177,7 @@ def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Once:
-    """What one run gave: its rows, the communication step (None: model exchange), and how the FMU ended it if it did."""
+    """What one run gave: rows, communication step (None: model exchange), and how the FMU ended it if it did."""
 
     record: Record
     step: float | None
