@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from workbench.analysis.march import march_one
@@ -80,8 +80,14 @@ def _modes(rng: np.random.Generator, order: int) -> list[Floats]:
     return modes
 
 
-def pole_error(found: NDArray[np.complex128], true: NDArray[np.complex128]) -> float:
-    """Return the largest distance between poles matched one to one (least sum of distances)."""
-    distance = np.abs(found[:, None] - true[None])
+def pole_error(found: ArrayLike, true: ArrayLike) -> float:
+    """Return the largest distance between poles matched one to one (least sum of distances); infinite if some are left.
+
+    Sorted ones would fall apart where the real parts of a pair differ by a rounding.
+    """
+    one, other = (np.asarray(poles, dtype=np.complex128) for poles in (found, true))
+    if len(one) != len(other):
+        return float("inf")
+    distance = np.abs(one[:, None] - other[None])
     rows, columns = linear_sum_assignment(distance)
     return float(np.max(distance[rows, columns], initial=0.0))
