@@ -128,6 +128,7 @@ def test_a_linear_model_at_a_point_is_that_of_the_model_there() -> None:
 def test_co_simulation_is_led_to_an_equilibrium(fmi: int) -> None:
     with overridden("cs", fmi) as model, model.open_at(values={"s": 0.3, "v": 0.0, "f": 30.0}) as session:
         begin = session.time
+        assert begin == 0.0
         assert session.values(["s"])["s"] == pytest.approx(0.3, abs=1e-9)
         record = session.advance(begin + 1.0, signals={}, record=["s"], points=begin + np.linspace(0.1, 1.0, 10))
         assert np.ptp(record.values["s"]) < 1e-9

@@ -101,7 +101,7 @@ class RunBalance(Balance):
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         end = self.end(inputs)
         if isinstance(end, str):
-            end = Settled(self.time, np.full(len(self._watched), np.nan), np.zeros(0), settled=False)
+            end = Settled(self.time, np.full(len(self._watched), np.nan), np.zeros(0), np.zeros(0), settled=False)
         return OperatingPoint(
             x=by_name(self._x, self._pick(end, self._x)),
             u=by_name(self.inputs, inputs),

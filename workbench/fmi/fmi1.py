@@ -77,7 +77,7 @@ class Instance1(Instance):
             self._first = fmi1.fmi1EventInfo()
             self.call("fmi1Initialize", b"\0", 0.0, byref(self._first))
         else:
-            self.call("fmi1InitializeSlave", self.time, b"\0", 0.0)
+            self.call("fmi1InitializeSlave", self.time + self.clock, b"\0", 0.0)
         self._running = True
 
     def enter_event_mode(self) -> None:
@@ -106,7 +106,7 @@ class Instance1(Instance):
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
-        self.call("fmi1DoStep", time, step, b"\1")
+        self.call("fmi1DoStep", time + self.clock, step, b"\1")
         return StepResult(time + step)
 
     def get_state(self) -> Any:

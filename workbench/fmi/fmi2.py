@@ -72,7 +72,7 @@ class Instance2(Instance):
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
-        self.call("fmi2SetupExperiment", int(use), tolerance if use else 0.0, start_time, 0, 0.0)
+        self.call("fmi2SetupExperiment", int(use), tolerance if use else 0.0, start_time + self.clock, 0, 0.0)
         self.call("fmi2EnterInitializationMode")
 
     def exit_initialisation(self) -> None:
@@ -102,7 +102,7 @@ class Instance2(Instance):
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
-        status = self.library[self.CALLS["do_step"]](self.component, time, step, 1)
+        status = self.library[self.CALLS["do_step"]](self.component, time + self.clock, step, 1)
         end = self.ended_at() if status == DISCARD else None
         if end is not None:
             return StepResult(end, terminate=True)
@@ -113,13 +113,13 @@ class Instance2(Instance):
     def ended_at(self) -> float | None:
         if not self.library.has("fmi2GetBooleanStatus"):
             return None
-        ended, reached = ctypes.c_int(), ctypes.c_double(self.time)
+        ended, reached = ctypes.c_int(), ctypes.c_double(self.time + self.clock)
         asked = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
         if asked > WARNING or not ended.value:
             return None
         if self.library.has("fmi2GetRealStatus"):
             self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))
-        return max(self.time, float(reached.value))
+        return max(self.time, float(reached.value) - self.clock)
 
     def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
         if not self.library.has("fmi2SetRealInputDerivatives"):

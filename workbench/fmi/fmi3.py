@@ -78,7 +78,8 @@ class Instance3(Instance):
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
-        self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, start_time, False, 0.0)
+        begin = start_time + self.clock
+        self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, begin, False, 0.0)
 
     def exit_initialisation(self) -> None:
         self.call("fmi3ExitInitializationMode")
@@ -109,7 +110,7 @@ class Instance3(Instance):
         time = ctypes.c_double(math.inf)
         self.call("fmi3UpdateDiscreteStates", *(byref(f) for f in flags), byref(time))
         again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
-        return again, EventInfo(terminate, states, nominals, time.value if timed else math.inf)
+        return again, EventInfo(terminate, states, nominals, time.value - self.clock if timed else math.inf)
 
     def completed_step(self) -> tuple[bool, bool]:
         event, terminate = ctypes.c_bool(), ctypes.c_bool()
@@ -119,9 +120,10 @@ class Instance3(Instance):
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
         event, terminate, early = (ctypes.c_bool() for _ in range(3))
-        reached = ctypes.c_double(time + step)
-        self.call("fmi3DoStep", time, step, True, byref(event), byref(terminate), byref(early), byref(reached))
-        end = float(reached.value) if early.value else time + step
+        own = time + self.clock
+        reached = ctypes.c_double(own + step)
+        self.call("fmi3DoStep", own, step, True, byref(event), byref(terminate), byref(early), byref(reached))
+        end = float(reached.value) - self.clock if early.value else time + step
         return StepResult(end, bool(event.value), bool(terminate.value))
 
     def directional_derivative(

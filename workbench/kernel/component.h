@@ -47,6 +47,7 @@ typedef struct {
     int32_t event_due;      /* co-simulation: the last step ended at an event, which waits for the inputs there */
     double time;            /* of the last set_time or do_step [s] */
     double due;             /* its next time event [s] */
+    double clock;           /* co-simulation: its own time is that much later than the session's [s] */
     const struct ComponentCalls *calls;
 } Component;
 

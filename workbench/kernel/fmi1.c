@@ -35,7 +35,7 @@ static int update_discrete_states(const Component *component, Answer *answer) {
 static int do_step(const Component *component, double time, double step, Answer *answer) {
     const Function function = component->functions[DO_STEP];
     *answer = (Answer){.time = time + step};
-    return function ? ((DoStep)function)(component->handle, time, step, 1) : NOT_EXPORTED;
+    return function ? ((DoStep)function)(component->handle, time + component->clock, step, 1) : NOT_EXPORTED;
 }
 
 const ComponentCalls calls_fmi1 = {

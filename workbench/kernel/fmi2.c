@@ -37,7 +37,7 @@ static int update_discrete_states(const Component *component, Answer *answer) {
 static int do_step(const Component *component, double time, double step, Answer *answer) {
     const Function function = component->functions[DO_STEP];
     *answer = (Answer){.time = time + step};
-    return function ? ((DoStep)function)(component->handle, time, step, 1) : NOT_EXPORTED;
+    return function ? ((DoStep)function)(component->handle, time + component->clock, step, 1) : NOT_EXPORTED;
 }
 
 static int set_slopes(const Component *component, const uint32_t *references, size_t n, const int32_t *orders,

@@ -33,10 +33,10 @@ static int do_step(const Component *component, double time, double step, Answer 
     double reached = time + step;
     const Function function = component->functions[DO_STEP];
     *answer = (Answer){0};
-    const int status = function ? ((DoStep)function)(component->handle, time, step, true, &answer->event,
+    const int status = function ? ((DoStep)function)(component->handle, time + component->clock, step, true, &answer->event,
                                                      &answer->terminate, &early, &reached)
                                 : NOT_EXPORTED;
-    answer->time = early ? reached : time + step;
+    answer->time = early ? reached - component->clock : time + step;
     return status;
 }
 

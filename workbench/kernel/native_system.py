@@ -91,6 +91,7 @@ class NativeSystem:
             slopes_work=True,
             time=instance.time,
             due=-math.inf,
+            clock=instance.clock,
         )
 
     def hold_inputs(self) -> None:

@@ -111,6 +111,7 @@ class Component(ctypes.Structure):
         ("event_due", c_int32),
         ("time", c_double),
         ("due", c_double),
+        ("clock", c_double),
         ("calls", c_void_p),
     )
 

@@ -116,7 +116,7 @@ class Model(ABC):
         In model exchange, states and inputs are set after initialisation, and events are iterated there; a state that
         an event then moves on has taken. Discrete states are set before initialisation, the only way in FMI. In
         co-simulation states can be set before initialisation alone. Where they do not take, the model is run under the
-        inputs of the point until it rests: at a stable equilibrium it stands there then, at a later time.
+        inputs of the point, before `time`, until it rests: at a stable equilibrium it stands there then.
 
         Args:
             time: session time at which the model is initialised [s]; None: the model's own.

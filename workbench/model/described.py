@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import weakref
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Self
+
+import numpy as np
 
 from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
@@ -17,12 +19,12 @@ from workbench.model.base import Model
 from workbench.model.recipe import LoadRecipe
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.cs import CsSession
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession, Lead, Setup
 from workbench.session.me import MeSession
 from workbench.session.point import FmuPoint
 from workbench.session.probe import why_state_fails
-from workbench.session.settle import STEP, STEP_PARTS
-from workbench.session.target import NotReachedError, check_values, starts_of
+from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
+from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
 
 __all__ = ["DRIVERS", "DescribedModel"]
@@ -33,6 +35,7 @@ DRIVERS: Mapping[str, Mapping[str, type[FmuSession]]] = {
     "python": {"me": MeSession, "cs": CsSession},
 }
 _PARAMETERS = ("parameter", "structuralParameter")
+_REST = 1e-12  # relative: what moves less is at rest
 
 
 class DescribedModel(Model):
@@ -161,7 +164,7 @@ class DescribedModel(Model):
         setup = dataclasses.replace(
             given,
             start_time=self.start_time if time is None else float(time),
-            start_values={**given.start_values, **starts_of(given.variables, values)},
+            guesses=starts_of(given.variables, values),
             point=dict(values),
             outputs=dict(outputs or {}),
             bias={name: bias for name, bias in given.bias.items() if name not in values},
@@ -185,14 +188,54 @@ class DescribedModel(Model):
         Raises:
             NotReachedError: it does not come to rest there.
         """
-        why = ""
-        first = setup.step or self.description.experiment.step or STEP
-        for part in STEP_PARTS if setup.step is None and self.grid is None else (1.0,):
+        free = {v.name for v in self.inputs}
+        watched = [n for n in (*setup.point, *setup.outputs) if n not in free and n in setup.variables]
+        names = watched or [v.name for v in self.outputs if v.is_number]
+        # The FMU's own time begins as it is meant to: some begin there whatever start time they are told.
+        found, begin = direct, self.description.experiment.start_time or 0.0
+        for step in self._lead_steps(setup):
+            end = self._rest(dataclasses.replace(setup, start_time=begin, step=step), names)
+            if end is None:
+                continue
+            duration, sizes = end.time - begin, dict(zip(names, end.largest.tolist(), strict=True))
+            clock = begin - (setup.start_time - duration)
+            lead = Lead(duration=duration, step=step, clock=clock, sizes=sizes)
             try:
-                return self._start(dataclasses.replace(setup, approach=first * part))
+                return self._start(dataclasses.replace(setup, lead=lead))
+            except NotReachedError as error:
+                found = NotReachedError(f"{error} (so it rests under the inputs of the point, after {duration:g} s)")
+                break
             except SimulationError as error:
-                why = str(error)
-        raise NotReachedError(f"{direct}; under the inputs of the point it does not come there by itself: {why}")
+                found = NotReachedError(f"{direct}; no run leads there either: {error}")
+        if found is direct:
+            found = NotReachedError(f"{direct}; under the inputs of the point it does not come to rest either")
+        raise found
+
+    def _lead_steps(self, setup: Setup) -> list[float]:
+        """Return communication steps to lead the model with, one after the other."""
+        usual = self.description.experiment.step or STEP
+        if self.grid is not None:
+            return [setup.step or usual]
+        return list(dict.fromkeys([*filter(None, [setup.step]), *(usual * part for part in STEP_PARTS)]))
+
+    def _rest(self, setup: Setup, names: Sequence[str]) -> Settled | None:
+        """Return where a co-simulation run under the inputs of a point comes to rest; None: it does not, or fails."""
+        held = {v.name: setup.point[v.name] for v in self.inputs if v.name in setup.point}
+        step, nominal = setup.step or STEP, np.array([setup.variables[n].nominal or 0.0 for n in names])
+        try:
+            with self._start(dataclasses.replace(setup, point=held, outputs={})) as session:
+                end = settle(
+                    session,
+                    names,
+                    nominal,
+                    first=FIRST_STEPS * step,
+                    longest=MAX_STEPS * step,
+                    least=LEAST_STEPS * step,
+                    tolerance=_REST,
+                )
+        except SimulationError:
+            return None
+        return end if end.settled or bool((end.ranges <= RELATIVE * end.largest).all()) else None
 
     def open_point(
         self,

@@ -6,17 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Record
-from workbench.session.fmu import FmuSession
+from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
 from workbench.session.rows import Rows
-from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, settle
-from workbench.session.target import COMPUTED, Target, in_words
+from workbench.session.target import COMPUTED, Target
 
 __all__ = ["CsSession", "off_grid"]
 
@@ -24,8 +21,7 @@ STEPS_PER_SHAPE = 25  # of a signal's longest step: 200 steps per period of a si
 STEPS_PER_CALL = 500  # where nothing else says how long a step should be
 GRID_ERROR = 1e-6  # of a step: how far a point may lie off a constant grid
 MAX_EARLY_RETURNS = 10_000
-_REST = 1e-12  # relative: what moves less is at rest
-_CS_REMEDY = "its initialisation decides, and in co-simulation no state can be set after it; use interface me"
+_CS_REMEDY = "in co-simulation its initialisation decides, and nothing can be set after it; use interface me"
 
 
 class CsSession(FmuSession):
@@ -63,42 +59,21 @@ class CsSession(FmuSession):
             if self.instance.event_mode:
                 self._leave_event_mode()
         target.refuse(target.missed(target.inputs), "the FMU does not keep an input that it is given")
-        if self.setup.approach is not None and (target.missed_states() or target.missed_outputs()):
-            self._approach(target, self.setup.approach)
+        if self.setup.lead is not None:
+            self._follow(self.setup.lead, target)
         target.refuse([*target.missed_states(), *target.missed_outputs()], _CS_REMEDY)
 
-    def _approach(self, target: Target, step: float) -> None:
-        """Run under the inputs of the point until nothing moves: a stable equilibrium is reached from elsewhere, too.
-
-        Raises:
-            NotReachedError: it comes to rest elsewhere.
-            SimulationError: it fails, or does not come to rest.
-        """
-        watched = [*target.states, *target.outputs] or [v for v in self.setup.variables.values() if _shown(v)]
-        nominal = np.array([v.nominal or abs(target.wanted(v.name)) or 1.0 for v in watched])
-        target.near = COMPUTED
-        own, self.setup = self.setup, replace(self.setup, step=step)
+    def _follow(self, lead: Lead, target: Target) -> None:
+        """Run under the inputs of the point up to its time."""
+        target.near, target.sizes = COMPUTED, lead.sizes
+        own, self.setup = self.setup, replace(self.setup, step=lead.step)
         try:
-            end = settle(
-                self,
-                [v.name for v in watched],
-                nominal,
-                first=FIRST_STEPS * step,
-                longest=MAX_STEPS * step,
-                least=LEAST_STEPS * step,
-                tolerance=_REST,
-            )
+            self.advance(own.start_time, signals={})
         finally:
             self.setup = own
             self._calls.clear()  # a replay comes here by itself
         if self.instance.capabilities.variable_step:
             self._fixed = None
-        found = [*target.missed_states(), *target.missed_outputs()]
-        if found and not end.settled:
-            raise SimulationError(f"the model does not come to rest under the inputs of the point: {in_words(found)}")
-        target.refuse(
-            found, "there it rests under the inputs of the point, and co-simulation cannot be set; use interface me"
-        )
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
         rows = Rows(self.instance, variables, self.forcing)
@@ -234,10 +209,6 @@ class CsSession(FmuSession):
 
     def _forget(self) -> None:
         """The FMU's solver is its own; there is nothing to reset."""
-
-
-def _shown(variable: Variable) -> bool:
-    return variable.causality == "output" and variable.is_number
 
 
 def off_grid(step: float, point: float) -> InputError:

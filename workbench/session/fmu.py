@@ -19,7 +19,7 @@ from workbench.session.rows import find, read_finite
 from workbench.session.target import Miss, NotReachedError, Target, in_words, misses
 from workbench.signals import Signal
 
-__all__ = ["FmuSession", "Manners", "Setup"]
+__all__ = ["FmuSession", "Lead", "Manners", "Setup"]
 
 
 @dataclass
@@ -53,6 +53,23 @@ class _RefusedError(Exception):
 
 
 @dataclass(frozen=True)
+class Lead:
+    """A run that leads a co-simulation session to its start.
+
+    Attributes:
+        duration: how long [s]; it begins that much before the session's start time.
+        step: its communication step [s].
+        clock: the FMU's own time is that much later than the session's [s].
+        sizes: state or output → its largest magnitude on the way.
+    """
+
+    duration: float
+    step: float
+    clock: float
+    sizes: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Setup:
     """How sessions of one model begin.
 
@@ -60,9 +77,10 @@ class Setup:
         open_instance: returns a new instance of the FMU.
         variables: name → variable, all of the model's.
         start_values: parameters and start values set before initialisation.
+        guesses: the same of the point's values, as far as FMI lets them be set; initialisation may override them.
         point: states, discrete states and inputs → where the session starts, whatever initialisation makes of it.
         outputs: what the model shows at that point, where it is known.
-        approach: co-simulation: communication step [s] of a run that leads to the point; None: no such run.
+        lead: co-simulation: a run under the inputs of the point that ends there; None: there is none.
         bias: constants added to inputs.
         rtol: relative tolerance of the integration.
         tolerance: what a co-simulation FMU is told; None: nothing.
@@ -78,9 +96,10 @@ class Setup:
     open_instance: Callable[[], Instance]
     variables: Mapping[str, Variable]
     start_values: Mapping[str, Value] = field(default_factory=dict)
+    guesses: Mapping[str, Value] = field(default_factory=dict)
     point: Mapping[str, float] = field(default_factory=dict)
     outputs: Mapping[str, float] = field(default_factory=dict)
-    approach: float | None = None
+    lead: Lead | None = None
     bias: Mapping[str, float] = field(default_factory=dict)
     rtol: float = 1e-6
     tolerance: float | None = None
@@ -163,12 +182,13 @@ class FmuSession(Session):
 
     def _initialise(self) -> None:
         instance, setup = self.instance, self.setup
-        self.time = setup.start_time
+        self.time = setup.start_time if setup.lead is None else setup.start_time - setup.lead.duration
+        instance.clock = 0.0 if setup.lead is None else setup.lead.clock
         self._seen = self._first_seen()
         self.forcing = Forcing(instance, self.inputs, setup.bias, setup.signals)
         starts = self._starts()
         self._write({n: v for n, v in starts.items() if n not in self.inputs})
-        instance.enter_initialisation(setup.start_time, setup.tolerance)
+        instance.enter_initialisation(self.time, setup.tolerance)
         self._write({n: v for n, v in starts.items() if n in self.inputs})  # FMI 2.0.4, 3.2.3: not before
         if setup.signals:
             self.forcing.write_all(self.forcing.at(self.time))
@@ -202,7 +222,7 @@ class FmuSession(Session):
 
     def _starts(self) -> dict[str, Value]:
         """Return the start values that are asked for, biases added."""
-        values = dict(self.setup.start_values)
+        values = {**self.setup.start_values, **self.setup.guesses}
         for name, bias in self.setup.bias.items():
             start = values.get(name, self.setup.variables[name].start)
             values[name] = float(start or 0.0) + bias
@@ -215,7 +235,7 @@ class FmuSession(Session):
     def _check_starts(self) -> None:
         """Refuse start values that the FMU has not taken; those of guesses are its own affair."""
         setup = self.setup
-        known = [setup.variables[n] for n in setup.start_values if n not in setup.point and n not in setup.signals]
+        known = [setup.variables[n] for n in setup.start_values if n not in setup.guesses and n not in setup.signals]
         asked = [v for v in known if v.initial != "approx" and not self.instance.fed(v)]
         biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in asked}
         found = misses(self.instance, asked, biased)

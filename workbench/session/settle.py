@@ -32,12 +32,14 @@ class Settled:
         time: [s].
         values: shape (n,), of the watched variables at the end.
         ranges: shape (n,), by how much each moved in the last half of the run.
+        largest: shape (n,), largest magnitude of each in the whole run.
         settled: whether all stand still.
     """
 
     time: float
     values: Floats
     ranges: Floats
+    largest: Floats
     settled: bool
 
 
@@ -73,8 +75,7 @@ def settle(
         SimulationError: the model fails on the way.
     """
     begin, stretch = session.time, first
-    seen = np.zeros(len(names))
-    before = np.full(len(names), math.inf)
+    before, seen = np.full(len(names), math.inf), np.zeros(len(names))
     while True:
         start = session.time
         points = np.linspace(start, start + stretch, SAMPLES + 1)[1:]
@@ -87,7 +88,7 @@ def settle(
             raise SimulationError("the model runs away", time=session.time)
         still = (ranges <= tolerance * scale) & ((ranges <= DECAY * before) | (ranges <= 1e-3 * tolerance * scale))
         if still.all() and np.isfinite(before).all() and session.time - begin >= least:
-            return Settled(session.time, values, ranges, settled=True)
+            return Settled(session.time, values, ranges, seen, settled=True)
         if session.time + 2.0 * stretch - begin > longest:
-            return Settled(session.time, values, ranges, settled=False)
+            return Settled(session.time, values, ranges, seen, settled=False)
         before, stretch = ranges, session.time - begin

@@ -15,7 +15,17 @@ from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.session.stand import named_states
 
-__all__ = ["COMPUTED", "Miss", "NotReachedError", "Target", "check_values", "in_words", "misses", "starts_of"]
+__all__ = [
+    "COMPUTED",
+    "RELATIVE",
+    "Miss",
+    "NotReachedError",
+    "Target",
+    "check_values",
+    "in_words",
+    "misses",
+    "starts_of",
+]
 
 RELATIVE = 1e-6  # an FMU that computes in single precision gives a value back within 6e-8
 AT_ZERO = 1e-13  # nominal values: what rounding leaves where 0 was asked for
@@ -57,7 +67,12 @@ def in_words(found: Sequence[Miss]) -> str:
 
 
 def misses(
-    instance: Instance, variables: Sequence[Variable], asked: Mapping[str, Value], *, near: float = AT_ZERO
+    instance: Instance,
+    variables: Sequence[Variable],
+    asked: Mapping[str, Value],
+    *,
+    near: float = AT_ZERO,
+    sizes: Mapping[str, float] | None = None,
 ) -> list[Miss]:
     """Return those of `variables` that do not have the values asked for.
 
@@ -65,15 +80,17 @@ def misses(
         instance: initialised.
         variables: to read.
         asked: name → value.
-        near: how far from 0 a value may be where 0 was asked for [nominal values].
+        near: how far from 0 a value may be where 0 was asked for [sizes, else nominal values].
+        sizes: name → magnitude.
     """
+    known = sizes or {}
     if not variables:
         return []
     found = instance.access(variables).read()
     return [
         Miss(v.name, asked[v.name] if isinstance(value, str) else convert(v, float(asked[v.name])), value)
         for v, value in zip(variables, found, strict=True)
-        if not _took(v, asked[v.name], value, near)
+        if not _took(v, asked[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
     ]
 
 
@@ -83,7 +100,7 @@ def _took(variable: Variable, asked: Value, found: Value, near: float) -> bool:
     if not math.isfinite(found):
         return False
     # Where a value is tiny for its variable, rounding of larger terms may be all that it is.
-    small = near * (variable.nominal or 1.0) if variable.causality != "parameter" or asked == 0.0 else 0.0
+    small = near if variable.causality != "parameter" or asked == 0.0 else 0.0
     return abs(found - asked) <= RELATIVE * abs(asked) + small
 
 
@@ -107,7 +124,8 @@ class Target:
         outputs: what the model shows there, where it is known.
 
     Attributes:
-        near: how far from 0 a state may be where 0 was asked for [nominal values].
+        near: how far from 0 a state may be where 0 was asked for [sizes, else nominal values].
+        sizes: state or output → its magnitude, where it is known.
 
     Raises:
         InputError: an unknown name, or a value that is none of its variable's.
@@ -123,6 +141,7 @@ class Target:
         self.values = {name: float(value) for name, value in values.items()}
         self._outputs = {name: float(value) for name, value in outputs.items()}
         self.near = AT_ZERO
+        self.sizes: Mapping[str, float] = {}
         self._instance = instance
         # In co-simulation a state is a variable like others, or not shown at all.
         states = instance.description.states if instance.interface == "cs" else named_states(instance)
@@ -138,7 +157,7 @@ class Target:
 
     def missed_states(self) -> list[Miss]:
         """Return the states that are not where they are asked to be."""
-        found = misses(self._instance, self.states, self.values, near=self.near)
+        found = misses(self._instance, self.states, self.values, near=self.near, sizes=self.sizes)
         named = {v.name for v in self.states}
         unnamed = {n: i for n, i in self._positions.items() if n in self.values and n not in named}
         if unnamed:
@@ -148,17 +167,13 @@ class Target:
             found += [Miss(v.name, asked, value) for v, asked, value in plain if not _took(v, asked, value, self.near)]
         return found
 
-    def wanted(self, name: str) -> float:
-        """Return the value asked for; 0 where there is none."""
-        return self.values.get(name, self._outputs.get(name, 0.0))
-
     def missed(self, some: Iterable[Variable]) -> list[Miss]:
         """Return those of `some` that do not have the values asked for."""
         return misses(self._instance, list(some), self.values)
 
     def missed_outputs(self) -> list[Miss]:
         """Return the outputs that are not what they are at the point, to the error of what has been computed."""
-        return misses(self._instance, self.outputs, self._outputs, near=COMPUTED)
+        return misses(self._instance, self.outputs, self._outputs, near=COMPUTED, sizes=self.sizes)
 
     def moved(self, x: Floats, u: Floats, inputs: Sequence[Variable]) -> tuple[Floats, Floats]:
         """Return states, shape (n,), and `inputs`, shape (m,), with those asked for in their place."""
