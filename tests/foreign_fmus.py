@@ -11,13 +11,15 @@ from workbench.toolchain import host_only
 __all__ = ["build_foreign", "build_shy"]
 
 
-def _foreign_description(name: str, *, experiment: str, outputs: bool, unit: str, y: str) -> str:
+def _foreign_description(name: str, *, experiment: str, outputs: bool, states: bool, unit: str, y: str) -> str:
     kind = "output" if outputs else "local"
     listed = '<Outputs><Unknown index="4" /><Unknown index="5" /></Outputs>' if outputs else ""
     flags = 'modelIdentifier="foreign"'
+    exchange = f"<ModelExchange {flags} />" if states else ""
+    derivatives = '<Derivatives><Unknown index="3" /></Derivatives>' if states else ""
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Foreign" guid="{{foreign-{name}}}" numberOfEventIndicators="0">
-  <ModelExchange {flags} />
+  {exchange}
   <CoSimulation {flags} canHandleVariableCommunicationStepSize="true" />
   <UnitDefinitions><Unit name="{unit}" /></UnitDefinitions>
   {experiment}
@@ -30,7 +32,7 @@ def _foreign_description(name: str, *, experiment: str, outputs: bool, unit: str
   </ModelVariables>
   <ModelStructure>
     {listed}
-    <Derivatives><Unknown index="3" /></Derivatives>
+    {derivatives}
     <InitialUnknowns><Unknown index="3" /></InitialUnknowns>
   </ModelStructure>
 </fmiModelDescription>
@@ -43,6 +45,7 @@ def build_foreign(
     *,
     experiment: str = "",
     outputs: bool = True,
+    states: bool = True,
     unit: str = "[m3]",
     y: str = "y[1,2]",
 ) -> Path:
@@ -53,12 +56,13 @@ def build_foreign(
         name: of a behaviour: "plain", "strict", "event" or "step" (see tests/c/foreign/foreign.c).
         experiment: its DefaultExperiment element.
         outputs: whether y and clock are declared as outputs.
+        states: whether it offers Model Exchange and shows its state.
         unit: of u and y.
         y: name of y.
     """
     (host,) = host_only()
     file = folder / f"{name}.fmu"
-    xml = _foreign_description(name, experiment=experiment, outputs=outputs, unit=unit, y=y)
+    xml = _foreign_description(name, experiment=experiment, outputs=outputs, states=states, unit=unit, y=y)
     binary = f"binaries/{host.name_2}/foreign{host.suffix}"
     pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("foreign")})
     return file

@@ -110,7 +110,7 @@ def simulate(
         model: what to run; it stays open.
         stop: final time [s], after `start_time`; None: that of the model's default experiment.
         inputs: forced inputs; the others keep their start value.
-        outputs: names of variables to record; None: all outputs (all states if there are none).
+        outputs: names of variables to record; None: all outputs; where there are none all states, else all locals.
         start_time: [s]; None: that of the model.
         interval: distance of the recorded points [s]; None: the step of the default experiment, doubled until there
             are at most 5000, else 1/500 of the run. Events are recorded besides.
@@ -127,9 +127,10 @@ def simulate(
     """
     inputs = dict(inputs or {})
     _check_inputs(model, inputs)
-    names = _names(model, outputs)
+    names, instead = _names(model, outputs)
     start = model.start_time if start_time is None else start_time
     stop, told = _stop(model, stop)
+    told += instead
     interval = _usual_interval(model, stop - start) if interval is None else interval
     at = _points(start, stop, interval, points, grid=model.grid)
     run = _Run(model, start, stop, inputs, names, at)
@@ -272,11 +273,28 @@ def _check_inputs(model: Model, inputs: Mapping[str, Signal]) -> None:
             raise InputError(f"'{name}' {what}, but an input is needed here; {suggest(name, known)}")
 
 
-def _names(model: Model, outputs: Sequence[str] | None) -> list[str]:
+def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tuple[str, ...]]:
+    """Return what is recorded, and a note if it stands in for outputs that are not declared."""
     if outputs is not None:
-        return list(dict.fromkeys(outputs))
-    chosen = model.outputs or model.states
-    return [v.name for v in chosen if v.is_number]
+        return list(dict.fromkeys(outputs)), ()
+    variables = model.description.variables if isinstance(model, DescribedModel) else ()
+    known = {v.name for v in variables} or {v.name for v in model.states}
+    kinds = {
+        "outputs": model.outputs,
+        "states": tuple(v for v in model.states if v.name in known),  # FMI 1.0 does not name them
+        "local variables": tuple(v for v in variables if v.causality == "local" and v.variability != "constant"),
+    }
+    for kind, found in kinds.items():
+        names = [v.name for v in found if v.is_number]
+        if names and kind == "outputs":
+            return names, ()
+        if names:
+            return names, (f"no outputs are declared: the {kind} are recorded ({_some(names)}); --output names others",)
+    return [], ("nothing is recorded: no outputs, states or local variables are declared",)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (f", … {len(names)} in all" if len(names) > 5 else "")
 
 
 def _points(

@@ -27,6 +27,7 @@ from workbench.cli.options import (
     pairs,
     start_value,
 )
+from workbench.core.names import split_names
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -123,7 +124,7 @@ def _workers(jobs: int | None, in_process: bool, timeout: float | None, memory: 
 
 
 def _names(texts: Sequence[str] | None) -> list[str] | None:
-    return None if texts is None else [n.strip() for text in texts for n in text.split(",") if n.strip()]
+    return None if texts is None else [n for text in texts for n in split_names(text)]
 
 
 def _show(card: HealthCard, console: Console) -> None:

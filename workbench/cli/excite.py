@@ -26,6 +26,7 @@ from workbench.cli.options import (
     open_model,
     workers,
 )
+from workbench.core.names import split_names
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError
 
@@ -154,7 +155,7 @@ def _design(prbs: str | None, multisine: str | None) -> Design:
 
 
 def _listed(option: str, one: Sequence[str] | None, several: Sequence[str] | None) -> list[str]:
-    names = [*(one or ()), *(n.strip() for text in several or () for n in text.split(","))]
+    names = [*(one or ()), *(n for text in several or () for n in split_names(text))]
     found = list(dict.fromkeys(n for n in names if n))
     if not found:
         raise InputError(f"{option}: name at least one")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from workbench.cli.options import Csv, Json, Plot, Report
+from workbench.core.names import split_names
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def identify(
 
 
 def _names(texts: Sequence[str] | None) -> list[str] | None:
-    return [n.strip() for text in texts for n in text.split(",") if n.strip()] if texts else None
+    return [n for text in texts for n in split_names(text)] if texts else None
 
 
 def _order(text: str) -> int | Literal["auto"]:

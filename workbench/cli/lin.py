@@ -25,6 +25,7 @@ from workbench.cli.options import (
     open_model,
     pairs,
 )
+from workbench.core.names import split_names
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
 
@@ -159,7 +160,7 @@ def lin(
 
 
 def _names(texts: Sequence[str] | None) -> list[str] | None:
-    return [n.strip() for text in texts for n in text.split(",") if n.strip()] if texts else None
+    return [n for text in texts for n in split_names(text)] if texts else None
 
 
 def _values(option: str, texts: Sequence[str] | None) -> dict[str, float]:

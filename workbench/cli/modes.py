@@ -27,6 +27,7 @@ from workbench.cli.options import (
     start_value,
 )
 from workbench.cli.table import table_of
+from workbench.core.names import split_names
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def _range(text: str, points: int) -> tuple[str, dict[str, Any]]:
 
 
 def _settings(text: str) -> dict[str, Any]:
-    return {name: start_value(value) for name, value in pairs("--against", text.split(",")).items()}
+    return {name: start_value(value) for name, value in pairs("--against", split_names(text)).items()}
 
 
 def _values(option: str, texts: Sequence[str] | None) -> Mapping[str, float]:

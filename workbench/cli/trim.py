@@ -24,6 +24,7 @@ from workbench.cli.options import (
     open_model,
     pairs,
 )
+from workbench.core.names import split_names
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def trim(
 
 
 def _names(texts: Sequence[str] | None) -> list[str]:
-    return [name.strip() for text in texts or () for name in text.split(",") if name.strip()]
+    return [name for text in texts or () for name in split_names(text)]
 
 
 def _value(option: str, name: str, text: str) -> float:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from workbench.core.names import plain_unit
 from workbench.errors import FmuError, one_line
 from workbench.fmi.fmpy_access import model_description
 from workbench.fmi.platforms import platforms_in
@@ -259,7 +260,7 @@ def _scalars(raw: Any, depends: Mapping[str, tuple[str, ...]], notes: list[str])
         yield Variable(
             name=raw.name + _index(raw.shape, element),
             type=raw.type,
-            unit=raw.unit or _declared(raw, "unit"),
+            unit=plain_unit(raw.unit or _declared(raw, "unit") or "") or None,
             start=starts[element],
             description=raw.description,
             causality=raw.causality,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from workbench.core.names import split_names
 from workbench.errors import InputError, suggest
 from workbench.fmi.bundled import is_bundled
 from workbench.model.described import DescribedModel
@@ -110,4 +111,4 @@ def _named(options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _parts(text: str) -> list[str]:
     """Return the names in "a,b" or in "a=step:time=1,value=2"."""
     name, equals, _ = text.partition("=")
-    return [name.strip()] if equals else [part.strip() for part in text.split(",") if part.strip()]
+    return [name.strip()] if equals else split_names(text)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from workbench.core.names import plain_unit
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
 from workbench.fmi.description import MAX_XML_BYTES, read_description
@@ -100,9 +101,9 @@ def read_units(root: etree._Element) -> dict[str, Unit]:
     for element in (*root.iterfind("{*}UnitDefinitions/{*}Unit"), *root.iterfind("{*}Units/{*}Unit")):
         name, base = element.get("name"), element.find("{*}BaseUnit")
         if name is not None and base is not None:
-            unit = _unit(name, base)
+            unit = _unit(plain_unit(name), base)
             if unit is not None:
-                found[name] = unit
+                found[plain_unit(name)] = unit
     return found
 
 

@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from workbench.core.names import plain_unit
+
 __all__ = ["BASE_UNITS", "Unit", "conversion", "is_same_unit", "known_unit"]
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -123,12 +125,14 @@ _FACTOR = re.compile(r"([A-Za-zΩµμ°%℃]+|1)\^?([+-]?\d+)?")
 def known_unit(name: str, definitions: Mapping[str, Unit] | None = None) -> Unit | None:
     """Return what `name` stands for: a definition, else a usual symbol or product of such; None: not known.
 
-    Understands Modelica's and UCUM's ways to write: "N.m", "kg.m2/s2", "m/s^2", "N.m/(rad.s)", "1/min", "degC".
+    Understands Modelica's and UCUM's ways to write: "N.m", "kg.m2/s2", "m/s^2", "N.m/(rad.s)", "1/min", "degC", and
+    each of them in brackets, "[m3]".
 
     Args:
         name: of the unit.
         definitions: looked into first.
     """
+    name = plain_unit(name)
     if definitions and name in definitions:
         return definitions[name]
     text = name.strip()
