@@ -140,7 +140,9 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
         raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {error}") from None
     functions = {}
     for name, (result, arguments) in _signatures(version, interface).items():
-        symbol = f"{identifier}_fmi{name[4:]}" if version == 1 else name
+        prefixed = f"{identifier}_fmi{name[4:]}" if version == 1 else f"{identifier}_{name}"
+        # From FMI 2.0 on a prefix is meant for static linking, but 20-sim's libraries have it, too.
+        symbol = prefixed if version == 1 or (not hasattr(dll, name) and hasattr(dll, prefixed)) else name
         functions[name] = _bind(dll, symbol, result, arguments)
     return Library(functions, dll)
 
