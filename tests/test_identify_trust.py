@@ -94,7 +94,7 @@ def test_the_order_is_judged_by_the_model_that_is_handed_out(options: dict[str, 
     assert orders.tolist() == [0, 1, 3]  # 2 cannot be the best any more
     # White noise: N' is N but for what chance adds to the sum of squared correlations.
     assert price[0] == pytest.approx(0.0, abs=1e-9)
-    assert price[1] == pytest.approx(2.0 * np.log(2000) / 2000, rel=0.15)
+    assert price[1] == pytest.approx(2.0 * np.log(2000) / 2000, rel=0.1)
     assert price[3] == pytest.approx(3.0 * price[1], rel=1e-6)
     assert auto.order == 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tests.identification_data import DT, A, B, data, prbs, response, white, wit
 from workbench.analysis.experiment import make_experiment
 from workbench.analysis.spectra import Coherence, SpectralDensity, coherence, sdf
 from workbench.errors import InputError
+from workbench.session.base import Floats
 
 
 def test_density_of_white_noise_is_flat_and_its_integral_the_variance() -> None:
@@ -148,3 +150,60 @@ def test_pictures_and_tables(tmp_path: Path) -> None:
         assert len(lines) == 1 + len(result.frequency_hz)
     with pytest.raises(InputError, match="cannot be written"):
         sdf(experiment).to_csv(tmp_path)
+
+
+# -- what the stated errors promise, against closed forms and counted -----------------------------
+
+
+def uncorrelated(inputs: int, segments: int, share: float, seed: int) -> Coherence:
+    """White inputs, an output of which they explain `share` of the power; segments side by side, no taper."""
+    random = np.random.default_rng(seed)
+    u = random.standard_normal((segments * 64, inputs))
+    y = np.sqrt(share / inputs) * u.sum(axis=1) + np.sqrt(1.0 - share) * random.standard_normal(len(u))
+    return coherence(make_experiment(DT, u, y), segments=segments, overlap=0.0, window="boxcar")
+
+
+def inner(values: Floats) -> Floats:
+    """Without 0 Hz, whose mean is taken out, and Nyquist, which has half the freedom."""
+    return values[1:-1, 0]
+
+
+def test_deviation_and_bias_of_a_coherence_have_their_closed_forms() -> None:
+    """√2 γ (1 − γ²)/√n and (1 − γ²)² m/n (Bendat & Piersol, Random Data, 9.2)."""
+    found = replace(uncorrelated(2, 25, 0.5, 0), multiple=np.full((33, 1), 0.64))
+    assert found.standard_deviation[5, 0] == pytest.approx(np.sqrt(2.0) * 0.8 * 0.36 / 5.0)
+    assert found.bias[5, 0] == pytest.approx(0.36**2 * 2.0 / 25.0)
+
+
+def test_a_coherence_scatters_as_it_says() -> None:
+    many = [uncorrelated(1, 40, 0.5, seed) for seed in range(60)]
+    scatter = np.std(np.concatenate([inner(c.multiple) for c in many]))
+    said = np.mean(np.concatenate([inner(c.standard_deviation) for c in many]))
+    assert scatter == pytest.approx(said, rel=0.08)  # 1,860 values: 1.6 % by chance, the formula is of first order
+
+
+def test_unrelated_data_exceed_the_level_of_chance_in_five_per_cent() -> None:
+    """With m inputs and n averages the multiple coherence of unrelated data is Beta(m, n − m): mean m/n."""
+    many = [uncorrelated(3, 8, 0.0, seed) for seed in range(120)]
+    values = np.concatenate([inner(c.multiple) for c in many])
+    assert np.mean(values > many[0].significance_95) == pytest.approx(0.05, abs=0.012)  # 3,720 values: 0.0036
+    assert np.mean(values) == pytest.approx(3.0 / 8.0, abs=0.012)
+
+
+def test_the_interval_of_a_density_holds_the_true_one() -> None:
+    held = []
+    for seed in range(60):
+        noise = white(10 * 64, seed)
+        found = sdf(data(noise, noise), segments=10, overlap=0.0, window="boxcar")
+        low, high = found.settings.interval_95
+        estimated = inner(found.density)
+        held.append((low * estimated < 2.0 * DT) & (high * estimated > 2.0 * DT))  # unit variance up to 1/(2 dt)
+    assert np.mean(held) == pytest.approx(0.95, abs=0.015)
+
+
+def test_overlapping_hann_segments_are_worth_what_welch_says() -> None:
+    """Neighbours of 50 % overlap correlate by 1/6: n/(1 + 2 (1 − 1/n)/36)."""
+    settings = sdf(data(white(3200), white(3200)), segments=20).settings
+    n = settings.averages
+    assert n == 39
+    assert settings.effective_averages == pytest.approx(n / (1.0 + 2.0 * (1.0 - 1.0 / n) / 36.0), rel=1e-3)

@@ -196,6 +196,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"order": -1}, "0 .a gain. or more"),
     ({"order": 60}, "too high: 200 samples"),
     ({"order": 5, "horizon": 4}, "too high: a horizon of 4"),
+    ({"order": 4, "horizon": 4}, "a horizon of 4 with 1 output.s. allows 3"),
     ({"horizon": 1}, "horizon must be 2"),
     ({"horizon": 80}, "too few samples: 200"),
     ({"order": 3}, "the data hold 2 only"),
