@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.describing.describe import standard_block
+from workbench.analysis.limit_cycle.confirm import confirm
 from workbench.analysis.limit_cycle.continuation import follow
 from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
@@ -302,6 +303,42 @@ def test_the_sign_may_be_in_the_block_or_in_the_connection() -> None:
             results.append(limit_cycle(system, block="block", methods=("describing function",)))
     assert results[0].crossings[0].real == pytest.approx(results[1].crossings[0].real, rel=1e-9)
     assert results[1].crossings[0].real < 0.0
+
+
+@pytest.mark.parametrize("periods", [60, 600])
+@pytest.mark.parametrize("begin", [1.6, 2.5])
+def test_a_slow_approach_is_not_steady_before_it_has_arrived(periods: int, begin: float) -> None:
+    """x'' − μ(1 − x²) x' + x = 0, μ = 0.004: a(t) = 2/√(1 + (4/a₀² − 1) e^(−μt)) by averaging, 2 in the end.
+
+    Twenty periods take off 40 % of what is missing: after 60 periods the amplitude changes still.
+    """
+    mu = 0.004
+    plant = control.ss([[mu, 1.0], [-1.0, 0.0]], [[mu], [0.0]], [[1.0, 0.0]], [[0.0]])
+    with connect(
+        {"block": "fmu:AlgebraicExpression", "plant": plant},
+        [("plant.y", "block.u"), ("block.y", "plant.u", {"gain": -1.0})],
+        outputs={"y": "plant.y"},
+        start_values={
+            "block.c0": 0.0, "block.c1": 0.0, "block.c2": 0.0, "block.c3": 1.0 / 3.0,
+            "block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0,
+        },
+    ) as system:  # fmt: skip
+        states = {"plant.x1": begin, "plant.x2": mu * (begin**3 / 3.0 - begin)}
+        found = confirm(
+            system, states=states, inputs={}, frequency=1.0 / (2.0 * math.pi), amplitude=2.0, watch="y", outputs=["y"],
+            time=0.0, periods=periods,
+        )  # fmt: skip
+    assert not isinstance(found, str)
+    middle = 2.0 * math.pi * (found.periods - 10)  # of the last twenty periods
+    expected = 2.0 / math.sqrt(1.0 + (4.0 / begin**2 - 1.0) * math.exp(-mu * middle))
+    assert found.fundamental["y"] == pytest.approx(expected, rel=3e-3)
+    assert found.steady is (periods == 600)
+    if found.steady:
+        assert found.fundamental["y"] == pytest.approx(2.0, rel=5e-4)
+        assert found.periods < 600
+        assert not found.note
+    else:
+        assert found.note == "not steady after 60 periods"
 
 
 def test_an_unstable_cycle_is_found_by_shooting_and_not_simulated() -> None:

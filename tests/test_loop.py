@@ -55,6 +55,42 @@ def test_integrator_and_two_lags_of_fmus() -> None:
     _like_python_control(m, 3.0 / (S * (S + 1) * (S + 2)))
 
 
+def test_the_delay_margin_of_several_crossovers_is_the_least_delay_not_that_of_the_phase_margin() -> None:
+    """L = 1/s + 8s/(s² + 2s + 400) has |L| = 1 three times: the least delay at the resonance, the least lag not.
+
+    Truth: |L|² = 1 as a polynomial in ω², the lag to the border there over ω; and the closed loop with the delay as a
+    Padé approximation of order 8 is stable just below the margin and not just above.
+    """
+    function = 1 / S + 8 * S / (S**2 + 2 * S + 400)
+    with unity({"p": function}, 1.0) as model:
+        m = loop(model, "p.y").margins
+    # N = 9s² + 2s + 400, D = s³ + 2s² + 400s: |N|² − |D|² with x = ω²
+    even, odd = np.poly1d([-9.0, 400.0]), 2.0
+    difference = even**2 + np.poly1d([odd**2, 0.0]) - np.poly1d([-2.0, 0.0]) ** 2 - _odd(np.poly1d([-1.0, 400.0]))
+    omega = np.sqrt(np.sort(difference.roots.real))
+    assert np.abs(difference.roots.imag).max() == 0.0
+    lag = np.degrees(np.angle(function(1j * omega))) % 360.0 - 180.0
+    lag = np.where(lag < 0.0, lag + 360.0, lag)
+    delay = np.radians(lag) / omega
+    assert len(m.gain_crossovers) == 3
+    assert [c.frequency_hz * TWO_PI for c in m.gain_crossovers] == pytest.approx(omega, rel=1e-9)
+    assert [c.delay_s for c in m.gain_crossovers] == pytest.approx(delay, rel=1e-7)
+    assert [c.phase_margin_deg for c in m.gain_crossovers] == pytest.approx(
+        np.where(lag > 180.0, lag - 360.0, lag), rel=1e-7
+    )
+    assert m.delay_margin_s == pytest.approx(delay.min(), rel=1e-7)
+    assert m.phase_margin_deg == pytest.approx(lag.min(), rel=1e-7)
+    assert delay.argmin() != lag.argmin()
+    for factor, stable in ((0.99, True), (1.01, False)):
+        delayed = function * control.tf(*control.pade(factor * m.delay_margin_s, 8))
+        assert bool(np.all(control.feedback(delayed, 1).poles().real < 0.0)) is stable
+
+
+def _odd(part: np.poly1d) -> np.poly1d:
+    """Return x·part(x)², the square of an imaginary part ω·part(ω²)."""
+    return np.poly1d([1.0, 0.0]) * part**2
+
+
 def test_the_disk_margin_of_an_integrator_with_a_lag_has_a_closed_form() -> None:
     """L = K/(s(s+1)): S − T = (s² + s − K)/(s² + s + K); |S − T|² = 1 + 4Kω²/((K − ω²)² + ω²), largest at ω² = K."""
     gain = 5.0

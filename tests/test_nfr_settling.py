@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -67,6 +68,46 @@ def test_the_phase_of_two_periods_is_compared_modulo_a_turn() -> None:
         response = settling.add(Period(h, 1.0 + 0j, 1.0))
     assert response is not None
     assert response.outcome is not Outcome.AVERAGED
+
+
+def outcome_of(size: Callable[[int], float], *, most: int = 40) -> tuple[Outcome, int]:
+    """Return how 2 + a disturbance of each period ends, and after how many periods.
+
+    The disturbance turns in an irregular way from period to period, so that no few exponentials describe it, and its
+    changes have the size that is asked for.
+    """
+    settling, h = Settling(errcrit=1e-3, most=most), np.concatenate([[0.0, 2.0], np.zeros(9)])
+    for k in range(most):
+        turned = np.zeros(11)
+        turned[[3 + k % 7, 3 + (k * k) % 5]] += 1.0
+        h = h + size(k) * turned / np.linalg.norm(turned)
+        response = settling.add(Period(h, 1.0 + 0j, float(np.abs(h).sum())))
+        if response is not None:
+            return response.outcome, k + 1
+    raise AssertionError
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "diverges"),
+    [
+        ("exponential", lambda k: 1e-3 * 1.2**k, True),
+        ("slow exponential, faster than 10 % in a quarter of the periods", lambda k: 1e-2 * 1.015**k, True),
+        ("exponential of its own exponent", lambda k: 1e-2 * math.exp(0.003 * k * k), True),
+        ("too slow to be told from a beat", lambda k: 1e-2 * 1.005**k, False),
+        ("a ramp: an integrator", lambda k: 1e-2, False),
+        ("a parabola: two integrators", lambda k: 1e-2 * (k + 1), False),
+        ("the cube of time: three integrators", lambda k: 1e-3 * (k + 1) ** 2, False),
+        ("growth that ends half way", lambda k: 1e-3 * 1.3 ** min(k, 28), False),
+        ("growth after a calm, at the end only", lambda k: 1e-2 * 0.9**k if k < 38 else 1e-2 * 0.9**36 * 2.0**k, False),
+        ("a beat that ends on a rise", lambda k: 1e-2 * (1.5 + math.sin(2.9 * k)), False),
+        ("a transient that dies away", lambda k: 0.9**k, False),
+    ],
+)
+def test_only_changes_that_grow_exponentially_to_the_end_are_divergence(
+    name: str, size: Callable[[int], float], diverges: bool
+) -> None:
+    outcome, periods = outcome_of(size)
+    assert (outcome is Outcome.DIVERGED) is diverges, f"{name}: {outcome} after {periods}"
 
 
 def test_extrapolation_is_exact_for_two_modes() -> None:

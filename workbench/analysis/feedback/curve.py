@@ -9,6 +9,7 @@ import numpy as np
 from workbench.analysis.feedback.plant import Complex, Plant
 from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.poles import natural_frequency_hz
 from workbench.session.base import Floats
 
 __all__ = ["curve"]
@@ -23,7 +24,7 @@ def curve(plant: Plant, frequencies: Sequence[float]) -> tuple[Floats, Complex]:
         plant: G.
         frequencies: that must lie inside [Hz].
     """
-    sizes = np.abs(plant.transfer.rates) / (2.0 * np.pi)
+    sizes = natural_frequency_hz(plant.transfer.rates)
     every = np.array([f for f in (*sizes.tolist(), *frequencies) if 0.0 < f < np.inf])
     every = every[every > 1e-9 * every.max(initial=0.0)]
     if not len(every):
