@@ -82,3 +82,13 @@ def test_the_command_needs_no_stop(full: Path, tmp_path: Path, capsys: pytest.Ca
     assert "stop: 5 s" in told
     assert run(["simulate", str(full), "--start", "4", "--in-process", "--json", str(file)]) == 0
     assert json.loads(file.read_text())["time"][0] == 4.0
+
+
+def test_recording_does_not_shorten_the_communication_step(tmp_path: Path) -> None:
+    file = build_foreign(tmp_path, experiment='<DefaultExperiment stopTime="10" stepSize="0.2" />')
+    with load(file, "cs") as model:
+        np.testing.assert_allclose(simulate(model).time, np.linspace(0.0, 10.0, 51), rtol=1e-12)
+    with load(file, "cs", step=0.001) as model:
+        assert len(simulate(model).time) == 501
+    with load(file, "cs", step=4.0) as model:
+        np.testing.assert_allclose(simulate(model).time, [0.0, 4.0, 8.0, 10.0])

@@ -16,6 +16,7 @@ from workbench.csv_file import write_csv
 from workbench.errors import EndedError, InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.model.fmu_model import FmuModel
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
@@ -113,7 +114,8 @@ def simulate(
         outputs: names of variables to record; None: all outputs; where there are none all states, else all locals.
         start_time: [s]; None: that of the model.
         interval: distance of the recorded points [s]; None: the step of the default experiment, doubled until there
-            are at most 5000, else 1/500 of the run. Events are recorded besides.
+            are at most 5000; in co-simulation a multiple of the communication step; else 1/500 of the run. Events are
+            recorded besides.
         points: recorded points themselves, rising, in (start_time, stop] [s]; instead of `interval`.
         verify_step: co-simulation only: run again with half the communication step and note where
             the answer changes by more than 1 %.
@@ -158,10 +160,19 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
 
 
 def _usual_interval(model: Model, span: float) -> float | None:
-    """Return the output interval of the default experiment [s], coarser where it gives too many points; None: none."""
-    step = model.description.experiment.step if isinstance(model, DescribedModel) else None
-    if model.interface == "cs" or step is None or not step < span:
+    """Return the interval at which rows are recorded unless told otherwise [s]; None: a 500th of the run.
+
+    Model exchange: the step of the default experiment, doubled where it gives too many points. Co-simulation: a
+    multiple of the communication step, so that recording does not shorten the steps.
+    """
+    if not isinstance(model, FmuModel):
         return None
+    is_cs = model.interface == "cs"
+    step = (model.recipe.step if is_cs else None) or model.description.experiment.step
+    if step is None or not step < span:
+        return None
+    if is_cs:
+        return step * max(1, round(span / DEFAULT_POINTS / step))
     while span / step > MOST_USUAL_POINTS:
         step *= 2.0
     return step
