@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.bootstrap_coverage import DT, Complex, bootstrap_of, cases, noisy_record, random_system
+from tests.random_systems import random_plant
 from workbench.analysis.experiment import make_experiment
 from workbench.analysis.subspace import estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
@@ -190,3 +192,23 @@ def test_through_json_csv_and_pictures(tmp_path: Path) -> None:
     assert checked.to_dict()["pole_confidence"] == result.to_dict()
     assert any("95 % region" in line for line in checked.words)
     checked.plot_poles(tmp_path / "zeros.png")
+
+
+def test_the_errors_that_are_drawn_have_the_size_of_the_true_ones_not_of_those_of_a_fit() -> None:
+    """A fit of k numbers to N samples leaves (N − k)/N of the variance; k = n (2 p + m) + p m = 19 here."""
+    random = np.random.default_rng(5)
+    plant = random_plant(random, 6, 1, 1)
+    u = random.standard_normal((100, 1))
+    y = plant.output(u) + 0.3 * random.standard_normal((100, 1))
+    made = estimate(u, y, DT, order=6, stable=True).model
+    model = replace(made, K=np.zeros_like(made.K))
+    steady = model.simulate(u, model.initial_state(u, y))
+    drawn: list[Floats] = []
+
+    def keep(_: Floats, again: Floats) -> Complex:
+        drawn.append(again - (steady - model.y0))
+        return model.poles
+
+    bootstrap_poles(model, make_experiment(DT, u, y), keep, replicates=300, block=1)
+    rest = y - steady
+    assert np.mean(np.square(drawn)) / np.var(rest) == pytest.approx(100.0 / (100.0 - 19.0), rel=0.03)
