@@ -145,13 +145,13 @@ def test_offset_is_the_middle_and_bias_is_added_once() -> None:
     with load("fmu:FirstOrderLag", bias={"u": 2.0}) as model:
         around = excite(model, "u", "y", samples=40, dt=0.05)
         shifted = excite(model, "u", "y", samples=40, dt=0.05, signal=PrbsDesign(offset=1.0))
-        point = OperatingPoint(x={"x": 5.0}, u={"u": 5.0})
-        led = excite(model, "u", "y", samples=40, dt=0.05, at=point)
+        led = excite(model, "u", "y", samples=40, dt=0.05, at=OperatingPoint(x={"x": 2.0}, u={"u": 2.0}))
+        with pytest.raises(InputError, match="bias: u would be 2, but the operating point has 5 there"):
+            excite(model, "u", "y", samples=40, dt=0.05, at=OperatingPoint(x={"x": 5.0}, u={"u": 5.0}))
     assert set(around.identification.u[:, 0]) == {1.0, 3.0}
     assert set(shifted.identification.u[:, 0]) == {2.0, 4.0}
-    assert (shifted.u0["u"], set(led.identification.u[:, 0])) == (3.0, {4.0, 6.0})
+    assert (shifted.u0["u"], set(led.identification.u[:, 0])) == (3.0, {1.0, 3.0})
     assert "let it settle first" in shifted.notes[0]
-    assert "bias on u is not added" in led.notes[0]
 
 
 def test_a_multisine_is_recorded_when_the_response_is_periodic() -> None:
@@ -252,7 +252,7 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
         ({"samples": 1}, "samples: 1 are too few"),
         ({"validation_samples": 1}, "validation: 1 samples are too few"),
         ({"settle": -1.0}, "settle must be 0 s or more"),
-        ({"at": OperatingPoint(x={"xx": 1.0}, u={})}, "has no 'xx' there"),
+        ({"at": OperatingPoint(x={"xx": 1.0}, u={})}, "FirstOrderLag has no state 'xx'"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(options: dict[str, object], words: str) -> None:

@@ -48,7 +48,7 @@ def system(tmp_path: Path) -> str:
 
 
 def test_the_linear_loop_is_shown(system: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["loop", system, "--at", "y"]) == 0
+    assert run(["loop", system, "--open", "y"]) == 0
     out = capsys.readouterr().out
     assert "three lags: loop opened at c.y → e.u2" in out
     assert "the closed loop is stable" in out
@@ -62,7 +62,7 @@ def test_json_csv_and_picture_are_written(system: str, tmp_path: Path, capsys: p
     files = [tmp_path / name for name in ("r.json", "r.csv", "r.png")]
     options = [x for pair in zip(("--json", "--csv", "--plot"), map(str, files), strict=True) for x in pair]
     measured = ["--amplitude", "2", "--band", "0.15:0.4", "--ratio", "1.4", "--how", "break", "--in-process"]
-    assert run(["loop", system, "--at", "k.y -> s.u", "--trim", *measured, *options]) == 0
+    assert run(["loop", system, "--open", "k.y -> s.u", "--trim", *measured, *options]) == 0
     out = capsys.readouterr().out
     assert "measured (break), amplitude 2" in out
     result = json.loads(files[0].read_text())
@@ -84,7 +84,7 @@ def test_json_csv_and_picture_are_written(system: str, tmp_path: Path, capsys: p
 def test_an_unstable_loop_is_told_before_its_crossovers(system: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = Path(system).read_text()
     Path(system).write_text(text.replace("gain = 6.0", "gain = 20.0"))
-    assert run(["loop", system, "--at", "y"]) == 0
+    assert run(["loop", system, "--open", "y"]) == 0
     out = capsys.readouterr().out
     assert "the closed loop is unstable" in out
     assert "margins mean nothing" in out
@@ -95,10 +95,10 @@ def test_an_unstable_loop_is_told_before_its_crossovers(system: str, capsys: pyt
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--at", "k.z"], "at: no connection leaves 'k.z'; did you mean k.y"),
-        (["--at", "y", "--point", "none.json", "--trim"], "--point and --trim: only one of them"),
-        (["--at", "y", "--amplitude", "1", "--band", "3"], "--band: '3' is not of the form LO:HI"),
-        (["--at", "y", "--amplitude", "0"], "amplitude"),
+        (["--open", "k.z"], "open: no connection leaves 'k.z'; did you mean k.y"),
+        (["--open", "y", "--at", "none.json", "--trim"], "--at and --trim: only one of them"),
+        (["--open", "y", "--amplitude", "1", "--band", "3"], "--band: '3' is not of the form LO:HI"),
+        (["--open", "y", "--amplitude", "0"], "amplitude"),
     ],
 )
 def test_bad_input_gets_one_line(
@@ -112,5 +112,5 @@ def test_bad_input_gets_one_line(
 
 
 def test_one_fmu_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["loop", "fmu:Rudder", "--at", "del"]) == 2
+    assert run(["loop", "fmu:Rudder", "--open", "del"]) == 2
     assert "is one model and has no connection to open" in capsys.readouterr().err

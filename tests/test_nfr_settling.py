@@ -201,9 +201,9 @@ def test_a_model_that_cannot_start_ends_the_sweep() -> None:
 def test_carry_keeps_one_session_and_gives_the_same_answer(frequencies: list[float]) -> None:
     model = lag(0.3)
     carried = nfr(model, "u", "y", frequencies, [1.0, 2.0], carry=True, drift_check=False)
-    assert model.sessions == 2
+    assert model.sessions == 1 + 2  # where it stands, then the amplitudes
     fresh = nfr(model, "u", "y", frequencies, [1.0, 2.0], drift_check=False)
-    assert model.sessions == 2 + 8
+    assert model.sessions == 3 + 1 + 8
     np.testing.assert_array_equal(carried.frequency_hz, [1.0, 2.0, 4.0, 8.0])
     np.testing.assert_allclose(carried.response, fresh.response, rtol=1e-3)
 
@@ -231,7 +231,7 @@ def test_points_and_calls_are_counted() -> None:
         model, "u", "y", [1.0, 2.0], [2.0, 1.0], progress=lambda p, done, total: told.append((p.amplitude, done, total))
     )
     assert told == [(1.0, 1, 4), (1.0, 2, 4), (2.0, 3, 4), (2.0, 4, 4)]
-    assert model.sessions == 1 + 4  # zero input, then the points
+    assert model.sessions == 1 + 4  # where it stands and zero input, then the points
 
 
 def test_a_sweep_that_is_stopped_keeps_what_it_measured() -> None:

@@ -33,7 +33,11 @@ def points_in(folder: Path) -> int:
         return 0
     database = sqlite3.connect(path, timeout=30.0)
     try:
-        return int(database.execute("SELECT count(*) FROM measurements WHERE point <> 'zero input'").fetchone()[0])
+        return int(
+            database.execute(
+                "SELECT count(*) FROM measurements WHERE point NOT IN ('zero input', 'operating point')"
+            ).fetchone()[0]
+        )
     except sqlite3.OperationalError:  # not made yet
         return 0
     finally:

@@ -9,6 +9,7 @@ from pathlib import Path
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.nfr_result import NfrResult
 from workbench.analysis.nfr_sweep import NfrSweep
+from workbench.core.operating_point import At
 from workbench.model import Model
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -27,6 +28,7 @@ def nfr(
     frequencies: Sequence[float] | Floats | None = None,
     amplitudes: Sequence[float] | Floats | float | None = None,
     *,
+    at: At | None = None,
     band: tuple[float, float] | None = None,
     ratio: float = 1.2,
     errcrit: float = 0.1,
@@ -59,8 +61,8 @@ def nfr(
       - A transient that can be identified is removed and the point is then settled; the published test
         alone stops while a slow or lightly damped transient still falsifies the value (see
         `workbench.analysis.settling.Settling` and `workbench.analysis.transient.remove_transient`).
-      - Each point states its error (see `workbench.analysis.nfr_error`), and nothing is called settled whose error is above
-        errcrit/10.
+      - Each point states its error (see `workbench.analysis.nfr_error`), and nothing is called settled whose error is
+        above errcrit/10.
       - Co-simulation is repeated with smaller communication steps (see `workbench.analysis.nfr_step.refine`).
 
     Not for a model without a periodic response: an unstable one fails point by point, a limit
@@ -68,11 +70,14 @@ def nfr(
     harmonic; the others are in the certificates.
 
     Args:
-        model: the model; its other inputs keep their start values.
+        model: the model; its other inputs keep their start values, or those of `at`.
         input: name of the input to force.
         output: name of the output (or of a state) to measure.
         frequencies: [Hz], measured in rising order.
         amplitudes: of the sine, one or several, [unit of the input], outer loop, rising order.
+        at: operating point: where each point begins, and about whose input the sine moves, the other inputs held at
+            theirs: a point, a result that has one, or the file of either; None: where the model starts, the sine
+            about 0 (and bias).
         band: (lowest, highest) frequency [Hz] in place of `frequencies`.
         ratio: of neighbouring frequencies in a band; the last one is the band's end itself.
         errcrit: error criterion: change of phase [rad] and ten times the change of gain between periods.
@@ -110,6 +115,7 @@ def nfr(
         output,
         frequencies,
         amplitudes,
+        at=at,
         band=band,
         ratio=ratio,
         errcrit=errcrit,

@@ -11,13 +11,14 @@ from workbench.analysis.nfr_linear import LinearPart, linear_part
 from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
 from workbench.analysis.nfr_step import at_step, checked, refine
 from workbench.analysis.zero_input import ZeroInput, watch
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
+from workbench.model.placing import standing
 from workbench.session.base import Floats
-from workbench.signals import Sine
 from workbench.workers import Job, Remark
 
-__all__ = ["LinearJob", "PointsJob", "ZeroInputJob"]
+__all__ = ["LinearJob", "PointsJob", "StartJob"]
 
 # The integration may take so much of the error that was asked for.
 _SHARE = 0.2
@@ -27,17 +28,23 @@ _TIGHTER = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class ZeroInputJob(Job):
-    """Watch the model while the input is zero.
+class StartJob(Job):
+    """Look where the model stands, and watch it while the input is held.
 
     Attributes:
         task: names and the lowest frequency; its amplitude is not used.
+        watched: False: look only.
     """
 
     task: PointTask
+    watched: bool
 
-    def run(self, model: Model) -> Iterator[ZeroInput | Remark]:
-        yield watch(model, self.task)
+    def run(self, model: Model) -> Iterator[OperatingPoint | ZeroInput | Remark]:
+        held = {self.task.input: replace(self.task, amplitude=0.0).sine(model.start_time)}
+        with model.open_session(signals=held, step=self.task.step) as session:
+            yield standing(model, session)
+            if self.watched:
+                yield watch(session, self.task)
         yield from map(Remark, model.remarks())
 
 
@@ -118,16 +125,16 @@ def carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
     """Measure in one session; after a failed point the next one begins in a new session."""
     rest = list(tasks)
     while rest:
-        first = Sine(amplitude=rest[0].amplitude, frequency=rest[0].frequency)
         # One session serves all frequencies; the rows of each divide its period and bound the step.
         steps = [t.step for t in rest if t.step is not None]
-        with model.open_session(signals={rest[0].input: first}, step=max(steps, default=None)) as session:
-            standing: Floats | None = None
+        first = {rest[0].input: rest[0].sine(model.start_time)}
+        with model.open_session(signals=first, step=max(steps, default=None)) as session:
+            known: Floats | None = None
             while rest:
                 task = rest.pop(0)
-                evidence = task.evidence(standing)
+                evidence = task.evidence(known)
                 point = run_point(session, task, evidence)
-                standing = _standing(evidence, point)
+                known = _standing(evidence, point)
                 yield point if model.interface == "cs" else replace(point, step=None)
                 if point.reason is not None:
                     break

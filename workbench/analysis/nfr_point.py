@@ -50,6 +50,7 @@ class PointTask:
         input, output: names of the variables.
         frequency: [Hz].
         amplitude: [unit of the input].
+        centre: value about which the sine moves, that of the operating point [unit of the input].
         errcrit: error criterion of `Settling`.
         max_periods: largest number of periods.
         rows: samples per period.
@@ -65,6 +66,7 @@ class PointTask:
     amplitude: float
     errcrit: float
     max_periods: int
+    centre: float = 0.0
     rows: int = ROWS
     fixed_step: bool = False
     stopped: Callable[[], bool] = _never
@@ -84,6 +86,10 @@ class PointTask:
     def step(self) -> float | None:
         """Communication step to ask the session for [s]; None leaves it to the model."""
         return 1.0 / (self.frequency * self.rows) if self.fixed_step else None
+
+    def sine(self, start: float = 0.0) -> Sine:
+        """Return what forces the input; at `start` [s] it is where the operating point has it."""
+        return Sine(amplitude=self.amplitude, frequency=self.frequency, offset=self.centre, start=start)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,8 +140,7 @@ def run_fresh(model: Model, task: PointTask) -> NfrPoint:
     Raises:
         FmuError, SimulationError: the session cannot be opened; no other point would fare better.
     """
-    start = Sine(amplitude=task.amplitude, frequency=task.frequency)
-    with model.open_session(signals={task.input: start}, step=task.step) as session:
+    with model.open_session(signals={task.input: task.sine(model.start_time)}, step=task.step) as session:
         point = run_point(session, task)
     return point if model.interface == "cs" else replace(point, step=None)
 
@@ -154,7 +159,7 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
     """
     evidence = task.evidence() if evidence is None else evidence
     settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
-    sine = Sine(amplitude=task.amplitude, frequency=task.frequency, start=session.time)
+    sine = task.sine(session.time)
     longest: float | None = None
     response: Response | None = None
     try:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.analysis.certificate import Certificate
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.zero_input import ZeroInput
+from workbench.core.operating_point import OperatingPoint, point_in_json, point_of_json
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.model import Model, Variable
@@ -84,6 +85,8 @@ class NfrResult(Reportable):
         certificates: [amplitude][frequency]: what each point can be trusted for; None where
             nothing is known, as after a crash.
         zero_input: how the output moves while the input is zero; None where that was not watched.
+        operating_point: where the sine begins, and about which value of the input it moves; None where it is not known,
+            as after a crash.
     """
 
     model: str
@@ -107,6 +110,7 @@ class NfrResult(Reportable):
     warnings: tuple[str, ...]
     certificates: tuple[tuple[Certificate | None, ...], ...]
     zero_input: ZeroInput | None = None
+    operating_point: OperatingPoint | None = None
 
     @property
     def status(self) -> tuple[tuple[str, ...], ...]:
@@ -156,6 +160,7 @@ class NfrResult(Reportable):
             "warnings": list(self.warnings),
             "certificate": self._certificate_arrays(),
             "zero_input": None if self.zero_input is None else vars(self.zero_input),
+            **point_in_json(self.operating_point),
         }
 
     @classmethod
@@ -206,6 +211,7 @@ class NfrResult(Reportable):
             failed=tuple(FailedPoint(**f) for f in data["failed"]),
             warnings=tuple(data["warnings"]),
             certificates=((None,) * shape[1],) * shape[0],
+            operating_point=point_of_json(data),
         )
 
     def _certificate_arrays(self) -> dict[str, Any]:
@@ -302,6 +308,7 @@ def assemble(
     points: Sequence[NfrPoint],
     warnings: Sequence[str] = (),
     zero_input: ZeroInput | None = None,
+    operating_point: OperatingPoint | None = None,
     missing: str = MISSING,
 ) -> NfrResult:
     """Make a result of measured points; what is missing fails with the reason `missing`.
@@ -315,6 +322,7 @@ def assemble(
         points: in any order.
         warnings: passed on, after those of the points.
         zero_input: passed on.
+        operating_point: passed on.
         missing: reason for points that are not among `points`.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
@@ -343,6 +351,7 @@ def assemble(
         warnings=(*_unsettled(grid), *(p.warning for row in grid for p in row if p.warning), *warnings),
         certificates=tuple(tuple(p.certificate for p in row) for row in grid),
         zero_input=zero_input,
+        operating_point=operating_point,
     )
 
 

@@ -14,6 +14,7 @@ from workbench.analysis.certificate import finite, from_dict
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.nfr_result import MISSING, NfrResult
 from workbench.analysis.zero_input import ZeroInput
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.store import Store
@@ -27,6 +28,7 @@ STATUSES = ("settled", "averaged", "failed")
 _ALGORITHM = 2
 
 _ZERO_INPUT = "zero input"
+_STANDING = "operating point"
 
 Key = tuple[float, float]
 
@@ -85,7 +87,7 @@ class NfrStore:
                 counts, whatever its effort was; without, only those made with the present effort.
         """
         found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
-        values = [v for k, v in found.items() if k != _ZERO_INPUT and self._counts(v)]
+        values = [v for k, v in found.items() if k not in (_ZERO_INPUT, _STANDING) and self._counts(v)]
         points = [_point(v["point"]) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
@@ -110,6 +112,15 @@ class NfrStore:
     def save_zero_input(self, found: ZeroInput) -> None:
         """Keep how the model moves by itself."""
         self.store.save(_ZERO_INPUT, asdict(found))
+
+    def standing(self) -> OperatingPoint | None:
+        """Return where the model stood, if that was looked at already."""
+        found = self.store.load().get(_STANDING)
+        return None if found is None else OperatingPoint.from_dict(found)
+
+    def save_standing(self, found: OperatingPoint) -> None:
+        """Keep where the model stood."""
+        self.store.save(_STANDING, found.to_dict())
 
     def close(self) -> None:
         """Close the file."""

@@ -10,13 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.analysis.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr_job import LinearJob, PointsJob, ZeroInputJob
+from workbench.analysis.nfr_job import LinearJob, PointsJob, StartJob
 from workbench.analysis.nfr_linear import LinearPart
 from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import rows_of_step
 from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
 from workbench.analysis.zero_input import ZeroInput, doubt
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
 from workbench.origin import with_origin
@@ -39,7 +40,7 @@ class NfrSweep:
     ```
 
     Args:
-        model, input, output, frequencies, amplitudes, band, ratio, errcrit, max_periods, carry, step: see `nfr`.
+        model, input, output, frequencies, amplitudes, at, band, ratio, errcrit, max_periods, carry, step: see `nfr`.
         verify, drift_check, workers, executor, store, redo, previous: see `nfr`.
 
     Raises:
@@ -54,6 +55,7 @@ class NfrSweep:
         frequencies: Sequence[float] | Floats | None = None,
         amplitudes: Sequence[float] | Floats | float | None = None,
         *,
+        at: At | None = None,
         band: tuple[float, float] | None = None,
         ratio: float = 1.2,
         errcrit: float = 0.1,
@@ -77,7 +79,9 @@ class NfrSweep:
             positive_values("step", (step,), unit="s")
         if verify and model.recipe is None:
             raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
-        self._model, self._input, self._output = model, input, output
+        placed = model.placed(at)
+        self._model, self._input, self._output = placed, input, output
+        self._centre = 0.0 if placed.at is None else placed.at.u.get(input, 0.0)
         self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
         self._amplitudes = _amplitudes(amplitudes)
         if step is not None and model.interface == "cs":
@@ -86,9 +90,10 @@ class NfrSweep:
         self._carry, self._step, self._verify = carry, step, verify
         self._workers = _with_executor(workers or Workers(), executor)
         self._redo = check_redo(redo)
-        self._notes: list[str] = []
+        self._notes: list[str] = list(placed.notes[len(model.notes) :])
         self._points: dict[Key, NfrPoint] = {}
         self._zero_input: ZeroInput | None = None
+        self._standing: OperatingPoint | None = None
         self._watch = drift_check
         self._linear: LinearPart | None = None
         self._runner: Runner | None = None
@@ -120,9 +125,11 @@ class NfrSweep:
         if previous is not None:
             self._check_previous(previous)
             known |= from_result(previous, self._redo)
+            self._standing = previous.operating_point
         if self._store is not None:
             known |= self._store.finished(self._redo)
             self._zero_input = self._store.zero_input()
+            self._standing = self._store.standing() or self._standing
         for a in self._amplitudes:
             keys = [(a, f) for f in self._frequencies]
             if not self._carry or all(k in known for k in keys):
@@ -194,8 +201,9 @@ class NfrSweep:
             self._runner.stop()
 
     def _jobs(self) -> Iterator[Job]:
-        if self._watch and self._zero_input is None:
-            yield ZeroInputJob(task=self._task(min(self._frequencies), 0.0))
+        watched = self._watch and self._zero_input is None
+        if watched or self._standing is None:
+            yield StartJob(task=self._task(min(self._frequencies), 0.0), watched=watched)
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies if (amplitude, f) not in self._points]
             if self._carry and tasks:
@@ -215,6 +223,7 @@ class NfrSweep:
             errcrit=self._errcrit,
             max_periods=self._max_periods,
             linear=self._linear,
+            centre=self._centre,
         )
 
     def _stoppable(self, job: Job) -> Job:
@@ -226,6 +235,8 @@ class NfrSweep:
     def _take(self, event: Reply | Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
         if isinstance(event, Lost):
             yield from self._lost(event, jobs)
+        elif isinstance(event.value, OperatingPoint):
+            self._keep_standing(event.value)
         elif isinstance(event.value, ZeroInput):
             self._keep_zero_input(event.value)
         elif isinstance(event.value, Remark):
@@ -239,6 +250,11 @@ class NfrSweep:
         self._points[point.amplitude, point.frequency] = point
         return point
 
+    def _keep_standing(self, found: OperatingPoint) -> None:
+        self._standing = found
+        if self._store is not None:
+            self._store.save_standing(found)
+
     def _keep_zero_input(self, found: ZeroInput) -> None:
         self._zero_input = found
         if self._store is not None and found.reason is None:
@@ -246,8 +262,11 @@ class NfrSweep:
 
     def _lost(self, event: Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
         """The point at work fails; those after it go on in another process."""
+        if isinstance(event.job, StartJob):
+            if event.job.watched:
+                self._keep_zero_input(ZeroInput(reason=event.reason))
+            return
         if not isinstance(event.job, PointsJob):
-            self._keep_zero_input(ZeroInput(reason=event.reason))
             return
         missing = [t for t in event.job.tasks if (t.amplitude, t.frequency) not in self._points]
         if event.job.streams(self._model.interface):
@@ -274,6 +293,7 @@ class NfrSweep:
             points=points,
             warnings=() if warning is None else (warning,),
             zero_input=self._zero_input,
+            operating_point=self._standing,
         )
 
 

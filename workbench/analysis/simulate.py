@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -12,11 +12,13 @@ import numpy as np
 
 from workbench.analysis.divergence import divergence
 from workbench.analysis.divergence_run import explained
+from workbench.core.operating_point import At, OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.errors import EndedError, InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
+from workbench.model.placing import standing
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
@@ -30,6 +32,7 @@ DEFAULT_POINTS = 500
 MOST_USUAL_POINTS = 5000
 MAX_POINTS = 10_000_000
 WORRYING_CHANGE = 0.01
+_JUMP = 1e-9  # relative: an input that moves by less stays where it is
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,7 @@ class SimulationResult(Reportable):
         notes: doubts about the result, e.g. a communication step that is too long.
         ended_at: when the run was cut short [s], by the FMU itself or by a failure; None: it came to its end.
         failed: why it failed; None: it did not. An FMU that ends its own run has not failed.
+        operating_point: where the run begins.
     """
 
     model: str
@@ -55,6 +59,7 @@ class SimulationResult(Reportable):
     notes: tuple[str, ...] = ()
     ended_at: float | None = None
     failed: str | None = None
+    operating_point: OperatingPoint | None = None
 
     def plot(self) -> Figure:
         """Return a picture with one panel per signal."""
@@ -71,6 +76,7 @@ class SimulationResult(Reportable):
             "notes": list(self.notes),
             "ended_at": self.ended_at,
             "failed": self.failed,
+            **point_in_json(self.operating_point),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:
@@ -100,6 +106,7 @@ def simulate(
     stop: float | None = None,
     inputs: Mapping[str, Signal] | None = None,
     outputs: Sequence[str] | None = None,
+    at: At | None = None,
     start_time: float | None = None,
     interval: float | None = None,
     points: Sequence[float] | Floats | None = None,
@@ -110,9 +117,11 @@ def simulate(
     Args:
         model: what to run; it stays open.
         stop: final time [s], after `start_time`; None: that of the model's default experiment.
-        inputs: forced inputs; the others keep their start value.
+        inputs: forced inputs; the others keep their start value, or that of `at`.
         outputs: names of variables to record; None: all outputs; where there are none all states, else all locals.
-        start_time: [s]; None: that of the model.
+        at: operating point to start at: a point, a result that has one, or the file of either; None: where the model
+            starts. A forced input has the values of its signal, not those of the point.
+        start_time: [s]; None: that of `at`, else of the model.
         interval: distance of the recorded points [s]; None: the step of the default experiment, doubled until there
             are at most 5000; in co-simulation a multiple of the communication step; else 1/500 of the run. Events are
             recorded besides.
@@ -128,14 +137,16 @@ def simulate(
             in finite time, and when.
     """
     inputs = dict(inputs or {})
+    placed = model.placed(at)
+    model, remarks = placed, placed.notes[len(model.notes) :]
     _check_inputs(model, inputs)
     names, instead = _names(model, outputs)
     start = model.start_time if start_time is None else start_time
     stop, told = _stop(model, stop)
-    told += instead
+    told = (*remarks, *told, *instead, *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if interval is None else interval
-    at = _points(start, stop, interval, points, grid=model.grid)
-    run = _Run(model, start, stop, inputs, names, at)
+    rows = _points(start, stop, interval, points, grid=model.grid)
+    run = _Run(model, start, stop, inputs, names, rows)
     try:
         found = run.once(None)
     except SimulationError as error:
@@ -148,6 +159,17 @@ def simulate(
     if found.step is not None and verify_step:
         told += run.doubts(found)
     return run.result(found, told)
+
+
+def _jumps(model: Model, inputs: Mapping[str, Signal], start: float) -> tuple[str, ...]:
+    """Return a note on each forced input that leaves the operating point at once."""
+    held = {} if model.at is None else model.at.u
+    begins = {name: signal(start) for name, signal in inputs.items() if name in held}
+    return tuple(
+        f"{name} is {held[name]:g} at the operating point, but its signal begins at {value:g}"
+        for name, value in begins.items()
+        if abs(value - held[name]) > _JUMP * max(abs(value), abs(held[name]))
+    )
 
 
 def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
@@ -198,7 +220,11 @@ class _Once:
 
 @dataclass(frozen=True)
 class _Run:
-    """What to run, so that it can be run again with another communication step."""
+    """What to run, so that it can be run again with another communication step.
+
+    Attributes:
+        begins: where each run began.
+    """
 
     model: Model
     start: float
@@ -206,10 +232,12 @@ class _Run:
     inputs: dict[str, Signal]
     names: list[str]
     points: Floats
+    begins: list[OperatingPoint] = field(default_factory=list)
 
     def once(self, step: float | None) -> _Once:
         """Run with a communication step; None: the model's own."""
         with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
+            self.begins.append(standing(self.model, session))
             ended = None
             try:
                 record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
@@ -243,6 +271,7 @@ class _Run:
             notes,
             ended_at=None if end is None else end.time,
             failed=None if failed is None else str(failed),
+            operating_point=self.begins[0],
         )
 
     def doubts(self, found: _Once) -> tuple[str, ...]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.core.operating_point import At
 from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.origin import with_origin
@@ -30,23 +31,25 @@ class SimulateJob(Job):
 
 
 @with_origin()
-def simulate_in_worker(model: Model, job: SimulateJob, *, workers: Workers) -> SimulationResult:
+def simulate_in_worker(model: Model, job: SimulateJob, *, workers: Workers, at: At | None = None) -> SimulationResult:
     """Simulate where a crash of the FMU ends in an error.
 
     Args:
         model: what to run.
         job: what `simulate` is told.
         workers: where, and under which limits.
+        at: see `simulate`.
 
     Raises:
         InputError, FmuError: see `simulate`.
         SimulationError: likewise, and where the worker crashed or met a limit (without a time).
     """
-    runner, _ = choose(model, workers)
+    placed = model.placed(at)
+    runner, _ = choose(placed, workers)
     with runner:
         for event in runner.run(perform, deque([job])):
             if isinstance(event, Reply) and isinstance(event.value, SimulationResult):
-                return event.value
+                return replace(event.value, notes=(*placed.notes[len(model.notes) :], *event.value.notes))
             if not isinstance(event, Reply):
                 raise SimulationError(event.reason)
     raise SimulationError("the worker gave no result")

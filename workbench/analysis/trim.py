@@ -16,6 +16,7 @@ from workbench.analysis.trim_run import RunBalance
 from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_sizes import sized
 from workbench.analysis.trim_solve import Solution
+from workbench.core.operating_point import At
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named
@@ -43,6 +44,7 @@ def trim(
     floating: Sequence[str] = (),
     x0: Mapping[str, float] | None = None,
     u0: Mapping[str, float] | None = None,
+    at: At | None = None,
     time: float | None = None,
     family: str = "slowest",
     period: float | None = None,
@@ -79,7 +81,9 @@ def trim(
         floating: states whose derivative need not vanish.
         x0: state → where the search begins.
         u0: input → the value it is held at, or where the search begins if it is free or bound.
-        time: session time of the point [s]; None: where the model starts.
+        at: another point: a point, a result that has one, or the file of either: where the search begins, and at which
+            inputs; `x0` and `u0` count before it.
+        time: session time of the point [s]; None: that of `at`, else where the model starts.
         family: "slowest" or "nearest", see above.
         period: basic time period [s] of a sampled model; None: found from its time events.
         step: communication step [s]; None: the model's, else 1 ms, and finer where that does not do.
@@ -100,16 +104,20 @@ def trim(
     _check_positive(period=period, step=step, longest=longest, tolerance=tolerance)
     if family not in FAMILIES:
         raise InputError(f"family '{family}' is unknown; {suggest(family, FAMILIES)}")
+    placed = model.placed(at)
+    model, remarks = placed, placed.notes[len(model.notes) :]
+    begin = {} if model.at is None else {**model.at.x, **model.at.u}
     sets = TrimSets(
         free=tuple(free),
         fix=dict(fix or {}),
         bound=dict(bound or {}),
         floating=tuple(floating),
-        guess={**(x0 or {}), **(u0 or {})},
+        guess={**begin, **(x0 or {}), **(u0 or {})},
     )
-    begin = model.start_time if time is None else float(time)
-    trimming = _Trim(model, sets, begin, family == "slowest", period, step, longest, tolerance)
-    return trimming.run()
+    begins = model.start_time if time is None else float(time)
+    trimming = _Trim(model, sets, begins, family == "slowest", period, step, longest, tolerance)
+    found = trimming.run()
+    return replace(found, notes=(*remarks, *found.notes))
 
 
 @dataclass

@@ -9,9 +9,7 @@ import numpy as np
 
 from workbench.analysis.nfr_point import NfrPoint, PointTask
 from workbench.errors import SimulationError
-from workbench.model import Model
-from workbench.session import Record
-from workbench.signals import Sine
+from workbench.session import Record, Session
 
 __all__ = ["ZeroInput", "doubt", "watch"]
 
@@ -55,30 +53,26 @@ class ZeroInput:
         return max(abs(self.drift) * self.seconds, self.swing)
 
 
-def watch(model: Model, task: PointTask) -> ZeroInput:
+def watch(session: Session, task: PointTask) -> ZeroInput:
     """Run with zero input; stop early where nothing moves.
 
     Args:
-        model: what is measured.
+        session: of the model, not advanced yet.
         task: names, rows per period and the lowest frequency.
-
-    Raises:
-        FmuError, SimulationError: the session cannot be opened.
     """
-    zero = Sine(amplitude=0.0, frequency=task.frequency)
+    begin = session.time
+    zero = replace(task, amplitude=0.0).sine(begin)
     seen: list[ZeroInput] = []
-    with model.open_session(signals={task.input: zero}, step=task.step) as session:
-        begin = session.time
-        try:
-            for k in range(_PERIODS):
-                points = begin + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
-                end = float(points[-1])
-                record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
-                seen.append(_movement(record, task.output))
-                if not seen[-1].movement:
-                    break
-        except SimulationError as error:
-            return ZeroInput(reason=str(error))
+    try:
+        for k in range(_PERIODS):
+            points = begin + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
+            end = float(points[-1])
+            record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
+            seen.append(_movement(record, task.output))
+            if not seen[-1].movement:
+                break
+    except SimulationError as error:
+        return ZeroInput(reason=str(error))
     first, last = seen[0].movement, seen[-1].movement
     return replace(seen[-1], decays=last <= _DECAY * first, grows=last > _GROWTH * first)
 

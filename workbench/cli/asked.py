@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-__all__ = ["command_line", "keep"]
+__all__ = ["command_line", "keep", "was_given"]
 
 _arguments: list[str] = []  # of the one command that a process runs
 
@@ -23,3 +23,12 @@ def keep(arguments: Sequence[str] | None) -> None:
 def command_line() -> str:
     """Return the line that runs the command again."""
     return shlex.join(["workbench", *_arguments])
+
+
+def was_given(option: str) -> bool:
+    """Return whether an option stands in that line.
+
+    Args:
+        option: as "--at".
+    """
+    return any(word == option or word.startswith(f"{option}=") for word in _arguments)

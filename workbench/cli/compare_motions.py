@@ -60,6 +60,12 @@ def compare(
     label: Annotated[
         list[str] | None, typer.Option("--label", metavar="TEXT", help="Name of each model in its turn; repeatable.")
     ] = None,
+    at: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--at", metavar="POINT.JSON", help="Operating point of each model in its turn, as of trim; repeatable."
+        ),
+    ] = None,
     unit: Annotated[
         str | None, typer.Option("--unit", help="Show signals in it where they can be; g is standard gravity.")
     ] = None,
@@ -86,6 +92,7 @@ def compare(
     --input pulse=pulse:value=0.8,duration=0.1 --window 120:140 --window 200:260`
     """
     from workbench.analysis.motions.compare import compare_motions
+    from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
     from workbench.signals import parse_signal
@@ -94,6 +101,7 @@ def compare(
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
     windows = [_window(text) for text in window]
     names = _labels(systems, label or [])
+    points = _points(names, at or [])
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     with ExitStack() as stack, Bar(len(systems)) as bar:
         opened: dict[str, DescribedModel] = {
@@ -116,12 +124,15 @@ def compare(
             signals=list(dict.fromkeys(signal)),
             windows=windows,
             inputs=inputs,
+            at=points,
             stop=stop,
             interval=interval,
             unit=unit,
             workers=where,
             progress=lambda name, done, _: bar.update(done, name),
         )
+    for text in result.notes:
+        note(text)
     _show(result, out.console)
     out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     return _POINTS_FAILED if result.failed else 0
@@ -132,6 +143,13 @@ def _window(text: str) -> tuple[float, float]:
     if len(limits) != 2 or not 0.0 <= limits[0] < limits[1]:
         raise InputError(f"--window: '{text}' is not of the form BEGIN:END with 0 ≤ BEGIN < END, as in 120:140")
     return limits[0], limits[1]
+
+
+def _points(names: list[str], at: list[Path]) -> dict[str, Path]:
+    """Return the operating point of each model."""
+    if at and len(at) != len(names):
+        raise InputError(f"--at: {len(at)} operating points for {len(names)} models; give one for each, in their order")
+    return dict(zip(names, at, strict=bool(at)))
 
 
 def _labels(systems: list[str], labels: list[str]) -> list[str]:

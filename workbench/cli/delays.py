@@ -6,7 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workbench.cli.options import Interface, Json, ModelName, Report, Set, Solver, Start, Tolerance, open_model, pairs
+from workbench.cli.options import (
+    At,
+    Interface,
+    Json,
+    ModelName,
+    Report,
+    Set,
+    Solver,
+    Start,
+    Tolerance,
+    open_model,
+    pairs,
+)
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,6 +42,7 @@ def delays(
     frequency: Annotated[
         float | None, typer.Option("--freq", metavar="F", help="Tell the phase at F [Hz]; else at the crossovers.")
     ] = None,
+    at: At = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,
@@ -59,7 +72,7 @@ def delays(
                 _none(loaded, out)
                 return 0
             raise InputError(f"{loaded.name}: one co-simulation FMU has no connections; connect it to a system first")
-        result = loaded.delays(stop=stop, inputs=inputs, step=step, frequency=frequency)
+        result = loaded.delays(stop=stop, inputs=inputs, at=at, step=step, frequency=frequency)
         for line in result.lines():
             out.console.print(line, markup=False, soft_wrap=True)
         envelope = {"model": loaded.name, "interface": loaded.interface, "solver": loaded.solver}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     InProcess,
@@ -76,9 +77,7 @@ def excite(
     validation: Annotated[
         int | None, typer.Option("--validation", metavar="N", help="For validation; as many by default, 0 for none.")
     ] = None,
-    at: Annotated[
-        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
-    ] = None,
+    at: At = None,
     settle: Annotated[
         float, typer.Option("--settle", metavar="T", help="Let the inputs rest before so long [s].")
     ] = 0.0,
@@ -108,11 +107,9 @@ def excite(
     """
     from workbench.analysis.excite import Excitation
     from workbench.cli.output import Output
-    from workbench.core.operating_point import OperatingPoint
 
     out = Output("excite", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     signal = _design(prbs, multisine)
-    point = OperatingPoint.read(at) if at is not None else None
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     forced, recorded = _listed("--input", input, inputs), _listed("--output", output, outputs)
     loaded = open_model(
@@ -134,7 +131,7 @@ def excite(
             validation_samples=validation,
             signal=signal,
             dt=step,
-            at=point,
+            at=at,
             settle=settle,
             verify_step=verify_step,
             workers=where,

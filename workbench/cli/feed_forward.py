@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     Interface,
@@ -102,6 +103,7 @@ def feed_forward(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="PATH", help="Write the filter: .json (matrices) or .fmu.")
     ] = None,
+    at: At = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
@@ -161,6 +163,7 @@ def feed_forward(
             stop=stop,
             actuator=actuator,
             crude=crude,
+            at=at,
         )
     _show(result, written.console)
     for text in result.notes:

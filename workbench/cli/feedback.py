@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     Interface,
@@ -100,10 +101,11 @@ def feedback(
     actuator: Annotated[
         str | None, typer.Option("--actuator", metavar="FMU", help="Between gain and target, instead of limits.")
     ] = None,
-    at: Annotated[
-        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
+    at: At = None,
+    time: Annotated[
+        float | None,
+        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else of --at, or 0."),
     ] = None,
-    time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = None,
     method: Annotated[
         Literal["auto", "exact", "difference", "kalman-bertram", "response"],
         typer.Option("--method", help="How to linearise; auto chooses."),
@@ -138,7 +140,6 @@ def feedback(
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
-    from workbench.core.operating_point import OperatingPoint
     from workbench.signals import parse_signal
 
     out = Output("feedback", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
@@ -147,7 +148,6 @@ def feedback(
     chosen = _range("--settle-gains", settle_gains) if settle_gains is not None else None
     levels = numbers("--thresholds", thresholds) if thresholds is not None else THRESHOLDS
     signals = {name: parse_signal(text) for name, text in pairs("--pulse", pulse).items()} if pulse else None
-    point = OperatingPoint.read(at) if at is not None else None
     loaded = open_model(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
@@ -162,7 +162,7 @@ def feedback(
             target=target,
             gains=limits,
             block=block,
-            at=point,
+            at=at,
             time=time,
             method=method,
             settle=settle,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     InProcess,
@@ -78,10 +78,11 @@ def limit_cycle(
             "--input", metavar="NAME=SIGNAL", help="What starts that run: pulse:value=1,duration=0.1; repeatable."
         ),
     ] = None,
-    at: Annotated[
-        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
+    at: At = None,
+    time: Annotated[
+        float | None,
+        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else of --at, or 0."),
     ] = None,
-    time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the analysis [s].")] = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
@@ -108,14 +109,12 @@ def limit_cycle(
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle as analyse
     from workbench.cli.notes import note
     from workbench.cli.output import Output
-    from workbench.core.operating_point import OperatingPoint
     from workbench.signals import parse_signal
 
     out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     limits = _range("--band", band)
     sizes = _range("--amplitude", amplitude) if amplitude is not None else None
     ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
-    point = OperatingPoint.read(at) if at is not None else None
     where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
@@ -133,7 +132,7 @@ def limit_cycle(
             vary=ranges,
             run_until=free_run,
             inputs={name: parse_signal(text) for name, text in pairs("--input", input).items()},
-            at=point,
+            at=at,
             time=time,
             workers=where,
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     Interface,
@@ -49,9 +50,7 @@ _Names = list[str] | None
 
 def lin(
     model: ModelName,
-    at: Annotated[
-        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
-    ] = None,
+    at: At = None,
     x0: Annotated[
         _Names, typer.Option("--x0", metavar="NAME=VALUE", help="State or discrete state at the point; repeatable.")
     ] = None,
@@ -119,13 +118,12 @@ def lin(
     """
     from workbench.analysis.frequency_grid import positive_values
     from workbench.cli.output import Output
-    from workbench.core.operating_point import OperatingPoint
 
     out = Output("lin", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     if sum([bool(over), snapshot is not None, compare]) > 1:
         raise InputError("--over, --snapshot and --compare: only one of them at a time")
     where: dict[str, Any] = {
-        "at": OperatingPoint.read(at) if at is not None else None,
+        "at": at,
         "x0": _values("--x0", x0),
         "u0": _values("--u0", u0),
         "dx": _widths("--dx", dx),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     InProcess,
@@ -51,9 +52,11 @@ _POINTS_FAILED = 1
 
 def loop(
     model: ModelName,
-    at: Annotated[
-        str, typer.Option("--at", metavar="PLANT.Y", help="Where the loop is opened: a source, or 'a.y -> b.u'.")
-    ],
+    open_: Annotated[
+        str | None,
+        typer.Option("--open", metavar="PLANT.Y", help="Where the loop is opened: a source, or 'a.y -> b.u'."),
+    ] = None,
+    at: At = None,
     amplitude: Annotated[
         str | None, typer.Option("--amplitude", metavar="A,..", help="Measure too, at amplitudes of the signal there.")
     ] = None,
@@ -67,7 +70,7 @@ def loop(
         typer.Option("--how", help="Break the loop, or inject a sine in closed loop; auto breaks stable open loops."),
     ] = "auto",
     point: Annotated[
-        Path | None, typer.Option("--point", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
+        Path | None, typer.Option("--point", metavar="POINT.JSON", help="Another word for --at.", hidden=True)
     ] = None,
     trim: Annotated[bool, typer.Option("--trim", help="Trim the closed loop first.")] = False,
     method: Annotated[
@@ -99,7 +102,7 @@ def loop(
     Negative feedback: L is minus what returns over what is passed on, the closed loop 1/(1 + L). With amplitudes the
     loop is measured too, for loops that are not linear.
 
-    Example: `workbench loop system:rudder_loop --at plant.del --amplitude 1,4 --band 4:15 --plot loop.png`
+    Example: `workbench loop system:rudder_loop --open plant.del --amplitude 1,4 --band 4:15 --plot loop.png`
     """
     from workbench.analysis.loop.loop import loop as run
     from workbench.cli.interrupt import OnInterrupt, interrupted
@@ -107,6 +110,9 @@ def loop(
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
 
+    place, begin = _asked(open_, at, point)
+    if begin is not None and trim:
+        raise InputError("--at and --trim: only one of them")
     out = Output("loop", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     amplitudes = numbers("--amplitude", amplitude) if amplitude is not None else None
     frequencies = numbers("--freq", freq) if freq is not None else None
@@ -130,13 +136,13 @@ def loop(
 
         result = run(
             loaded,
-            at,
+            place,
             amplitudes,
             frequencies,
             band=limits,
             ratio=ratio,
             how=how,
-            point=_point(loaded, point, trim=trim),
+            at=_trimmed(loaded) if trim else begin,
             method=method,
             refine=refine,
             errcrit=errcrit,
@@ -163,17 +169,24 @@ def _band(text: str) -> tuple[float, float]:
     return limits[0], limits[1]
 
 
-def _point(model: Model, path: Path | None, *, trim: bool) -> OperatingPoint | None:
-    from workbench.analysis.trim import trim as run
-    from workbench.core.operating_point import OperatingPoint
+def _asked(open_: str | None, at: Path | None, point: Path | None) -> tuple[str, Path | None]:
+    """Return where to open the loop, and the file of the operating point; once they were --at and --point."""
+    from workbench.cli.notes import note
 
-    if path is not None and trim:
-        raise InputError("--point and --trim: only one of them")
-    if path is not None:
-        return OperatingPoint.read(path)
-    if not trim:
-        return None
-    found = run(model)
+    if open_ is None:
+        if at is None or at.is_file():
+            raise InputError("--open: at which connection? Name its source, as in --open plant.y")
+        note(f"--at {at} is taken as the connection: that is --open {at} now, and --at the operating point")
+        open_, at = str(at), None
+    if at is not None and point is not None:
+        raise InputError("--at and --point: only one of them")
+    return open_, at or point
+
+
+def _trimmed(model: Model) -> OperatingPoint:
+    from workbench.analysis.trim import trim
+
+    found = trim(model)
     if not found.converged:
         raise InputError(f"--trim: {found.message}")
     return found.point

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     Interface,
@@ -51,9 +51,7 @@ def modes(
         list[str] | None,
         typer.Option("--against", metavar="NAME=VALUE,..", help="Another configuration to compare with; repeatable."),
     ] = None,
-    at: Annotated[
-        Path | None, typer.Option("--at", metavar="TRIM.JSON", help="Operating point, as workbench trim writes it.")
-    ] = None,
+    at: At = None,
     x0: Annotated[list[str] | None, typer.Option("--x0", metavar="NAME=VALUE", help="State at the point.")] = None,
     u0: Annotated[list[str] | None, typer.Option("--u0", metavar="NAME=VALUE", help="Input at the point.")] = None,
     time: Annotated[float | None, typer.Option("--time", metavar="T", help="Session time of the point [s].")] = None,
@@ -89,12 +87,10 @@ def modes(
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.cli.progress import Bar
-    from workbench.core.operating_point import OperatingPoint
 
     out = Output("modes", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     name, where = _range(vary, points)
     others = [_settings(text) for text in against or ()]
-    point = OperatingPoint.read(at) if at is not None else None
     loaded = open_model(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
@@ -104,7 +100,7 @@ def modes(
             vary=name,
             **where,
             against=others,
-            at=point,
+            at=at,
             x0=_values("--x0", x0),
             u0=_values("--u0", u0),
             time=time,

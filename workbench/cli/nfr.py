@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     InProcess,
@@ -64,6 +65,7 @@ def nfr(
         bool, typer.Option("--carry", help="Carry the state to the next frequency; they may then fall (HI:LO).")
     ] = False,
     offset: Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")] = False,
+    at: At = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
@@ -124,6 +126,7 @@ def nfr(
             output,
             frequencies,
             amplitudes,
+            at=at,
             band=limits,
             ratio=ratio,
             errcrit=errcrit,

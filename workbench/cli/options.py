@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from workbench.workers import Workers
 
 __all__ = [
+    "At",
     "Bias",
     "Csv",
     "InProcess",
@@ -65,6 +66,14 @@ Set = Annotated[
 ]
 Bias = Annotated[
     list[str] | None, typer.Option("--bias", metavar="NAME=VALUE", help="Constant added to an input; repeatable.")
+]
+At = Annotated[
+    Path | None,
+    typer.Option(
+        "--at",
+        metavar="POINT.JSON",
+        help="Operating point to be at: what trim --json wrote, or the JSON of any other result.",
+    ),
 ]
 Json = Annotated[
     str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench import __version__
-from workbench.cli.asked import command_line
+from workbench.cli.asked import command_line, was_given
 from workbench.cli.notes import said
 from workbench.errors import InputError
 from workbench.json_values import finite
@@ -102,6 +102,9 @@ class Output:
         Raises:
             InputError: a file cannot be written.
         """
+        point = getattr(report, "operating_point", None)
+        if point is not None and was_given("--at"):
+            self.console.print(f"at {point.words()}", soft_wrap=True, markup=False)
         wanted = self.json_path is not None or self.report is not None
         full = self._full(result) if wanted else {}
         if self.json_path is not None:

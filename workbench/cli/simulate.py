@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     InProcess,
@@ -54,6 +55,7 @@ def simulate(
     output: Annotated[
         list[str] | None, typer.Option("--output", metavar="NAME", help="Variable to record; repeatable.")
     ] = None,
+    at: At = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
@@ -93,7 +95,7 @@ def simulate(
     )
     with loaded:
         try:
-            result = simulate_in_worker(loaded, job, workers=where)
+            result = simulate_in_worker(loaded, job, workers=where, at=at)
         except SimulationError as error:
             if isinstance(error.before, SimulationResult):  # nothing is lost
                 _write(error.before, out)

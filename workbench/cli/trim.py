@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from workbench.cli.options import (
+    At,
     Bias,
     Csv,
     Interface,
@@ -69,6 +70,7 @@ def trim(
     longest: Annotated[
         float | None, typer.Option("--longest", metavar="S", help="Longest run of a co-simulation [s].")
     ] = None,
+    at: At = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     step: Step = None,
@@ -84,7 +86,7 @@ def trim(
     """Find an operating point: states, inputs and outputs at which nothing moves.
 
     Every state is unknown, every derivative must vanish and every input keeps its start value, unless told otherwise.
-    The JSON is what `workbench lin --at` reads. Exit code 1: there is no equilibrium; the residuals are shown.
+    The JSON is what `--at` of every command reads. Exit code 1: there is no equilibrium; the residuals are shown.
 
     Example: `workbench trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json`
     """
@@ -109,6 +111,7 @@ def trim(
             floating=_names(floating),
             x0=begin_x,
             u0=begin_u,
+            at=at,
             time=time,
             family=family,
             period=period,

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from workbench.errors import InputError
 
-__all__ = ["At", "HasPoint", "OperatingPoint", "Stands", "point_in_json"]
+__all__ = ["At", "HasPoint", "OperatingPoint", "Stands", "point_in_json", "point_of_json"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
 _KEY = "operating_point"
@@ -57,6 +57,21 @@ class OperatingPoint:
     def values(self) -> dict[str, float]:
         """States, discrete states and inputs → value: where a session has to be started."""
         return {**self.x, **self.discrete, **self.u}
+
+    def words(self, most: int = 4) -> str:
+        """Return inputs and states in one line, e.g. for a table.
+
+        Args:
+            most: so many of each are named.
+        """
+        shown = [self._listed(values, most) for values in (self.u, self.x, self.discrete)]
+        return "; ".join([*filter(None, shown), f"t = {self.time:g} s"])
+
+    def _listed(self, values: Mapping[str, float], most: int) -> str:
+        units = {name: unit for name in values if (unit := self.units.get(name)) and unit != "1"}
+        texts = [f"{n} = {v:.6g}" + (f" {units[n]}" if n in units else "") for n, v in list(values.items())[:most]]
+        more = [f"… ({len(values)} in all)"] if len(values) > most else []
+        return ", ".join([*texts, *more])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the point as plain dictionaries, ready for JSON."""
@@ -144,6 +159,15 @@ At = OperatingPoint | HasPoint | Stands | str | Path
 def point_in_json(point: OperatingPoint | None) -> dict[str, Any]:
     """Return the entry by which every result says where it was measured, in the form that `from_dict` reads."""
     return {_KEY: None if point is None else point.to_dict()}
+
+
+def point_of_json(data: Mapping[str, Any]) -> OperatingPoint | None:
+    """Return the point of a result's JSON; None: it has none, as those of earlier versions.
+
+    Raises:
+        InputError: it is not a point.
+    """
+    return None if data.get(_KEY) is None else OperatingPoint.from_dict(data)
 
 
 def _inner(data: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -110,7 +110,7 @@ class DescribedModel(Model):
         if at is not None:
             return self.placed(at).open_session(start_time=start_time, step=step, signals=signals)
         if self.at is not None:
-            return self.open_at(time=start_time, step=step)
+            return self.open_at(time=None if start_time == self.at.time else start_time, step=step)
         if step is not None and not step > 0.0:
             raise InputError(f"step must be positive, not {step:g}")
         setup = dataclasses.replace(

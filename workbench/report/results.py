@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench import __version__
+from workbench.core.operating_point import point_of_json
 from workbench.errors import InputError
 from workbench.json_values import finite
 from workbench.origin import Origin, origin_of
@@ -16,6 +17,8 @@ from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
 
 __all__ = ["PAGES", "page_of", "write_report"]
+
+_NAMED = 12  # inputs and states of an operating point
 
 # Class of the result → function that makes its page. Both by name, so that a page loads what it shows and no more.
 PAGES: dict[str, str] = {
@@ -94,8 +97,18 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
         raise InputError(f"{path}: a report is a page; name it {SUFFIXES[0]}")
     known = origin or origin_of(result) or Origin()
     page = result if isinstance(result, Page) else page_of(result)
-    page = finished(page, known)
-    write_page(replace(page, data=_data(result, page, known)), path)
+    data = _data(result, page, known)
+    page = finished(replace(page, facts={**page.facts, **_point(data)}), known)
+    write_page(replace(page, data=data), path)
+
+
+def _point(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return where the result was measured, in one line."""
+    try:
+        point = point_of_json(data)
+    except InputError:  # of a search that ran away there are no numbers
+        return {}
+    return {} if point is None else {"operating point": point.words(_NAMED)}
 
 
 def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:

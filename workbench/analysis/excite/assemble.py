@@ -51,6 +51,7 @@ def assemble(
         u0=dict(zip(task.inputs, begin.u0.tolist(), strict=True)),
         y0=dict(zip(task.outputs, begin.y0.tolist(), strict=True)),
         notes=tuple(dict.fromkeys(every)),
+        operating_point=begin.operating_point,
     )
 
 

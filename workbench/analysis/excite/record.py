@@ -11,9 +11,10 @@ from workbench.analysis.excite.job import ExciteJob
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.excite.run import Begin, ExciteTask, Rows
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import SimulationError
 from workbench.model import Model
+from workbench.model.placing import find_point
 from workbench.origin import with_origin
 from workbench.workers import Remark, Reply, Workers, choose, perform
 
@@ -30,7 +31,7 @@ def excite(
     validation_samples: int | None = None,
     signal: Design | None = None,
     dt: float | None = None,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     settle: float = 0.0,
     verify_step: bool = True,
 ) -> ExciteResult:
@@ -51,7 +52,7 @@ def excite(
         validation_samples: length of the validation part; None: as long; 0: none.
         signal: `PrbsDesign` or `MultisineDesign`; None: a PRBS of amplitude 1, one bit a sample.
         dt: sampling interval [s]; None: the model's own period, where it has one.
-        at: operating point, as trim finds it; None: the model's start values.
+        at: operating point: a point, a result that has one, or the file of either; None: the model's start values.
         settle: so long the inputs rest at their middles before [s].
         verify_step: co-simulation only: run the identification part again with half the communication step and note
             where the answer changes by more than 1 % of an output's range.
@@ -103,12 +104,13 @@ class Excitation:
         validation_samples: int | None = None,
         signal: Design | None = None,
         dt: float | None = None,
-        at: OperatingPoint | None = None,
+        at: At | None = None,
         settle: float = 0.0,
         verify_step: bool = True,
         workers: Workers,
     ) -> None:
         self._model = model
+        point, remarks = find_point(model, at)
         self.task = ExciteTask(
             inputs=_names(inputs),
             outputs=_names(outputs),
@@ -116,11 +118,12 @@ class Excitation:
             dt=dt,
             samples=samples,
             validation=samples if validation_samples is None else validation_samples,
-            at=at,
+            at=point,
             settle=settle,
         )
         self._verify = verify_step
-        self._runner, self._notes = choose(model, workers)
+        self._runner, notes = choose(model, workers)
+        self._notes = (*remarks, *notes)
         self._begin: Begin | None = None
         self._pieces: list[Rows] = []
         self.total, self.done = samples, 0

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.experiment import Experiment
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.errors import InputError
 from workbench.origin import Reportable
 
@@ -60,6 +61,7 @@ class ExciteResult(Reportable):
         u0: input → its middle.
         y0: output → its value before the first sample.
         notes: what was chosen, and doubts.
+        operating_point: where the session began; None: not known.
     """
 
     model: str
@@ -71,6 +73,7 @@ class ExciteResult(Reportable):
     u0: dict[str, float]
     y0: dict[str, float]
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture of inputs, their spectra, and outputs.
@@ -123,6 +126,7 @@ class ExciteResult(Reportable):
             "u0": dict(self.u0),
             "y0": dict(self.y0),
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
 

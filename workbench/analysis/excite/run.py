@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.excite.design import Design, Sequences, each
-from workbench.analysis.excite.sampling import Sampling, point_values, sampling_of
+from workbench.analysis.excite.sampling import Sampling, sampling_of
 from workbench.analysis.lin.response import communication_step
-from workbench.analysis.lin.task import check_names
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import DescribedModel, Model
+from workbench.model.placing import standing
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Constant, Signal, Table
 
@@ -65,6 +65,7 @@ class Begin:
         total: samples that will be run.
         step: communication step of a co-simulation [s].
         notes: doubts about the point.
+        operating_point: where the session stands at first.
     """
 
     sampling: Sampling
@@ -75,6 +76,7 @@ class Begin:
     total: int
     step: float | None = None
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,8 @@ def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
     )
     step = communication_step(model, sampling.dt) if task.step is None else task.step
     with _open(model, task, step) as session:
-        notes = [*_bias_note(model, task), *model.remarks()]
+        notes = [*model.remarks()]
+        where = standing(model, session)
         start = np.array(list(session.values(task.inputs).values()))
         bias = _bias(model, task)
         middle = start - bias if task.design.offset is None else each("offset", task.design.offset, len(task.inputs))
@@ -123,7 +126,7 @@ def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
         y0 = np.array(list(session.values(task.outputs).values()))
         played = _Played.of(task, sampling, sequences, middle=middle, time=time)
         total = len(played.reads)
-        yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes))
+        yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes), where)
         yield from played.run(session)
 
 
@@ -149,13 +152,9 @@ def _open(model: Model, task: ExciteTask, step: float | None) -> Session:
     at = task.at
     if at is None:
         return model.open_session(step=step)
-    values = point_values(at)
-    check_names("operating point", at.u, [v.name for v in model.inputs])
-    if isinstance(model, DescribedModel):
-        check_names("operating point", values, [v.name for v in model.description.variables])
     # What is to settle is looked at when it has.
     outputs = at.y if task.settle <= 0.0 else {}
-    return model.open_at(time=at.time, values=values, outputs=outputs, step=step)
+    return model.open_at(time=at.time, values=at.values, outputs=outputs, step=step)
 
 
 def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
@@ -190,15 +189,8 @@ def _bias(model: Model, task: ExciteTask) -> Floats:
     """Return what the session adds to each forced input of its own accord, shape (m,)."""
     if not isinstance(model, DescribedModel):
         return np.zeros(len(task.inputs))
-    led = point_values(task.at)
+    led = {} if task.at is None else task.at.u
     return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in task.inputs])
-
-
-def _bias_note(model: Model, task: ExciteTask) -> tuple[str, ...]:
-    if not isinstance(model, DescribedModel) or task.at is None:
-        return ()
-    both = [name for name in model.recipe.bias if name in task.at.u]
-    return tuple(f"bias on {name} is not added: the operating point gives its value" for name in both)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
-__all__ = ["Sampling", "point_values", "sampling_of"]
+__all__ = ["Sampling", "sampling_of"]
 
 LEAD = 1e-6  # of an interval: so long before a sample of the model the input changes
 _LOOK = 64  # events of the model that tell its rates
@@ -116,7 +116,7 @@ def _ticks(model: Model, at: OperatingPoint | None) -> Floats:
 
 
 def _ticks_of(model: Model, at: OperatingPoint | None) -> Floats:
-    with model.open_point(time=at.time if at else None, values=point_values(at)) as point:
+    with model.open_point(time=at.time if at else None, values={} if at is None else at.values) as point:
         return point.ticks(_LOOK, np.inf)
 
 
@@ -131,8 +131,3 @@ def _equations(model: Model) -> Model | None:
 
 def _steps_vary(model: Model) -> bool:
     return not isinstance(model, DescribedModel) or model.description.interfaces["cs"].variable_step
-
-
-def point_values(at: OperatingPoint | None) -> Mapping[str, float]:
-    """Return where states, discrete states and inputs start."""
-    return {} if at is None else {**at.x, **at.discrete, **at.u}

@@ -20,9 +20,10 @@ from workbench.analysis.limit_cycle.cut import find_ports
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.band_error import dense_grid
 from workbench.analysis.reduction.factored import right_of_axis
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
+from workbench.model.placing import standing
 from workbench.origin import with_origin
 from workbench.signals import Signal
 
@@ -54,7 +55,7 @@ def feed_forward(
     stop: float | None = None,
     actuator: str | None = None,
     crude: bool = False,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     time: float | None = None,
 ) -> FeedForwardResult:
     """Design a filter F ≈ H/G from a block's output to a control input, and try it.
@@ -95,8 +96,10 @@ def feed_forward(
         stop: end of simulations [s]; None: the system's own.
         actuator: file of a model with one input and one output in front of the target, such as `fmu:LimitedActuator`.
         crude: also try the filter cut down to its gain where |H| is largest.
-        at: operating point; None: the start values.
-        time: session time of the linearisation [s]; None: where the model starts.
+        at: operating point, where simulations begin, too: a point, a result that has one, or the file of either; None:
+            the start values.
+        time: session time of the linearisation [s]; None: that of `at`, else where the model
+            starts.
 
     Raises:
         InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
@@ -108,15 +111,17 @@ def feed_forward(
         sign=sign, band=band or (min(0.1, low_pass / 50.0), low_pass),
     )  # fmt: skip
     settings.check()
+    placed = model.placed(at)
+    model, remarks, point = placed, placed.notes[len(model.notes) :], placed.at
     run = _run(model, inputs, outputs, closes_at, stop)
     time = model.start_time if time is None else time
     with one_thread():
-        plant = linear_plant(model, loops, at=at, time=time)
+        plant = linear_plant(model, loops, at=point, time=time)
         frequency = dense_grid(plant.G, plant.H, settings.band[0], _WIDER * settings.band[1])
         judge = Judge(frequency, settings.band, plant.G.response(frequency), plant.H.response(frequency))
         made = design(plant.G, plant.H, settings, judge)
         looked_at = (0.1 * settings.band[0], _WIDER * settings.band[1])
-        left = remaining(model, block, plant, made.part, band=looked_at, at=at, time=time)
+        left = remaining(model, block, plant, made.part, band=looked_at, at=point, time=time)
     trials = () if run is None else _trials(model, loops, made, judge, run, crude=crude)
     units = tuple(variable_of(model, name, "variable").unit for name in (loops.ports.w, target, loops.ports.v))
     said = [left] if isinstance(left, str) else left.words(units[2])
@@ -127,9 +132,10 @@ def feed_forward(
         open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made,
         limit_cycles=None if isinstance(left, str) else left, trials=trials,
         notes=(
-            *plant.notes, *_doubts(plant, made, loops), *made.notes, *said, *_off_zero(trials, loops),
+            *remarks, *plant.notes, *_doubts(plant, made, loops), *made.notes, *said, *_off_zero(trials, loops),
             *_failures(trials),
         ),
+        operating_point=standing(model),
     )  # fmt: skip
 
 

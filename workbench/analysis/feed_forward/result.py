@@ -14,6 +14,7 @@ from workbench.analysis.feed_forward.remaining import Remaining
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 
@@ -47,6 +48,7 @@ class FeedForwardResult(Reportable):
             has a memory, see the notes.
         trials: simulations: scalar feedback alone, with the filter, crude filters.
         notes: what should be known, one line each.
+        operating_point: about which the system was linearised; None: not known.
     """
 
     model: str
@@ -69,6 +71,7 @@ class FeedForwardResult(Reportable):
     limit_cycles: Remaining | None = None
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     @property
     def steps(self) -> tuple[FilterStep, ...]:
@@ -163,6 +166,7 @@ class FeedForwardResult(Reportable):
             "limit_cycles": None if self.limit_cycles is None else self.limit_cycles.to_dict(),
             "trials": [t.to_dict() for t in self.trials],
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:

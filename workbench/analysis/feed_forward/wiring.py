@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.analysis.limit_cycle.cut import Ports
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Variable
 from workbench.model.described import DescribedModel
@@ -155,7 +156,19 @@ def reopen(model: DescribedModel, system: SystemDescription, *, without: str | N
         raise InputError(f"{model.name}: this is no system")
     starts = {n: v for n, v in recipe.start_values.items() if without is None or not n.startswith(f"{without}.")}
     bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
-    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}).open()
+    at = None if recipe.at is None else _kept(recipe.at, system, without)
+    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}, at=at).open()
+
+
+def _kept(point: OperatingPoint, system: SystemDescription, without: str | None) -> OperatingPoint:
+    """Return what of an operating point a changed system has, at time 0, where its runs begin."""
+    kept = {c.name for c in system.components} - {without}
+    x, discrete = (
+        {name: value for name, value in values.items() if name.partition(".")[0] in kept}
+        for values in (point.x, point.discrete)
+    )
+    inputs = {name: value for name, value in point.u.items() if name in system.inputs}
+    return OperatingPoint(x=x, u=inputs, discrete=discrete)
 
 
 class _Ends:

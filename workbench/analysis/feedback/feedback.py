@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,8 +25,9 @@ from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, WorkbenchError
+from workbench.model import placing
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
 from workbench.signals import Signal
@@ -49,7 +50,7 @@ def feedback(
     target: str,
     gains: Range = ALL,
     block: str | None = None,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     time: float | None = None,
     method: str = "auto",
     settle: bool = False,
@@ -95,8 +96,10 @@ def feedback(
         target: input that it acts on, likewise.
         gains: lowest and highest gain looked at.
         block: component taken as the nonlinear block; None: the only static one there is.
-        at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
-        time: session time of the analysis [s]; connections that close later are open; None: where the system starts.
+        at: operating point: a point, a result that has one, or the file of either; None: where the system starts if it
+            is at rest there, else where trim finds rest.
+        time: session time of the analysis [s]; connections that close later are open; None: that of `at`,
+            else where the system starts.
         method: of `workbench.lin`.
         settle: measure settling times.
         settle_gains: lowest and highest gain of that; None: the stable interval nearest to 0, less 3 % at its ends.
@@ -127,11 +130,13 @@ def feedback(
     """
     settings = Settings(threshold=threshold, thresholds=tuple(thresholds), order=order, longest=longest)
     _check(gains, count, signals, start_after, gain)
+    placed = system.placed(at)
+    system, remarks = placed, placed.notes[len(system.notes) :]
     time = system.start_time if time is None else time
     with one_thread(), ExitStack() as keep:
         place = find_place(system, source, target)
         watched = place.outer(place.inner(watch)) if watch is not None else None
-        where = standing(place, at=at, time=time)
+        where = standing(place, at=system.at, time=time)
         between = _actuator(actuator, limit, rate_limit)
         found = linear(place, where, time=time, actuator=between, method=method)
         work = _Work(place, where, found.point.y.get(SEEN, 0.0), between, time, settings, gains, count, keep)
@@ -144,7 +149,15 @@ def feedback(
             start = work.start(two, first, signals or {}, start_after)
             result = work.with_study(result, start, chosen, first, progress)
             result = work.with_run(result, start, gain, watch=first, stop=stop, outputs=outputs)
-    return result
+    return replace(result, notes=(*remarks, *result.notes), operating_point=_told(system, where.point, time))
+
+
+def _told(system: DescribedModel, point: OperatingPoint, time: float) -> OperatingPoint:
+    """Return the point in full; a co-simulation that was given none stands where it starts."""
+    if point.values:
+        return placing.named(system, point)
+    with system.open_session(start_time=time) as session:
+        return placing.standing(system, session)
 
 
 def _check(

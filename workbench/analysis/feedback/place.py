@@ -137,7 +137,7 @@ class Place:
         starts = {n: v for n, v in self.recipe.start_values.items() if _owner(n, kept)}
         bias = {n: b for n, b in self.inputs(self.recipe.bias).items() if n in changed.inputs}
         parts = {n: p for n, p in self.recipe.parts.items() if n in kept}
-        fresh = replace(self.recipe, system=changed, start_values=starts, bias=bias, parts=parts)
+        fresh = replace(self.recipe, system=changed, start_values=starts, bias=bias, parts=parts, at=None)
         return (fresh if tolerance is None else replace(fresh, tolerance=tolerance)).open()
 
     def driven(self, system: SystemDescription | None = None, *, actuator: Actuator | None = None) -> SystemDescription:
@@ -325,7 +325,7 @@ def _as_system(model: DescribedModel) -> SystemRecipe:
     )
     inputs = {v.name: (f"{_PLANT}.{v.name}",) for v in model.inputs if v.is_number}
     system = SystemDescription(name=model.name, components=(component,), inputs=inputs)
-    part = replace(model.recipe, start_values=recipe.start_values, bias={})
+    part = replace(model.recipe, start_values=recipe.start_values, bias={}, at=None)
     return SystemRecipe(
         source=recipe.source,
         system=system,

@@ -14,6 +14,7 @@ from workbench.analysis.feedback.locus import Fastest, Locus
 from workbench.analysis.feedback.plant import Complex, Plant
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 from workbench.session.base import Floats
@@ -54,6 +55,7 @@ class FeedbackResult(Reportable):
         settling: None: not asked for.
         run: None: not asked for.
         notes: one line each.
+        operating_point: about which the system was linearised; None: not known.
     """
 
     model: str
@@ -79,6 +81,7 @@ class FeedbackResult(Reportable):
     settling: SettlingStudy | None = None
     run: FeedbackRun | None = None
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     @property
     def words(self) -> str:
@@ -171,6 +174,7 @@ class FeedbackResult(Reportable):
                 "imag": self.response.imag.tolist(),
             },
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:

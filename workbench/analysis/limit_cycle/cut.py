@@ -260,7 +260,7 @@ def _with_system(
     starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside} | dict(more or {})
     system = change(recipe.system)
     bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
-    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}).open()
+    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}, at=None).open()
 
 
 # -- the block --------------------------------------------------------------------------------

@@ -33,9 +33,10 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
+from workbench.model.placing import named
 from workbench.origin import with_origin
 from workbench.signals import Signal
 from workbench.workers import Workers
@@ -62,7 +63,7 @@ def limit_cycle(
     vary: Mapping[str, tuple[float, float]] | None = None,
     run_until: float | None = None,
     inputs: Mapping[str, Signal] | None = None,
-    at: OperatingPoint | None = None,
+    at: At | None = None,
     time: float | None = None,
     workers: Workers | None = None,
 ) -> LimitCycleResult:
@@ -97,8 +98,9 @@ def limit_cycle(
         run_until: also simulate the system from its start until then [s], and follow frequency and amplitude of the
             block's input from period to period.
         inputs: signals that start the motion of that run.
-        at: operating point; None: where the system starts if it is at rest there, else where trim finds rest.
-        time: session time [s]; connections that close later are open; None: where the system starts.
+        at: operating point: a point, a result that has one, or the file of either; None: where the system starts if it
+            is at rest there, else where trim finds rest.
+        time: session time [s]; connections that close later are open; None: that of `at`, else where the system starts.
         workers: where a block is measured.
 
     Returns:
@@ -118,9 +120,11 @@ def limit_cycle(
     if harmonics < 1 or periods < 1:
         raise InputError("harmonics and periods must be 1 or more")
     names = _outputs(system, outputs)
+    placed = system.placed(at)
+    system, remarks = placed, placed.notes[len(system.notes) :]
     time = system.start_time if time is None else time
     with ExitStack() as keep, one_thread():
-        loop = cut(system, block, at=at, time=time, keep=keep)
+        loop = cut(system, block, at=system.at, time=time, keep=keep)
         curve = _crossings(system, loop, band, amplitudes, workers)
         work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time, keep)
         result = work.run()
@@ -131,7 +135,8 @@ def limit_cycle(
             branches=tuple(branches),
             free_run=None if run_until is None else work.run_freely(run_until, inputs or {}),
             units=units,
-            notes=tuple(dict.fromkeys(work.notes)),
+            notes=tuple(dict.fromkeys([*remarks, *work.notes])),
+            operating_point=named(system, loop.point),
         )
 
 

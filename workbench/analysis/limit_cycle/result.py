@@ -12,6 +12,7 @@ from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.origin import Reportable
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ class LimitCycleResult(Reportable):
         free_run: the run from rest that was asked for, with frequency and amplitude of the block's input over time.
         units: variable → unit, of what was varied.
         notes: what should be known, one line each.
+        operating_point: about which the loop was cut; None: not known.
     """
 
     model: str
@@ -124,6 +126,7 @@ class LimitCycleResult(Reportable):
     free_run: FreeRun | None = None
     units: Mapping[str, str | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     @property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -159,6 +162,7 @@ class LimitCycleResult(Reportable):
             "free_run": None if self.free_run is None else self.free_run.to_dict(),
             "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
-from workbench.analysis.loop.place import At, Place, find_place
+from workbench.analysis.loop.place import Open, Place, find_place
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.described import DescribedModel
-from workbench.session.target import starts_of
 from workbench.system.description import (
     Component,
     Connection,
@@ -74,25 +73,19 @@ class CutLoop:
     @contextmanager
     def _open(self, make: _Make, bias: Mapping[str, float]) -> Iterator[DescribedModel]:
         recipe = self.model.recipe
-        values = {} if self.point is None else _values(self.point)
-        starts = starts_of({v.name: v for v in self.model.description.variables}, values)
-        kept = {name: value for name, value in recipe.bias.items() if name not in values}
-        opened = replace(
-            recipe,
-            system=_cut(self._system, self.place, make),
-            start_values={**recipe.start_values, **starts},
-            bias={**kept, **bias},
-        )
+        held = {} if self.point is None else self.point.u
+        kept = {name: value for name, value in recipe.bias.items() if name not in held}
+        opened = replace(recipe, system=_cut(self._system, self.place, make), bias={**kept, **bias}, at=self.point)
         with open_system(opened) as model:
             yield model
 
 
-def cut_loop(model: Model, at: At, *, point: OperatingPoint | None = None) -> CutLoop:
+def cut_loop(model: Model, where: Open, *, point: OperatingPoint | None = None) -> CutLoop:
     """Return a system's loop, ready to be cut.
 
     Args:
         model: the system; it stays open.
-        at: see `find_place`.
+        where: see `find_place`.
         point: of the closed loop, as trim finds it; None: where the system starts.
 
     Raises:
@@ -101,10 +94,10 @@ def cut_loop(model: Model, at: At, *, point: OperatingPoint | None = None) -> Cu
     """
     system = _checked(model)
     resolved = _resolved(system)
-    place = find_place(system.system, resolved, at)
+    place = find_place(system.system, resolved, where)
     plain = settled(system.system, resolved)
     time = 0.0 if point is None else point.time
-    with system.open_at(time=time, values={} if point is None else _values(point)) as session:
+    with system.open_at(time=time, values={} if point is None else point.values) as session:
         value = session.values([place.source])[place.source]
     return CutLoop(system, place, point, value, time, _notes(plain, place, time), plain)
 
@@ -125,10 +118,6 @@ def _resolved(model: SystemModel) -> Resolved:
     with ExitStack() as undo:
         parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
         return resolve(recipe.system, [p.description.variables for p in parts])
-
-
-def _values(point: OperatingPoint) -> dict[str, float]:
-    return {**point.x, **point.discrete, **point.u}
 
 
 def _notes(system: SystemDescription, place: Place, time: float) -> tuple[str, ...]:

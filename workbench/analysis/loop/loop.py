@@ -10,12 +10,13 @@ from workbench.analysis.loop.cut import CutLoop, cut_loop
 from workbench.analysis.loop.linear import LinearLoop, linear_loop
 from workbench.analysis.loop.measure import choose_measurement, measure
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
-from workbench.analysis.loop.place import At
+from workbench.analysis.loop.place import Open
 from workbench.analysis.loop.request import Request
 from workbench.analysis.loop.result import LoopResult
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.operating_point import At
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
+from workbench.model.placing import find_point, named, standing
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.workers import Workers
@@ -30,14 +31,15 @@ _MOST_ROUNDS = 10
 @with_origin()
 def loop(
     system: Model,
-    at: At,
+    open: Open | None = None,  # noqa: A002 - the word of the command line
     amplitudes: Sequence[float] | Floats | float | None = None,
     frequencies: Sequence[float] | Floats | None = None,
     *,
+    at: At | Open | None = None,
     band: tuple[float, float] | None = None,
     ratio: float = 1.2,
     how: str = "auto",
-    point: OperatingPoint | None = None,
+    point: At | None = None,
     method: str = "auto",
     dx: Width = None,
     du: float | None = None,
@@ -52,7 +54,7 @@ def loop(
 
     ```python
     with wb.load("drive.toml") as system:
-        result = wb.loop(system, "plant.w", point=wb.trim(system).point)
+        result = wb.loop(system, "plant.w", at=wb.trim(system))
         print(result.margins.words, result.margins.gain_margin_db, result.margins.phase_margin_deg)
         saturated = wb.loop(system, "plant.w", [1.0, 4.0], band=(0.5, 20.0))
     ```
@@ -79,14 +81,16 @@ def loop(
 
     Args:
         system: what `connect` or `load` of a system gave; it stays open.
-        at: a source "plant.y": all connections that leave it; an input "controller.u": the one that ends there; one
+        open: a source "plant.y": all connections that leave it; an input "controller.u": the one that ends there; one
             connection ("plant.y", "controller.u") or "plant.y -> controller.u"; or a system output.
         amplitudes: of the signal passed on, one or several [unit of the source]; None: the linear loop only.
         frequencies: [Hz].
+        at: operating point of the closed system: a point, a result that has one, or the file of either; None: where it
+            starts. Without `open` it is `open`, as before there was a word for each.
         band: (lowest, highest) frequency [Hz] in place of `frequencies`; neither: around the linear crossovers.
         ratio: of neighbouring frequencies in a band.
         how: "break", "inject", "both", or "auto": break where the open loop is stable.
-        point: of the closed system, as trim finds it; None: where it starts.
+        point: another word for `at`.
         method: of `lin`.
         dx: widths of `lin` for the states.
         du: width of `lin` for the signal passed on.
@@ -107,7 +111,9 @@ def loop(
     """
     wanted = None if amplitudes is None else _amplitudes(amplitudes)
     _check(wanted, frequencies, band, refine, max_periods)
-    cut = cut_loop(system, at, point=point)
+    where, begin = _asked(open, at, point)
+    found, remarks = find_point(system, begin)
+    cut = cut_loop(system, where, point=found)
     linear, notes = _linear(cut, method, dx, du, needed=wanted is None)
     curves: list[LoopCurve] = []
     why = ""
@@ -139,8 +145,22 @@ def loop(
         linear=linear,
         curves=tuple(curves),
         why=why,
-        notes=tuple(notes),
+        notes=(*remarks, *notes),
+        operating_point=named(system, cut.point) if cut.point is not None else standing(system),
     )
+
+
+def _asked(open: Open | None, at: At | Open | None, point: At | None) -> tuple[Open, At | None]:  # noqa: A002
+    """Return where to open the loop, and the operating point; once `at` was the former and `point` the latter."""
+    if open is None:
+        if not isinstance(at, str | tuple):
+            raise InputError("open: at which connection? Name its source, as in open='plant.y'")
+        open, at = at, None  # noqa: A001
+    if at is not None and point is not None:
+        raise InputError("at and point are two words for the operating point; give at alone")
+    if isinstance(at, tuple):
+        raise InputError("at: the operating point is needed here; open names the connection")
+    return open, point if at is None else at
 
 
 def _never() -> bool:

@@ -9,9 +9,9 @@ from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.system.description import Resolved, SystemDescription, Wire
 
-__all__ = ["At", "Place", "find_place"]
+__all__ = ["Open", "Place", "find_place"]
 
-At = str | tuple[str, str]
+Open = str | tuple[str, str]
 
 _ARROWS = ("→", "->")
 
@@ -40,7 +40,7 @@ class Place:
         return f"{self.source} → {', '.join(self.destinations)}"
 
 
-def find_place(system: SystemDescription, resolved: Resolved, at: At) -> Place:
+def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Place:
     """Return the connections that `at` names.
 
     Args:
@@ -77,7 +77,7 @@ def find_place(system: SystemDescription, resolved: Resolved, at: At) -> Place:
     return place
 
 
-def _split(at: At) -> tuple[str, str | None]:
+def _split(at: Open) -> tuple[str, str | None]:
     """Return source and destination; None: all."""
     if not isinstance(at, str):
         if len(at) != 2:
@@ -98,15 +98,15 @@ def _ends(wire: Wire, names: Sequence[str]) -> tuple[str, str]:
 def _unknown(source: str, target: str | None, ends: Sequence[tuple[str, str]]) -> str:
     if target is not None:
         known = [f"{a} -> {b}" for a, b in ends]
-        return f"at: there is no connection {source} -> {target}; {suggest(f'{source} -> {target}', known)}"
-    return f"at: no connection leaves '{source}'; {suggest(source, [a for a, _ in ends])}"
+        return f"open: there is no connection {source} -> {target}; {suggest(f'{source} -> {target}', known)}"
+    return f"open: no connection leaves '{source}'; {suggest(source, [a for a, _ in ends])}"
 
 
 def _check_real(wire: Wire, source: str) -> None:
     for variable in (wire.source, wire.destination):
         if variable.type not in FLOAT_TYPES:
             raise InputError(
-                f"at: {source}: '{variable.name}' is {article(variable.type)}; a loop can be opened where a real "
+                f"open: {source}: '{variable.name}' is {article(variable.type)}; a loop can be opened where a real "
                 "number is handed over"
             )
 
@@ -123,7 +123,7 @@ def _check_loop(place: Place, cut: Sequence[Wire], wires: Sequence[Wire], names:
         return
     ends = ", ".join(sorted(names[k] for k in reached))
     raise InputError(
-        f"at: {place.label} is in no loop: from there one comes to {ends}, and nothing leads back to {names[home]}"
+        f"open: {place.label} is in no loop: from there one comes to {ends}, and nothing leads back to {names[home]}"
     )
 
 

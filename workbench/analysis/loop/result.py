@@ -15,6 +15,7 @@ from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
 from workbench.analysis.loop.transfer import Transfer
+from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError
 from workbench.origin import Reportable
@@ -48,6 +49,7 @@ class LoopResult(Reportable):
         curves: measured at amplitudes, in the order of measurement and amplitude; empty: none were asked for.
         why: why it was measured so; empty without amplitudes.
         notes: one line each.
+        operating_point: of the closed loop; None: not known.
     """
 
     system: str
@@ -57,6 +59,7 @@ class LoopResult(Reportable):
     curves: tuple[LoopCurve, ...] = ()
     why: str = ""
     notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
 
     @property
     def margins(self) -> Margins:
@@ -137,6 +140,7 @@ class LoopResult(Reportable):
             "measured": [c.to_dict() for c in self.curves],
             "why": self.why,
             "notes": list(self.notes),
+            **point_in_json(self.operating_point),
         }
 
     def _linear_dict(self, linear: LinearLoop) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from workbench.analysis.motions.result import Motion, MotionComparison, MotionFa
 from workbench.analysis.motions.units import shown_unit
 from workbench.analysis.simulate import SimulationResult
 from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
@@ -32,6 +33,7 @@ def compare_motions(
     signals: Sequence[str],
     windows: Sequence[Window],
     inputs: Mapping[str, Signal] | None = None,
+    at: Mapping[str, At] | None = None,
     stop: float | None = None,
     interval: float | None = None,
     unit: str | None = None,
@@ -56,6 +58,8 @@ def compare_motions(
         signals: variables that each of them has; of systems also "component.variable".
         windows: begin and end [s].
         inputs: forced inputs, which each of them has; the others keep their start values.
+        at: name, as in `systems` → operating point at which it starts: a point, a result that has one, or the file of
+            either; the others start where they do by themselves.
         stop: end of the runs [s]; None: that of the last window.
         interval: distance of the rows [s]; None: 1/40000 of the run.
         unit: peaks and rms are also told in it where the variable's unit allows; "g" is the standard gravity.
@@ -69,6 +73,11 @@ def compare_motions(
     Raises:
         InputError: unknown name, a window that is empty or outside the run, a unit that no signal has.
     """
+    for name in at or {}:
+        if name not in systems:
+            raise InputError(f"compare: at: there is no '{name}'; {suggest(name, systems)}")
+    notes = {name: model.notes for name, model in systems.items()}
+    systems = {name: model.placed((at or {}).get(name)) for name, model in systems.items()}
     _check(systems, signals, windows, inputs or {})
     first = next(iter(systems.values()))
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
@@ -86,12 +95,14 @@ def compare_motions(
         interval=end / _POINTS if interval is None else interval,
     )
     histories, failed = list[MotionHistory](), list[MotionFailed]()
+    points: dict[str, OperatingPoint | None] = {}
     for number, (name, model) in enumerate(systems.items(), 1):
         run, why = _run(model, job, workers or Workers(in_process=True))
         if why is not None:
             failed.append(MotionFailed(system=name, time=why.time, reason=str(why)))
         if run is not None:
             histories.append(_history(name, run, signals))
+            points[name] = run.operating_point
         if progress is not None:
             progress(name, number, len(systems))
     return MotionComparison(
@@ -106,6 +117,8 @@ def compare_motions(
         failed=tuple(failed),
         inputs={n: str(s) for n, s in (inputs or {}).items()},
         stop=end,
+        operating_points=points,
+        notes=tuple(f"{n}: {text}" for n, model in systems.items() for text in model.notes[len(notes[n]) :]),
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.units import Shown
+from workbench.core.operating_point import OperatingPoint
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 from workbench.session.base import Floats
@@ -82,6 +83,8 @@ class MotionComparison(Reportable):
         failed: runs that ended early.
         inputs: forced input → signal, in words.
         stop: end of the runs [s].
+        operating_points: system → where its run began; one whose run failed at once is missing.
+        notes: one line each.
     """
 
     systems: tuple[str, ...]
@@ -95,6 +98,8 @@ class MotionComparison(Reportable):
     failed: tuple[MotionFailed, ...]
     inputs: Mapping[str, str]
     stop: float
+    operating_points: Mapping[str, OperatingPoint | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def measure(self, system: str, signal: str, window: int = 0) -> Measure | None:
         """Return one entry; None: the run did not reach that window.
@@ -141,6 +146,8 @@ class MotionComparison(Reportable):
             "stop": self.stop,
             "motions": [self._entry(m) for m in self.motions],
             "failed": [dict(vars(f)) for f in self.failed],
+            "operating_points": {n: None if p is None else p.to_dict() for n, p in self.operating_points.items()},
+            "notes": list(self.notes),
         }
 
     def _entry(self, m: Motion) -> dict[str, Any]:

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
+from workbench.model.placing import standing
 from workbench.origin import Reportable
 from workbench.signals import Signal
 from workbench.system.master.crossover import crossover
@@ -82,7 +84,8 @@ class DelayReport(Reportable):
         connections: all that lead from one unit to another.
         loops: through several units.
         outputs: how they change when the step is halved, and their estimated error.
-        stop: end of the runs [s].
+        stop: length of the runs [s].
+        operating_point: where they start; None: not known.
     """
 
     system: str
@@ -96,6 +99,7 @@ class DelayReport(Reportable):
     loops: tuple[LoopDelay, ...]
     outputs: tuple[Halving, ...]
     stop: float
+    operating_point: OperatingPoint | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -201,6 +205,7 @@ def delay_report(
         loops=tuple(_loops(model, connections, frequency)),
         outputs=outputs,
         stop=stop,
+        operating_point=standing(model),
     )
 
 
@@ -217,13 +222,13 @@ def _outputs(
     """Run with the step, half of it and a quarter; also return how the units took their inputs."""
     names = [v.name for v in model.outputs if v.is_number and not model.shows_input(v.name)]
     count = max(1, round(stop / step))
-    end = model.start_time + stop
     points = model.start_time + stop * np.arange(1, count + 1)[:: max(1, count // _MOST_POINTS)] / count
     found, takes = [], dict[int, str]()
     for divisor in (1.0, 2.0, 4.0):
         with model.open_session(step=stop / count / divisor, signals=inputs) as session:
-            record = session.advance(end, signals=inputs, record=names, points=points)
-            first = np.searchsorted(record.time, points, side="left")
+            at = points + (session.time - model.start_time)
+            record = session.advance(session.time + stop, signals=inputs, record=names, points=at)
+            first = np.searchsorted(record.time, at, side="left")
             found.append({n: record.values[n][first] for n in names})
             if isinstance(session.instance, MasterInstance):
                 takes = {k: session.instance.takes(k) for k in range(len(model.decided.units.units))}

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from contextlib import ExitStack
 
+from workbench.core.operating_point import At
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
@@ -136,6 +137,7 @@ class MasterModel(DescribedModel):
         *,
         stop: float | None = None,
         inputs: Mapping[str, Signal] | None = None,
+        at: At | None = None,
         step: float | None = None,
         frequency: float | None = None,
     ) -> DelayReport:
@@ -145,7 +147,9 @@ class MasterModel(DescribedModel):
 
         Args:
             stop: how long [s]; None: the default experiment's end, else 500 steps.
-            inputs: forced inputs of these runs; the others keep their start values.
+            inputs: forced inputs of these runs; the others keep their start values, or those of `at`.
+            at: operating point at which they start: a point, a result that has one, or the file of either; None: where
+                the system starts.
             step: communication step [s]; None: the one that a run would use, controlled or not.
             frequency: at which the phase is told [Hz]; None: the crossover of each loop, where the components'
                 model exchange sides give it.
@@ -154,7 +158,7 @@ class MasterModel(DescribedModel):
             InputError: unknown input, stop not positive.
             FmuError, SimulationError: as for a run.
         """
-        return delay_report(self, stop=stop, inputs=inputs or {}, step=step, frequency=frequency)
+        return delay_report(self.placed(at), stop=stop, inputs=inputs or {}, step=step, frequency=frequency)
 
     def shows_input(self, output: str) -> bool:
         """Whether an output of the system shows what a component sees, which depends on the step by nature."""
