@@ -34,7 +34,7 @@ COMMANDS = {
     "lin --compare": ["lin", "fmu:FirstOrderLag", "--compare", "--freq", "0.1,1"],
     "lin --over": ["lin", "fmu:FirstOrderLag", "--over", "tau=0.5,2"],
     "lin --snapshot": ["lin", "fmu:FirstOrderLag", "--snapshot", "0.5,1", "--input", "u=1"],
-    "loop": ["loop", "loop.toml", "--at", "plant.y", *FEW],
+    "loop": ["loop", "loop.toml", "--open", "plant.y", *FEW],
     "delays": ["delays", "master.toml", "--stop", "1", "--input", "reference=1", "--step", "0.1"],
     "delays of none": ["delays", "loop.toml"],
     "limit-cycle": ["limit-cycle", "cycle.toml", "--block", "block", "--vary", "gain=0.9:1.2", "--free-run", "30",

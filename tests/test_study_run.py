@@ -305,7 +305,7 @@ def test_a_crash_is_not_kept_but_failed_points_are() -> None:
 
 
 def test_what_cannot_be_done_at_any_point_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = '[analyses.a]\ncommand = "loop"\nmodel = "fmu:FirstOrderLag"\nat = "x.y"\n'
+    text = '[analyses.a]\ncommand = "loop"\nmodel = "fmu:FirstOrderLag"\nopen = "x.y"\n'
     path = study(tmp_path, text)
     assert run(["run", path]) == 2
     (line,) = capsys.readouterr().err.splitlines()
