@@ -326,9 +326,9 @@ def test_crossings_of_a_sampled_system_lie_below_its_nyquist_frequency() -> None
 @pytest.mark.parametrize(
     ("at", "said"),
     [
-        ("k.z", "at: no connection leaves 'k.z'; did you mean k.y?"),
-        ("c.y -> e.u1", "at: there is no connection c.y -> e.u1; did you mean"),
-        ("r", "at: no connection leaves 'r'; known: a.y, b.y, c.y, e.y, k.y"),
+        ("k.z", "open: no connection leaves 'k.z'; did you mean k.y?"),
+        ("c.y -> e.u1", "open: there is no connection c.y -> e.u1; did you mean"),
+        ("r", "open: no connection leaves 'r'; known: a.y, b.y, c.y, e.y, k.y"),
     ],
 )
 def test_an_unknown_place_is_refused(at: str, said: str) -> None:
@@ -340,7 +340,7 @@ def test_an_unknown_place_is_refused(at: str, said: str) -> None:
 def test_a_connection_in_no_loop_is_refused() -> None:
     with (
         connect({"a": LAGS["a"], "b": LAGS["b"]}, [("a.y", "b.u")], ["a.u"], ["b.y"]) as model,
-        pytest.raises(InputError, match=r"at: a\.y → b\.u is in no loop: .* comes to b, and nothing leads back to a"),
+        pytest.raises(InputError, match=r"open: a\.y → b\.u is in no loop: .* comes to b, and nothing leads back to a"),
     ):
         loop(model, "a.y")
 

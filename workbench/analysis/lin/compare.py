@@ -15,10 +15,10 @@ from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import LinTask, Width, check_names, make_task, open_base
+from workbench.analysis.lin.task import LinTask, Width, make_task, open_base
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.core.operating_point import At
+from workbench.core.operating_point import At, OperatingPoint
 from workbench.core.poles import natural_frequency_hz
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
@@ -169,7 +169,8 @@ def compare(
     if not results:
         raise InputError(f"no method applies: {'; '.join(f'{k}: {v}' for k, v in failed.items())}")
     grid = _frequencies(list(results.values())) if frequencies is None else np.asarray(frequencies, dtype=np.float64)
-    measured, words = _measure(task, input, output, grid, amplitude) if measure else (None, [])
+    point = next(iter(results.values())).point
+    measured, words = _measure(task, point, grid, amplitude) if measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
     spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]
@@ -266,30 +267,21 @@ def _corners(result: LinResult) -> Floats:
 
 
 def _measure(
-    task: LinTask, source: str, target: str, grid: Floats, amplitude: float | None
+    task: LinTask, point: OperatingPoint, grid: Floats, amplitude: float | None
 ) -> tuple[NfrResult | None, list[str]]:
     """Return the measured response, and what to say about it."""
     model = task.model
     if not isinstance(model, DescribedModel):
         return None, ["nothing was measured: this kind of model cannot be started at the point"]
-    check_names("input", [source], [v.name for v in model.inputs])
+    (source,), (target,) = task.inputs, task.outputs
     variable = next(v for v in model.inputs if v.name == source)
-    start = model.recipe.start_values.get(source, variable.start)
-    centre = task.values.get(source, float(start or 0.0) + model.recipe.bias.get(source, 0.0))
-    size = max(abs(centre), variable.nominal or 0.0) or 1.0
+    size = max(abs(point.u[source]), variable.nominal or 0.0) or 1.0
     small = RELATIVE_AMPLITUDE * size if amplitude is None else amplitude
-    settable = {v.name for v in model.description.variables if v.start is not None}
-    starts = {n: v for n, v in task.values.items() if n in settable and n != source}
-    recipe = replace(
-        model.recipe,
-        start_values={**model.recipe.start_values, **starts},
-        bias={**model.recipe.bias, source: centre},
-        tolerance=min(model.recipe.tolerance or 1e-8, 1e-8),
-    )
+    recipe = replace(model.recipe, tolerance=min(model.recipe.tolerance or 1e-8, 1e-8))
     step = task.period if model.interface == "cs" else None
     try:
-        with recipe.open() as moved:
-            measured = nfr(moved, source, target, grid, [small], step=step)
+        with recipe.open() as exact:
+            measured = nfr(exact, source, target, grid, [small], step=step, at=point)
     except (InputError, SimulationError, FmuError) as error:
         return None, [f"nothing was measured: {error}"]
     unsettled = int(measured.averaged.sum()) + len(measured.failed)
