@@ -72,9 +72,10 @@ class Trial:
         if shifted[worst] > _REFUSED:
             raise SimulationError(
                 f"method response: there is no linear model: {self.outputs[worst]} answers to {self.input} differently "
-                f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). The FMU's own "
-                "solver may not restart where inputs change (check tells), or the model samples its inputs or has "
-                "events; use interface me, a longer period, or nfr"
+                f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). Either the "
+                f"model moves at this point (trim it, or leave {self.input} out of the inputs), or the FMU's own "
+                "solver does not restart where inputs change (check tells), or the model samples its inputs or has "
+                "events; then interface me, a longer period or nfr help"
             )
         worst = int(modelled.argmax())
         if modelled[worst] > _REFUSED and not given:
@@ -93,7 +94,7 @@ class Trial:
             if max(shifted[i], modelled[i]) > _DOUBT:
                 if shifted[i] > _DOUBT:
                     why = f"pulses at other times and a step are missed by {100.0 * shifted[i]:.2g} %: "
-                    why += "not linear over the width, or inputs act late (check tells)"
+                    why += "not linear over the width, moving at this point, or inputs act late (check tells)"
                 else:
                     why = f"order {len(found.A)} misses other pulses and a step by {100.0 * modelled[i]:.2g} %; "
                     why += "give order, more points or another period"
