@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.lin.assemble import continuous_result, operating_point
-from workbench.analysis.lin.explain import Reach, zeros_of
+from workbench.analysis.lin.explain import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.task import LinTask, columns_of, open_base, sampled_note, width_for
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.model import DescribedModel
 from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.session.point import Evaluation, Point
@@ -25,6 +26,8 @@ SECOND = 8.0  # the second width, over the first
 AGREE = 1e-3  # of an entry (and of its row, at the scales of the columns): differences beyond it are doubtful
 UNDECLARED = 1e-2  # least scale of a variable whose nominal value is not declared
 FAR = (0.1, 1.0, 10.0)  # of a variable's own size: how far one looks behind a zero
+MOVING = 1e-4  # of the scales of states and inputs: derivatives that so much of them makes are none
+STANDS = 1e-12  # of a state's scale [1/s]: the same where nothing moves a derivative
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 
@@ -62,7 +65,7 @@ def difference(task: LinTask) -> LinResult:
         result = continuous_result(
             task, point, jacobian, operating_point(task, point, columns.base), method="difference"
         )
-        result = replace(result, notes=sampled_note(point))
+        result = replace(result, notes=(*sampled_note(point), *columns.moving(jacobian)))
         return _with(result, doubts + columns.flat(jacobian, reach), reach)
 
 
@@ -162,6 +165,19 @@ class Columns:
         slopes = [self._pairs[j].slope for j in range(len(self.names))]
         return np.column_stack(slopes) if slopes else np.zeros((len(self.rows), 0))
 
+    def moving(self, jacobian: Floats) -> tuple[str, ...]:
+        """Return a remark where the point is not at rest: derivatives beyond what a small part of the scales makes."""
+        n = len(self.point.states)
+        allowed = MOVING * np.abs(jacobian[:n]) @ self.scales + STANDS * self.scales[:n]
+        found = np.flatnonzero(np.abs(self.base.dx) > allowed)
+        if not len(found):
+            return ()
+        shown = ", ".join(f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found[:3])
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        return (
+            f"the point is moving: {shown}{more}; the linear model is about that motion, trim finds a point at rest",
+        )
+
     # -- what may be wrong ----------------------------------------------------------------
 
     def doubts(self, jacobian: Floats) -> list[Doubt]:
@@ -239,7 +255,8 @@ class Columns:
 
     def reach(self, jacobian: Floats) -> Reach:
         """Return which zero entries move when their variables move far, shape (n + q, k) for each direction."""
-        reach = Reach.none(self.rows, self.names)
+        dead = {self.names[j]: self._why_dead(int(j)) for j in np.flatnonzero(~jacobian.any(axis=0))}
+        reach = replace(Reach.none(self.rows, self.names), dead=dead)
         suspects = [j for j in range(len(self.names)) if self.chosen[j] and not jacobian[:, j].all()]
         if not suspects or all(self._linear_far(jacobian, suspects, far) for far in FAR[1:]):
             return reach
@@ -248,6 +265,32 @@ class Columns:
                 for direction, moved in ((1.0, reach.above), (-1.0, reach.below)):
                     moved[:, j] |= self._moves(j, direction * far * self.sizes[j]) & (jacobian[:, j] == 0.0)
         return reach
+
+    def _why_dead(self, j: int) -> str:
+        """Return what is known of a column without effect: whether it has one where all others have moved."""
+        random = np.random.default_rng(3)
+        for far in FAR:
+            shift = far * self.sizes * random.uniform(0.5, 1.0, len(self.names))
+            shift[j] = 0.0
+            try:
+                moved = self.values(shift + self._unit(j, far * self.sizes[j]))
+                still = self.values(shift)
+            except SimulationError:
+                continue
+            if (np.abs(moved - still) > ROUNDING * np.abs(still)).any():
+                return ELSEWHERE
+        return self._declared(self.names[j])
+
+    def _declared(self, name: str) -> str:
+        """Return what the FMU declares of a variable that nothing seems to depend on; empty: nothing."""
+        model = self.task.model
+        if not isinstance(model, DescribedModel):
+            return ""
+        rows = [*model.description.derivatives, *(v for v in model.outputs if v.is_number)]
+        for row in rows:
+            if row.dependencies is not None and name in row.dependencies:
+                return DECLARED.format(row.name)
+        return "" if not rows or any(row.dependencies is None for row in rows) else NOT_CONNECTED
 
     def _linear_far(self, jacobian: Floats, suspects: list[int], far: float) -> bool:
         """Whether the rows go as the matrix says when all suspects move far: then no zero hides anything."""

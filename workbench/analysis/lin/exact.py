@@ -53,7 +53,7 @@ def exact(task: LinTask) -> LinResult:
         result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
         known = set(result.state_names) | set(result.output_names)
         every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
-        notes = (*notes, *_warning(doubts), *sampled_note(point))
+        notes = (*notes, *_warning(doubts), *sampled_note(point), *columns.moving(jacobian))
         return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.lin.result import LinResult, Zero
 
-__all__ = ["Reach", "zeros_of"]
+__all__ = ["DECLARED", "ELSEWHERE", "NOT_CONNECTED", "Reach", "zeros_of"]
 
 Flags = NDArray[np.bool_]
+NOWHERE = "nothing depends on it here"
+ELSEWHERE = "no effect at this point, but it has one near it: what it is multiplied by is 0 here"
+DECLARED = "no effect found at this point; the FMU declares that {} depends on it"
+NOT_CONNECTED = "not connected: the FMU declares that nothing depends on it"
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,7 @@ class Reach:
         columns: names of the columns.
         above, below: shape (rows, columns), for a rising and a falling variable.
         looked: whether anybody moved them.
+        dead: variable without effect here → what is known of that: empty where nothing is.
     """
 
     rows: Sequence[str]
@@ -31,6 +36,7 @@ class Reach:
     above: Flags
     below: Flags
     looked: bool = True
+    dead: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def none(cls, rows: Sequence[str], columns: Sequence[str], *, looked: bool = True) -> Reach:
@@ -55,7 +61,7 @@ def zeros_of(result: LinResult, reach: Reach) -> tuple[Zero, ...]:
     """Return every zero row and column of a linear model with its reason."""
     through = np.vstack([result.B, result.D])
     found = [
-        Zero("input", name, _reason(reach, name, row=False, none="nothing depends on it: not connected here"))
+        Zero("input", name, _reason(reach, name, row=False, none=reach.dead.get(name) or NOWHERE))
         for name, column in zip(result.input_names, through.T, strict=True)
         if not column.any()
     ]
