@@ -1,8 +1,8 @@
 """Try the workbench on FMUs of other exporters: `python scripts/zoo.py FOLDER|FMU … [--out table.md]`.
 
-Every FMU with a binary for this machine × each of its interfaces × info, check, simulate, nfr, trim, lin, each as a
-command in a process of its own with a time limit. `simulate` is compared with FMPy (same steps, same tolerance, inputs
-at their start values): a value may be off by 1e-3 of the range that its signal has in FMPy's run.
+Every FMU with a binary for this machine × each of its interfaces × info, check, simulate, nfr, trim, lin: a process for
+each interface, with a time limit; after a crash the rest goes on in a new one. `simulate` is compared with FMPy (same
+steps, same tolerance, inputs at their start values): a value may be off by 1e-3 of the range that its signal has there.
 
 | verdict   | means                                                                     |
 |-----------|---------------------------------------------------------------------------|
@@ -17,13 +17,16 @@ at their start values): a value may be off by 1e-3 of the range that its signal 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,12 +34,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.cli.app import run as workbench
+
 COMMANDS = ("info", "check", "simulate", "nfr", "trim", "lin")
 LIMIT = 120.0  # for one command [s]
 AGREE = 1e-3  # of the range of a signal
 MOST_STEPS = 2000
 TOLERANCE = 1e-6
 NO_ANSWER = 1  # exit code
+_MARK = "===== "
 
 _FMPY = """
 import json, sys, fmpy, numpy
@@ -81,10 +87,14 @@ def main() -> int:
     parser.add_argument("places", nargs="+", type=Path, help="folders (searched in full) and FMUs")
     parser.add_argument("--out", type=Path, help="write the table as Markdown, too")
     parser.add_argument("--only", nargs="+", choices=COMMANDS, default=COMMANDS, help="commands, in place of all")
+    parser.add_argument("--child", metavar="INTERFACE", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.child is not None:
+        _be_child(options.places[0], options.child, options.only)
+        return 0
     rows = []
     for file in _files(options.places):
-        for row in _try(file, options.only):
+        for row in _try(file, [c for c in COMMANDS if c in options.only]):
             rows.append(row)
             print(f"{row.verdict:9} {row.fmu} {row.interface} {row.command} {row.reason}", flush=True)
             if options.out is not None:
@@ -98,27 +108,50 @@ def _files(places: Sequence[Path]) -> Iterator[Path]:
 
 
 def _try(file: Path, commands: Sequence[str]) -> Iterator[Row]:
-    done = _workbench("info", str(file), "--json", "-")
+    done = _process([sys.executable, "-m", "workbench", "info", str(file), "--json", "-"])
     if done.returncode != 0:
         yield Row(file.name, "", "info", *_verdict(done))
         return
     facts = json.loads(done.stdout)
-    if not facts["runnable"]:
+    if not facts["interfaces"]:
+        yield Row(file.name, "", "info", "n/a", "it offers neither model exchange nor co-simulation")
+    elif not facts["runnable"]:
         where = ", ".join(facts["platforms"]) or "none at all"
         yield Row(file.name, "", "info", "n/a", f"no binary for this machine (it has: {where})")
-        return
-    for interface in sorted(facts["interfaces"], reverse=True):
-        yield Row(file.name, interface, "info", "ok")
-        subject = Subject(file, interface, facts)
-        asked = [(c, words) for c, words in _arguments(subject) if c in commands]
-        for command, arguments in asked:
-            yield Row(file.name, interface, command, *_run(subject, command, arguments))
+    else:
+        for interface in sorted(facts["interfaces"], reverse=True):
+            yield from _commands(file, interface, commands)
+
+
+def _commands(file: Path, interface: str, commands: Sequence[str]) -> Iterator[Row]:
+    """Run commands in a child; what it does not live to tell has crashed it, and the rest is left to another."""
+    rest = list(commands)
+    while rest:
+        words = [sys.executable, __file__, str(file), "--child", interface, "--only", *rest]
+        done = _process(words, limit=LIMIT * len(rest))
+        told = [json.loads(line.removeprefix(_MARK)) for line in done.stdout.splitlines() if line.startswith(_MARK)]
+        for command, verdict, reason in told:
+            yield Row(file.name, interface, command, verdict, reason)
+        rest = rest[len(told) :]
+        if rest:
+            last = (done.stderr.splitlines() or [""])[-1]
+            yield Row(file.name, interface, rest.pop(0), "crashed", f"exit code {done.returncode}: {last}")
+
+
+def _be_child(file: Path, interface: str, commands: Sequence[str]) -> None:
+    """Run commands in this process and print what came of each."""
+    facts = json.loads(_workbench("info", str(file), "--json", "-").stdout)
+    subject = Subject(file, interface, facts)
+    asked = {"info": [], **dict(_arguments(subject))}
+    for command in commands:
+        verdict, reason = ("ok", "") if command == "info" else _run(subject, command, asked[command])
+        print(_MARK + json.dumps([command, verdict, reason]), flush=True)
 
 
 def _arguments(subject: Subject) -> Iterator[tuple[str, list[str] | str]]:
     """Return what each command is asked for; a text: why it is not asked."""
     start, stop, step = subject.span
-    yield "check", ["--timeout", "20"]
+    yield "check", []
     yield (
         "simulate",
         ["--start", repr(start), "--stop", repr(stop), "--step", repr(step), "--tolerance", str(TOLERANCE)],
@@ -142,7 +175,10 @@ def _run(subject: Subject, command: str, arguments: list[str] | str) -> tuple[st
         return "n/a", arguments
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.json"
-        done = _workbench(command, str(subject.file), "--interface", subject.interface, *arguments, "--json", str(out))
+        own = ["--in-process"] if command in ("check", "simulate", "nfr") else []
+        done = _workbench(
+            command, str(subject.file), "--interface", subject.interface, *arguments, *own, "--json", str(out)
+        )
         verdict = _verdict(done)
         if command == "simulate" and verdict[0] == "ok":
             return _compared(subject, json.loads(out.read_text(encoding="utf-8")))
@@ -150,17 +186,25 @@ def _run(subject: Subject, command: str, arguments: list[str] | str) -> tuple[st
 
 
 def _workbench(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return _process([sys.executable, "-m", "workbench", *arguments])
+    """Run a command of the workbench in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            code = workbench(list(arguments))
+    except Exception:  # noqa: BLE001  whatever it is, it is a finding
+        return subprocess.CompletedProcess(arguments, -1, out.getvalue(), traceback.format_exc())
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 
 
-def _process(words: list[str]) -> subprocess.CompletedProcess[str]:
+def _process(words: list[str], *, limit: float = LIMIT) -> subprocess.CompletedProcess[str]:
     """Run a command with a time limit; one that takes longer ends with code −1."""
     try:
         return subprocess.run(
-            words, capture_output=True, text=True, timeout=LIMIT, check=False, env=os.environ, stdin=subprocess.DEVNULL
+            words, capture_output=True, text=True, timeout=limit, check=False, env=os.environ, stdin=subprocess.DEVNULL
         )
-    except subprocess.TimeoutExpired:
-        return subprocess.CompletedProcess(words, -1, "", f"time limit of {LIMIT:g} s")
+    except subprocess.TimeoutExpired as error:
+        told = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
+        return subprocess.CompletedProcess(words, -1, told, f"time limit of {limit:g} s")
 
 
 def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:

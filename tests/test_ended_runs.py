@@ -96,3 +96,9 @@ def test_a_point_that_the_fmu_does_not_live_to_see_fails_by_name(tmp_path: Path)
     (slow,) = [f for f in response.failed if f.frequency_hz == 1.0]
     assert "the FMU ended its run (at t = 0.5 s)" in slow.reason
     assert math.isnan(response.gain[0][0])
+
+
+def test_the_events_ahead_end_where_the_fmu_ends_its_run(tmp_path: Path) -> None:
+    with load(build_foreign(tmp_path, "event"), "me") as model, model.open_point() as point:
+        np.testing.assert_allclose(point.ticks(5, math.inf), [0.5])
+        assert point.at(np.array([0.25]), np.array([1.0])).dx == pytest.approx([0.75])

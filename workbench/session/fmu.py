@@ -335,12 +335,14 @@ class FmuSession(Session):
         return {name: float(value) for name, value in zip(names, values, strict=True)}
 
     def _add_end(self, error: EndedError, variables: Sequence[Variable]) -> None:
-        """Add the row at which the FMU ended its run to those before: it may still be read then."""
+        """Add the row with which the FMU ended its run to those before: it may still be read then."""
         rows = error.before
-        if not isinstance(rows, Record) or not len(rows.time) or error.time is None or error.time <= rows.time[-1]:
+        if not isinstance(rows, Record) or not len(rows.time) or error.time is None or error.time < rows.time[-1]:
             return
         values = read_finite(self.instance.access(variables), variables, error.time) if variables else []
         last = dict(zip([v.name for v in variables], values, strict=True))
+        if error.time == rows.time[-1] and all(rows.values[n][-1] == value for n, value in last.items()):
+            return
         error.before = Record(
             time=np.append(rows.time, error.time),
             values={n: np.append(column, last[n]) for n, column in rows.values.items()},

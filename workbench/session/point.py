@@ -310,7 +310,10 @@ class FmuPoint(Point):
         while len(found) < most:
             instance.set_time(time)
             instance.enter_event_mode()
-            time = instance.iterate_events().next_time
+            info = instance.iterate_events()
+            if info.terminate:  # the FMU ends its run there
+                break
+            time = info.next_time
             instance.enter_continuous_mode()
             if not (np.isfinite(time) and time <= until) or (found and time <= found[-1]):
                 break
