@@ -203,7 +203,7 @@ def _process(words: list[str], *, limit: float = LIMIT) -> subprocess.CompletedP
             words, capture_output=True, text=True, timeout=limit, check=False, env=os.environ, stdin=subprocess.DEVNULL
         )
     except subprocess.TimeoutExpired as error:
-        told = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
+        told = error.stdout.decode() if isinstance(error.stdout, bytes) else ""
         return subprocess.CompletedProcess(words, -1, told, f"time limit of {limit:g} s")
 
 
