@@ -235,7 +235,7 @@ EXPORT Bench *bench_open(const char *solver, const char *name, double rtol, doub
     bench->named = find(name);
     bench->scale[0] = bench->scale[1] = scale;
     const Problem problem = {bench, bench->named->n, bench->named->nz, bench_derivatives, bench_indicators};
-    const Tolerance tolerance = {rtol, bench->scale};
+    const Tolerance tolerance = {rtol, bench->scale, NULL};
     for (size_t i = 0; i < 3; i++) {
         if (strcmp(methods[i]->name, solver) == 0) {
             bench->solver = methods[i]->create(&problem, &tolerance, library);

@@ -20,7 +20,8 @@ typedef enum {
     FAILED_BOUND,       /* recorded variable `index` left the bound: `value` */
     FAILED_SOLVER,      /* see `message` */
     FAILED_STEPS,       /* too many steps between two points */
-    FAILED_ZENO,        /* events without time passing */
+    FAILED_ZENO,        /* infinitely many events before `time` */
+    FAILED_CHATTER,     /* events without time passing */
     FAILED_EARLY,       /* too many early returns from one communication step */
     FAILED_EVENT_MODE,  /* the FMU wants event mode, which it does not offer */
     FAILED_GRID,        /* point `value` lies off the grid of the constant step */

@@ -115,10 +115,11 @@ static int on_rhs(double t, Pointer y, Pointer ydot, void *data)
 static int on_weights(Pointer y, Pointer weights, void *data)
 {
     const Gear *g = data;
-    const double *x = g->c.N_VGetArrayPointer(y), *scale = g->base.tolerance.scale;
+    const double *x = g->c.N_VGetArrayPointer(y);
+    const Tolerance *tolerance = &g->base.tolerance;
     double *w = g->c.N_VGetArrayPointer(weights);
     for (size_t i = 0; i < g->base.problem.n; i++) {
-        w[i] = 1.0 / (STRICTER * g->base.tolerance.rtol * (fabs(x[i]) + scale[i]));
+        w[i] = 1.0 / allowed_error(tolerance, STRICTER * tolerance->rtol, i, x[i]);
     }
     return 0;
 }

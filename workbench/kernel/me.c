@@ -73,12 +73,15 @@ bool me_open(Me *me) {
     System *system = me->system;
     const SolverMethod *method = method_of(me->solver_name);
     const Problem problem = {me, system->nx, system->nz, derivatives, indicators};
-    const Tolerance tolerance = {me->rtol, me->scale};
     me->told = 0;
     for (size_t i = 0; i < system->n_components; i++) {
         me->told = me->told || system->components[i].completed_step;
     }
-    me->x = calloc(system->nx + 1, sizeof(double));
+    me->x = calloc(4 * system->nx + 1, sizeof(double));
+    me->flight = me->x + system->nx;
+    me->lowest = me->flight + system->nx;
+    me->highest = me->lowest + system->nx;
+    const Tolerance tolerance = {me->rtol, me->scale, me->flight};
     me->solver = me->x && method ? method->create(&problem, &tolerance, me->gear) : NULL;
     return me->solver ? me_restart(me) : fail_at(&system->failure, FAILED_MEMORY, me->time);
 }
@@ -93,11 +96,7 @@ void me_close(Me *me) {
 }
 
 bool me_restart(Me *me) {
-    me->crowd = me->dwindling = 0;
-    me->counted = -(double)INFINITY;
-    me->last_gap = (double)INFINITY;
-    me->last_event = -(double)INFINITY;
-    me->cautious = (double)INFINITY;
+    me_forget_events(me);
     for (size_t i = 0; i < me->system->n_components; i++) {
         me->system->components[i].due = -(double)INFINITY;
     }
@@ -171,8 +170,8 @@ static bool check_states(Me *me) {
         if (!isfinite(x)) {
             return fail_value(&me->system->failure, FAILED_STATE, me->solver->t, i, x);
         }
-        me->scale[i] = fmax(me->scale[i], fmin(fabs(x), me->most[i]));
     }
+    me_note_states(me, me->solver->x);
     return true;
 }
 

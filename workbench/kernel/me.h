@@ -16,15 +16,18 @@ typedef struct {
     /* Where the session stands. */
     double time, next_time; /* [s] */
     double last_event, cautious, span;
-    double counted, last_gap; /* of the events that count for `dwindling`: the last one, and its distance [s] */
+    double counted, gaps[7]; /* of the events that count: the last one, and the gaps before it, latest first [s] */
+    double longest_pair;     /* of two gaps, since these began to shrink [s] */
+    double gathering;  /* where those gaps, as a geometric series, seem to end [s] */
     int32_t crowd;     /* events in a row without time passing */
-    int32_t dwindling; /* events in a row, each sooner after the last than the one before */
     int32_t resumed; /* the run goes on after a pause */
     int32_t steps; /* since the last recorded point or event */
     int32_t told; /* some FMU wants to be told of completed steps */
     /* Owned by the kernel. */
     Solver *solver;
     double *x; /* [nx] scratch */
+    double *flight;           /* [nx] see Tolerance */
+    double *lowest, *highest; /* [nx] of the states since the last event that counts */
     double until; /* [s] */
     const double *targets;
     size_t n_targets;

@@ -2,9 +2,13 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
-enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20, DWINDLING_EVENTS = 8 };
-static const double ZENO_GAP = 1e-8, DWINDLING_REST = 1e-6; /* of the time scale */
+enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20, GAPS = 7, RATIOS = 4 };
+static const double ZENO_GAP = 1e-8, DWINDLING_REST = 1e-6, DROWNING_REST = 1e-3; /* of the time scale */
+static const double SHRINKING = 0.99; /* two gaps of less than this part of the two before are told from equal ones */
+static const double DWINDLED = 1e-3;                        /* of the longest two gaps */
+static const double DROWNING = 0.1; /* a gap of less than this part of the one before: an indicator leaves its zero */
 static const double SAME_EVENT = 1e-3;                      /* a gap of less than this part of the one before is none */
 
 static Failure *failure_of(Me *me) {
@@ -36,19 +40,69 @@ static double spacing(double t) {
     return nextafter(fabs(t), (double)INFINITY) - fabs(t);
 }
 
-/* Whether the gaps between events shrink so that infinitely many of them, as a geometric series, end right here.
+static void new_flight(Me *me, bool measured) {
+    for (size_t i = 0; i < me->system->nx; i++) {
+        me->flight[i] = measured ? me->highest[i] - me->lowest[i] : (double)INFINITY;
+        me->lowest[i] = (double)INFINITY;
+        me->highest[i] = -(double)INFINITY;
+    }
+}
+
+void me_forget_events(Me *me) {
+    me->crowd = 0;
+    me->last_event = me->counted = -(double)INFINITY;
+    me->cautious = me->gathering = (double)INFINITY;
+    for (size_t i = 0; i < GAPS; i++) {
+        me->gaps[i] = (double)INFINITY;
+    }
+    new_flight(me, false);
+}
+
+/* The largest ratio of two gaps to the two before, of the last few; 1 or more: they do not shrink. Two, because a ball
+ * may also have an event at the top of its flight. */
+static double shrinkage(const Me *me) {
+    const double *g = me->gaps;
+    double worst = 0.0;
+    for (size_t i = 0; i < RATIOS; i++) {
+        worst = fmax(worst, isfinite(g[i + 3]) ? (g[i] + g[i + 1]) / (g[i + 2] + g[i + 3]) : (double)INFINITY);
+    }
+    return worst;
+}
+
+static double longest_pair(const double *gaps) {
+    double longest = 0.0;
+    for (size_t i = 1; i < GAPS && isfinite(gaps[i]); i++) {
+        longest = fmax(longest, gaps[i - 1] + gaps[i]);
+    }
+    return longest;
+}
+
+/* Whether the gaps between events shrink so that infinitely many of them, as a geometric series, end right here, at
+ * `*end` [s].
  *
- * Told before the events drown in rounding: from then on the next one is missed, and a ball falls through. */
-static bool dwindles(Me *me) {
+ * Told before the events drown in rounding, or in the width of the indicators' zeros: from then on the next one is
+ * missed, and a ball falls through. The end is that of the event before, which such a width does not touch. */
+static bool dwindles(Me *me, double *end) {
+    double *g = me->gaps;
     const double gap = me->time - me->counted;
-    const double before = me->last_gap;
-    if (gap < SAME_EVENT * before && isfinite(before)) {
+    if (gap < SAME_EVENT * g[0] && isfinite(g[0])) {
         return false; /* the indicator leaves its zero again */
     }
     me->counted = me->time;
-    me->last_gap = gap;
-    me->dwindling = gap < before && isfinite(before) ? me->dwindling + 1 : 0;
-    return me->dwindling >= DWINDLING_EVENTS && gap * gap <= DWINDLING_REST * me->span * (before - gap);
+    memmove(g + 1, g, (GAPS - 1) * sizeof *g);
+    g[0] = gap;
+    const double pair = g[0] + g[1], ratio = shrinkage(me);
+    new_flight(me, isfinite(g[3]) && pair < SHRINKING * (g[2] + g[3]));
+    if (!(ratio < 1.0)) {
+        me->longest_pair = longest_pair(g);
+        me->gathering = (double)INFINITY;
+        return false;
+    }
+    const double rest = pair * ratio / (1.0 - ratio);
+    const bool drowning = g[0] < DROWNING * g[1] && rest <= DROWNING_REST * me->span && isfinite(me->gathering);
+    *end = isfinite(me->gathering) ? me->gathering : me->time + rest;
+    me->gathering = me->time + rest;
+    return pair <= DWINDLED * me->longest_pair && (drowning || rest <= DWINDLING_REST * me->span);
 }
 
 /* Refuse to go on when events follow each other without time passing. */
@@ -61,7 +115,11 @@ static bool guard_zeno(Me *me) {
     }
     me->crowd = close ? me->crowd + 1 : 0;
     me->last_event = me->time;
-    return me->crowd > ZENO_EVENTS || dwindles(me) ? fail_at(failure_of(me), FAILED_ZENO, me->time) : true;
+    double end = 0.0;
+    if (dwindles(me, &end)) {
+        return fail_at(failure_of(me), FAILED_ZENO, end);
+    }
+    return me->crowd <= ZENO_EVENTS || fail_at(failure_of(me), FAILED_CHATTER, me->time);
 }
 
 /* One component evaluates the event once; *acted: its outputs may be others now. */
@@ -126,14 +184,16 @@ bool me_put(Me *me) {
     return system_put(me->system, me->time, me->solver->x);
 }
 
-static void grow_scale(Me *me, const double *x) {
+void me_note_states(Me *me, const double *x) {
     for (size_t i = 0; i < me->system->nx; i++) {
         me->scale[i] = fmax(me->scale[i], fmin(fabs(x[i]), me->most[i]));
+        me->lowest[i] = fmin(me->lowest[i], x[i]);
+        me->highest[i] = fmax(me->highest[i], x[i]);
     }
 }
 
 bool me_restart_solver(Me *me, const double *x) {
-    grow_scale(me, x);
+    me_note_states(me, x);
     if (!me->solver->method->restart(me->solver, me->time, x)) {
         snprintf(failure_of(me)->message, SOLVER_MESSAGE, "%s", me->solver->message);
         return fail_at(failure_of(me), FAILED_SOLVER, me->time);

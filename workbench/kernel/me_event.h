@@ -9,6 +9,10 @@ bool me_completed(Me *me, bool *event);
 /* Handle an event at the present time; the FMUs stand at their left limit. */
 bool me_event(Me *me);
 bool me_put(Me *me);
+/* Let the scales grow to these states, and the span of the present flight. */
+void me_note_states(Me *me, const double *x);
+/* Begin as if there had been no event. */
+void me_forget_events(Me *me);
 bool me_restart_solver(Me *me, const double *x);
 
 #endif

@@ -12,6 +12,7 @@
 #ifndef WORKBENCH_KERNEL_SOLVER_H
 #define WORKBENCH_KERNEL_SOLVER_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -30,11 +31,22 @@ typedef struct {
 } Problem;
 
 /* Error weights: |error_i| <= rtol·(|x_i| + scale_i). The kernel grows `scale` where the FMU declares no
- * nominal value, and restarts the solver then. */
+ * nominal value, and restarts the solver then. Where `flight` is finite, it takes the place of |x_i| + scale_i: how
+ * far a state moves between events that follow each other faster and faster, the bounces of a ball that comes to
+ * rest, which would drown in the tolerance of the motion before. */
 typedef struct {
     double rtol;
-    const double *scale; /* [n] */
+    const double *scale;  /* [n] */
+    const double *flight; /* [n], INFINITY while events do not; NULL: always so */
 } Tolerance;
+
+/* Largest error of state i at x; `rtol` is relative to its size. Never below rounding. */
+static inline double allowed_error(const Tolerance *tolerance, double rtol, size_t i, double x)
+{
+    const double size = fabs(x) + tolerance->scale[i];
+    const double moved = tolerance->flight != NULL ? tolerance->flight[i] : (double)INFINITY;
+    return moved < size ? fmax(rtol * moved, 1e-13 * size) : rtol * size;
+}
 
 enum { SOLVER_MESSAGE = 256 };
 

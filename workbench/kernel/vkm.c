@@ -158,7 +158,7 @@ static bool restart(Solver *solver, double t, const double *x)
 
 static double weight(const Solver *solver, size_t i, double x)
 {
-    return solver->tolerance.rtol * (fabs(x) + solver->tolerance.scale[i]);
+    return allowed_error(&solver->tolerance, solver->tolerance.rtol, i, x);
 }
 
 /* Guess a step from |x| and |f| (Hairer, Norsett, Wanner, II.4). */
@@ -175,7 +175,8 @@ static double first_step(const Merson *m, double stop)
     if (slope == 0.0 || size < 1e-5 || !isfinite(slope)) {
         return 1e-3 * span;
     }
-    return fmin(0.01 * size / slope, 0.1 * span);
+    const double least = 64.0 * (nextafter(fabs(solver->t), INFINITY) - fabs(solver->t)); /* time must pass */
+    return fmax(fmin(0.01 * size / slope, 0.1 * span), least);
 }
 
 /* The largest error of the step just tried, relative to what is allowed. */

@@ -11,7 +11,7 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
 from workbench.session.algebraic_error import unsolved
 from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
-from workbench.session.me import too_many_events, too_many_steps
+from workbench.session.me import chattering, too_many_steps, zeno
 
 __all__ = ["PAUSED", "Situation", "exception_of"]
 
@@ -110,7 +110,11 @@ def _steps(now: Situation) -> Exception:
 
 
 def _zeno(now: Situation) -> Exception:
-    return too_many_events(now.failure.time)
+    return zeno(now.failure.time)
+
+
+def _chatter(now: Situation) -> Exception:
+    return chattering(now.failure.time)
 
 
 def _early(now: Situation) -> Exception:
@@ -152,7 +156,7 @@ def _wire(now: Situation) -> Exception:
 
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
-    _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _early,
+    _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _early,
     _event_mode, _grid, _memory, _read_only, _loop, _wire,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1

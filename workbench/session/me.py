@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,15 +22,19 @@ from workbench.session.stand import Stand
 from workbench.session.target import Target
 from workbench.signals import Signal
 
-__all__ = ["MeSession", "too_many_events", "too_many_steps"]
+__all__ = ["MeSession", "chattering", "too_many_steps", "zeno"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
 ZENO_EVENTS = 20  # in a row, each closer to the last than ZENO_GAP of the time scale
 ZENO_GAP = 1e-8
-DWINDLING_EVENTS = 8  # in a row, each closer to the last than the one before ...
 SAME_EVENT = 1e-3  # a gap of less than this part of the one before is none
-DWINDLING_REST = 1e-6  # ... whose gaps add up, as a geometric series, to this part of the time scale
+SHRINKING = 0.99  # two gaps of less than this part of the two before are told from equal ones
+DWINDLED = 1e-3  # gaps that shrink are Zeno behaviour from this part of the longest two on ...
+DWINDLING_REST = 1e-6  # ... where what they add up to, as a geometric series, is this part of the time scale ...
+DROWNING = 0.1  # ... or an indicator takes this part of the gap before to leave its zero ...
+DROWNING_REST = 1e-3  # ... and they add up to this part
 CAUTION_GROWS = 8.0
+NO_GAPS = (math.inf,) * 7
 
 
 @dataclass(frozen=True)
@@ -53,15 +58,16 @@ class MeSession(FmuSession):
     """
 
     _solver: Solver | None = None
+    _crowd: int
+    _last_event: float
+    _counted: float
+    _gaps: tuple[float, ...]
 
     # -- start ----------------------------------------------------------------------------
 
     def _started(self, due: float) -> None:
         self._next_time = due
-        self._crowd = self._dwindling = 0
-        self._counted, self._last_gap = -math.inf, math.inf
-        self._cautious = math.inf
-        self._last_event = -math.inf
+        self._forget_events()
         self._span = 1.0
         self.instance.get_states()
         self._make_solver()
@@ -287,20 +293,32 @@ class MeSession(FmuSession):
             self._cautious = max(0.25 * gap, 64.0 * math.ulp(self.time))
         self._crowd = self._crowd + 1 if close else 0
         self._last_event = self.time
-        if self._crowd > ZENO_EVENTS or self._dwindles():
-            raise too_many_events(self.time)
+        self._guard_dwindling()
+        if self._crowd > ZENO_EVENTS:
+            raise chattering(self.time)
 
-    def _dwindles(self) -> bool:
-        """Whether the gaps between events shrink so that infinitely many of them end right here.
+    def _guard_dwindling(self) -> None:
+        """Refuse to go on where the gaps between events shrink so that infinitely many of them end right here.
 
-        Told before the events drown in rounding: from then on the next one is missed, and a ball falls through.
+        Told before the events drown in rounding, or in the width of the indicators' zeros: from then on the next one is
+        missed, and a ball falls through. The end is that of the event before, which such a width does not touch.
         """
-        gap, before = self.time - self._counted, self._last_gap
-        if gap < SAME_EVENT * before < math.inf:
-            return False  # the indicator leaves its zero again
-        self._counted, self._last_gap = self.time, gap
-        self._dwindling = self._dwindling + 1 if gap < before < math.inf else 0
-        return self._dwindling >= DWINDLING_EVENTS and gap * gap <= DWINDLING_REST * self._span * (before - gap)
+        gap = self.time - self._counted
+        if gap < SAME_EVENT * self._gaps[0] < math.inf:
+            return  # the indicator leaves its zero again
+        self._counted = self.time
+        self._gaps = (gap, *self._gaps[:-1])
+        pair, ratio = sum(self._gaps[:2]), _shrinkage(self._gaps)
+        self.solver.tolerance.new_flight(measured=pair < SHRINKING * sum(self._gaps[2:4]) < math.inf)
+        if ratio >= 1.0:
+            self._longest_pair, self._gathering = max(p for p in (0.0, *_pairs(self._gaps)) if p < math.inf), math.inf
+            return
+        rest = pair * ratio / (1.0 - ratio)
+        known = self._gathering < math.inf
+        drowning = known and gap < DROWNING * self._gaps[1] and rest <= DROWNING_REST * self._span
+        end, self._gathering = self._gathering if known else self.time + rest, self.time + rest
+        if pair <= DWINDLED * self._longest_pair and (drowning or rest <= DWINDLING_REST * self._span):
+            raise zeno(end)
 
     # -- snapshots ------------------------------------------------------------------------
 
@@ -317,14 +335,32 @@ class MeSession(FmuSession):
         self._forget()
 
     def _forget(self) -> None:
-        self._crowd, self._last_event, self._cautious = 0, -math.inf, math.inf
-        self._dwindling, self._counted, self._last_gap = 0, -math.inf, math.inf
+        self._forget_events()
+        self.solver.tolerance.new_flight(measured=False)
         self.solver.restart(self.time, self.instance.x.copy())
+
+    def _forget_events(self) -> None:
+        self._crowd, self._last_event, self._cautious = 0, -math.inf, math.inf
+        self._counted, self._gaps = -math.inf, NO_GAPS
+        self._longest_pair = self._gathering = math.inf
 
     def _close_solver(self) -> None:
         if self._solver is not None:
             self._solver.close()
             self._solver = None
+
+
+def _shrinkage(gaps: Sequence[float]) -> float:
+    """Return the largest ratio of two gaps to the two before, of the last few; 1 or more: they do not shrink.
+
+    Two, because a ball may also have an event at the top of its flight.
+    """
+    pairs = _pairs(gaps)
+    return max(a / b if b < math.inf else math.inf for a, b in zip(pairs, pairs[2:], strict=False))
+
+
+def _pairs(gaps: Sequence[float]) -> list[float]:
+    return [a + b for a, b in pairwise(gaps)]
 
 
 def _drop(waiting: list[float], time: float) -> None:
@@ -339,7 +375,13 @@ def too_many_steps(solver: str, time: float) -> SimulationError:
     return SimulationError(f"{solver}: more than {MAX_STEPS} steps needed between two points{advice}", time=time)
 
 
-def too_many_events(time: float) -> SimulationError:
+def chattering(time: float) -> SimulationError:
     """Return the error for events that follow each other without time passing."""
-    words = "more and more events without time passing (chattering or Zeno behaviour)"
+    words = "more and more events without time passing (chattering); give the switching condition a hysteresis"
+    return SimulationError(words, time=time)
+
+
+def zeno(time: float) -> SimulationError:
+    """Return the error for events that follow each other faster and faster, without end before `time` [s]."""
+    words = "infinitely many events (Zeno behaviour, as of a ball that comes to rest); let the model rest there"
     return SimulationError(words, time=time)

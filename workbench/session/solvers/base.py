@@ -14,6 +14,7 @@ from workbench.session.problem import Problem
 __all__ = ["Solver", "Tolerance"]
 
 SMALLEST_SCALE = 1e-6
+ROUNDING = 1e-13  # no error can be asked to be smaller, relative to the size of a state
 NOMINAL_PART = 1e-3
 
 
@@ -25,10 +26,15 @@ class Tolerance:
     FMU declares no nominal value (or 0), the scale is at least 1e-6 and has no upper bound: taking the
     1.0 that FMI prescribes as default would drown a state that lives at 1e-4.
 
+    Where events follow each other faster and faster (the bounces of a ball that comes to rest), what a state moved in
+    the last flight between two of them takes the place of |x_i| + scale_i, or the last flights would drown in the
+    tolerance of the first.
+
     Attributes:
         rtol: relative tolerance.
         scale: shape (n,).
         most: upper bound of the scale, shape (n,).
+        flight: what each state moved in the last flight, shape (n,); inf while events do not follow each other so.
     """
 
     def __init__(self, rtol: float, nominal: Floats, declared: NDArray[np.bool_]) -> None:
@@ -36,9 +42,24 @@ class Tolerance:
         self.scale: Floats = np.where(declared, NOMINAL_PART * np.abs(nominal), SMALLEST_SCALE)
         self.most: Floats = np.where(declared, np.abs(nominal), np.inf)
 
+        self.flight: Floats = np.full(nominal.shape, np.inf)
+        self._lowest, self._highest = self.flight.copy(), -self.flight
+
     def grow(self, x: Floats) -> None:
         """Take note of the states."""
         np.maximum(self.scale, np.minimum(np.abs(x), self.most), out=self.scale)
+        np.minimum(self._lowest, x, out=self._lowest)
+        np.maximum(self._highest, x, out=self._highest)
+
+    def new_flight(self, *, measured: bool) -> None:
+        """Begin a flight; errors are measured by what the last one moved, or by the size of the states."""
+        self.flight[:] = self._highest - self._lowest if measured else np.inf
+        self._lowest[:], self._highest[:] = np.inf, -np.inf
+
+    def allowed(self, rtol: float, x: Floats) -> Floats:
+        """Return the largest errors at the states `x`, relative to their size; never below rounding."""
+        size = np.abs(x) + self.scale
+        return np.where(self.flight < size, np.maximum(rtol * self.flight, ROUNDING * size), rtol * size)
 
     def copy_from(self, scale: Floats) -> None:
         """Take the scales of a snapshot back."""

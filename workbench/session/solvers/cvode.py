@@ -155,8 +155,7 @@ class Gear(Solver):
     def _weights(self, y: int, out: int, _data: object) -> int:
         """Write 1/(rtol · (|y| + scale)); CVODE asks once a step."""
         n, pointer = self.problem.n, self._c["N_VGetArrayPointer"]
-        error = STRICTER * self.tolerance.rtol * (np.abs(_view(pointer(y), n)) + self.tolerance.scale)
-        _view(pointer(out), n)[:] = 1.0 / error
+        _view(pointer(out), n)[:] = 1.0 / self.tolerance.allowed(STRICTER * self.tolerance.rtol, _view(pointer(y), n))
         return 0
 
     def _take_words(

@@ -64,13 +64,13 @@ class KuttaMerson(Solver):
 
     def _first_step(self, stop: float) -> float:
         """Guess a step from |x| and |f| (Hairer, Nørsett, Wanner, II.4)."""
-        weight = self.tolerance.rtol * (np.abs(self.x) + self.tolerance.scale)
+        weight = self.tolerance.allowed(self.tolerance.rtol, self.x)
         size = float(np.max(np.abs(self.x) / weight, initial=0.0))
         slope = float(np.max(np.abs(self._k[0]) / weight, initial=0.0))
         span = stop - self.t
         if slope == 0.0 or size < 1e-5 or not math.isfinite(slope):
             return 1e-3 * span
-        return min(0.01 * size / slope, 0.1 * span)
+        return max(min(0.01 * size / slope, 0.1 * span), 64.0 * math.ulp(self.t))  # time must pass
 
     def _accepted(self, stop: float, longest: float) -> tuple[float, Floats]:
         """Try until a step's error fits; returns its end and the states there."""
@@ -103,7 +103,7 @@ class KuttaMerson(Solver):
             return self.x, math.inf
         k = self._k
         error = (h / 30.0) * (2.0 * k[0] - 9.0 * k[2] + 8.0 * k[3] - k[4])
-        weight = self.tolerance.rtol * (np.maximum(np.abs(x), np.abs(self.x)) + self.tolerance.scale)
+        weight = self.tolerance.allowed(self.tolerance.rtol, np.maximum(np.abs(x), np.abs(self.x)))
         ratio = float(np.max(np.abs(error) / weight, initial=0.0))
         return x, ratio if math.isfinite(ratio) else 1e30
 
