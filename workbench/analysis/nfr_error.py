@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.harmonics import fundamental
+from workbench.analysis.nfr_beats import Beat
 from workbench.analysis.nfr_linear import Twin
 from workbench.analysis.transient import Limit, multipliers, weigh
 from workbench.session.base import Floats
@@ -47,11 +48,14 @@ class Evidence:
 
     Attributes:
         twin: the linear model under the same sine; None: there is none.
+        beat: rhythm of the forcing and the model's sampling; None: it does not sample, or at several rates, or
+            that is not known.
         rtol: relative tolerance of the integration; 0: nothing is integrated, or not by the workbench.
         rows: samples per period.
     """
 
     twin: Twin | None = None
+    beat: Beat | None = None
     rtol: float = 0.0
     rows: int = 200
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from workbench.analysis.nfr_error import INTEGRATION, Evidence
-from workbench.analysis.nfr_linear import LinearPart, linear_part
+from workbench.analysis.nfr_linear import Surroundings, surroundings
 from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
 from workbench.analysis.nfr_step import at_step, checked, refine
 from workbench.analysis.zero_input import ZeroInput, watch
@@ -18,7 +18,7 @@ from workbench.model.placing import standing
 from workbench.session.base import Floats
 from workbench.workers import Job, Remark
 
-__all__ = ["LinearJob", "PointsJob", "StartJob"]
+__all__ = ["PointsJob", "StartJob", "SurroundingsJob"]
 
 # The integration may take so much of the error that was asked for.
 _SHARE = 0.2
@@ -49,8 +49,8 @@ class StartJob(Job):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinearJob(Job):
-    """Find the linear model where the runs start.
+class SurroundingsJob(Job):
+    """Find out what is known where the runs start.
 
     Attributes:
         input, output: names of the variables.
@@ -59,8 +59,8 @@ class LinearJob(Job):
     input: str
     output: str
 
-    def run(self, model: Model) -> Iterator[LinearPart | None]:
-        yield linear_part(model, self.input, self.output)
+    def run(self, model: Model) -> Iterator[Surroundings]:
+        yield surroundings(model, self.input, self.output)
 
 
 @dataclass(frozen=True, kw_only=True)

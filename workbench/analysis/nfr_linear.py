@@ -1,4 +1,4 @@
-"""What the linear model at the operating point foretells of a frequency response: its transient and its resonance."""
+"""What is known of a model before its frequency response is measured: its linear model, and when it samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workbench.model import Model
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["LinearPart", "Twin", "linear_part"]
+__all__ = ["LinearPart", "Surroundings", "Twin", "surroundings"]
 
 Complex = NDArray[np.complex128]
 
@@ -140,10 +140,23 @@ class Twin:
         return self._x + self._steady
 
 
-def linear_part(model: Model, input: str, output: str) -> LinearPart | None:
-    """Return the linear model where a run starts; None where there is none.
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is known of a model where its runs start.
 
-    There is none for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
+    Attributes:
+        linear: the linear model from input to output; None: there is none.
+        rates: sample periods [s], rising; none: it is continuous, or does not show any.
+    """
+
+    linear: LinearPart | None = None
+    rates: tuple[float, ...] = ()
+
+
+def surroundings(model: Model, input: str, output: str) -> Surroundings:
+    """Return what a model shows of itself where its runs start.
+
+    There is no linear model for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
     those of its continuous states), for more than 200 states, and where the model cannot be evaluated there.
 
     Args:
@@ -151,19 +164,27 @@ def linear_part(model: Model, input: str, output: str) -> LinearPart | None:
         input: forced input.
         output: output, or a state.
     """
-    if model.interface != "me" or len(model.states) > _MOST_STATES:
-        return None
+    if model.interface != "me":
+        return Surroundings(rates=_rates(model))
     try:
         with model.open_point() as point:
-            if len(point.ticks(_LOOK, np.inf)):
-                return None
+            sampled = len(point.ticks(_LOOK, np.inf)) > 0
+            many = len(point.states) > _MOST_STATES
+            found = None if sampled or many or point.why_not_exact() else _exact(point, input, output)
             dx0 = point.at(point.x0, point.u0).dx
-            found = None if point.why_not_exact() else _exact(point, input, output)
+        if sampled or many:
+            return Surroundings(rates=_rates(model) if sampled else ())
         a, b, c, d = _difference(model, input, output) if found is None else found
     except WorkbenchError:
-        return None
+        return Surroundings()
     finite = all(np.isfinite(m).all() for m in (a, b, c, d, dx0))
-    return LinearPart(a, b, c, d, dx0) if finite and len(dx0) == len(b) else None
+    return Surroundings(LinearPart(a, b, c, d, dx0) if finite and len(dx0) == len(b) else None)
+
+
+def _rates(model: Model) -> tuple[float, ...]:
+    from workbench.analysis.excite.sampling import sample_rates  # noqa: PLC0415 - slow to import
+
+    return sample_rates(model)
 
 
 def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Floats, float] | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.analysis.certificate import Certificate, certify, finite
 from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_period
+from workbench.analysis.nfr_beats import Beat
 from workbench.analysis.nfr_error import Evidence
 from workbench.analysis.nfr_linear import LinearPart
 from workbench.analysis.settling import Outcome, Response, Settling
@@ -57,6 +58,7 @@ class PointTask:
         fixed_step: whether the session's communication step is one row, and not the model's own.
         stopped: asked between periods; true ends the measurement by KeyboardInterrupt.
         linear: the linear model where the run starts; None: there is none.
+        rates: sample periods of the model [s]; none: it is continuous, or does not show any.
         rtol: relative tolerance of the workbench's own integration; 0: nothing is integrated, or not by it.
     """
 
@@ -71,6 +73,7 @@ class PointTask:
     fixed_step: bool = False
     stopped: Callable[[], bool] = _never
     linear: LinearPart | None = None
+    rates: tuple[float, ...] = ()
     rtol: float = 0.0
 
     def evidence(self, start: Floats | None = None) -> Evidence:
@@ -80,7 +83,8 @@ class PointTask:
             start: states of the linear model where the sine begins, from the operating point; None: 0.
         """
         twin = None if self.linear is None else self.linear.twin(self.frequency, self.amplitude, start)
-        return Evidence(twin=twin, rtol=self.rtol, rows=self.rows)
+        beat = Beat(self.frequency, self.rates[0]) if len(self.rates) == 1 else None
+        return Evidence(twin=twin, beat=beat, rtol=self.rtol, rows=self.rows)
 
     @property
     def step(self) -> float | None:
@@ -174,7 +178,15 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
         point, response = _failed(task, len(settling.periods), str(error)), None
     else:
         point = _point(task, response, len(settling.periods))
-    return replace(point, step=longest, certificate=certify(settling, response))
+    warning = _aliasing(task.rates[0]) if task.rates and 2.0 * task.frequency * task.rates[0] >= 1.0 else None
+    return replace(point, step=longest, certificate=certify(settling, response), warning=warning)
+
+
+def _aliasing(dt: float) -> str:
+    return (
+        f"points at or above {0.5 / dt:.6g} Hz, half the rate at which the model samples, are aliased: each sine looks "
+        "like one below that frequency to it, and exactly there the answer depends on when it samples"
+    )
 
 
 def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:

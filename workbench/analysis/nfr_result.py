@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.certificate import Certificate
+from workbench.analysis.nfr_jumps import jumps
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint, point_in_json, point_of_json
@@ -348,7 +349,12 @@ def assemble(
         periods=np.array([[p.periods for p in row] for row in grid]),
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
         failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
-        warnings=(*_unsettled(grid), *(p.warning for row in grid for p in row if p.warning), *warnings),
+        warnings=(
+            *_unsettled(grid),
+            *dict.fromkeys(p.warning for row in grid for p in row if p.warning),
+            *(text for row in grid for text in jumps(row)),
+            *warnings,
+        ),
         certificates=tuple(tuple(p.certificate for p in row) for row in grid),
         zero_input=zero_input,
         operating_point=operating_point,

@@ -10,8 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.analysis.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr_job import LinearJob, PointsJob, StartJob
-from workbench.analysis.nfr_linear import LinearPart
+from workbench.analysis.nfr_job import PointsJob, StartJob, SurroundingsJob
+from workbench.analysis.nfr_jumps import disagreements
+from workbench.analysis.nfr_linear import Surroundings
 from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import rows_of_step
@@ -95,10 +96,11 @@ class NfrSweep:
         self._zero_input: ZeroInput | None = None
         self._standing: OperatingPoint | None = None
         self._watch = drift_check
-        self._linear: LinearPart | None = None
+        self._surroundings = Surroundings()
         self._runner: Runner | None = None
         self._stopped = False
         self._store = None if store is None else self._open_store(store)
+        self._before: dict[Key, NfrPoint] = {}
         self._recall(previous)
 
     # -- what is known already -------------------------------------------------------------
@@ -124,7 +126,9 @@ class NfrSweep:
         known: dict[Key, NfrPoint] = {}
         if previous is not None:
             self._check_previous(previous)
-            known |= from_result(previous, self._redo)
+            self._before = from_result(previous, ())
+            # A carried point depends on those before it, and the earlier result does not say which those were.
+            known |= {} if self._carry else from_result(previous, self._redo)
             self._standing = previous.operating_point
         if self._store is not None:
             known |= self._store.finished(self._redo)
@@ -186,13 +190,13 @@ class NfrSweep:
                 yield from self._take(event, jobs)
 
     def _look(self, runner: Runner) -> None:
-        """Find the linear model before anything is measured."""
-        job = LinearJob(input=self._input, output=self._output)
+        """Find out what the model shows of itself before anything is measured."""
+        job = SurroundingsJob(input=self._input, output=self._output)
         for event in runner.run(perform, deque([job])):
             if isinstance(event, Lost):
-                self._notes.append(f"no linear model at the operating point, so errors are wider: {event.reason}")
+                self._notes.append(f"the linear model could not be found, so errors are wider: {event.reason}")
             else:
-                self._linear = event.value
+                self._surroundings = event.value
 
     def stop(self) -> None:
         """Let `run` end with KeyboardInterrupt soon; may be called by a signal handler."""
@@ -222,7 +226,8 @@ class NfrSweep:
             amplitude=amplitude,
             errcrit=self._errcrit,
             max_periods=self._max_periods,
-            linear=self._linear,
+            linear=self._surroundings.linear,
+            rates=self._surroundings.rates,
             centre=self._centre,
         )
 
@@ -284,6 +289,7 @@ class NfrSweep:
         """Return what was measured so far."""
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._output)
+        warnings = [*disagreements(self._points, self._before), *filter(None, [warning])]
         return assemble(
             self._model,
             input=self._input,
@@ -291,7 +297,7 @@ class NfrSweep:
             frequencies=self._frequencies,
             amplitudes=self._amplitudes,
             points=points,
-            warnings=() if warning is None else (warning,),
+            warnings=warnings,
             zero_input=self._zero_input,
             operating_point=self._standing,
         )

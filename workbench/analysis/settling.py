@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.harmonics import COMPARED, Period, fundamental
-from workbench.analysis.nfr_error import Evidence, beyond, error_of_limit, error_of_mean
+from workbench.analysis.nfr_beats import mean_over_beats, repeats_every
+from workbench.analysis.nfr_error import Evidence, beyond, error_of_limit, error_of_mean, quadrature, relative_to_true
 from workbench.analysis.transient import Limit, remove_transient
 from workbench.session.base import Floats
 
@@ -25,8 +26,15 @@ _MOST_BEYOND = 2.0
 
 _RESONANT = "it has not reached its amplitude: near a light resonance it still grows towards more than twice of it"
 _SLOW = "a transient dies away slowly"
-_RESTLESS = "its periods differ and do not tend to one: sampling beats, noise, a motion of the model's own"
+_RESTLESS = (
+    "irregular: its periods differ, tend to none and do not repeat every 2 to 8 either (sampling beats, noise, "
+    "a motion of the model's own, chaos)"
+)
 _DEAD = "there is no response"
+_BEATS = "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than was waited for"
+
+# What changes between repetitions of a subharmonic, this many times, is its error.
+_OF_CHANGE = 10.0
 
 # Periods that lose less than this from one half of the newest to the other do not die away.
 _DWINDLES = 0.95
@@ -131,6 +139,10 @@ class Settling:
                 found = self._of_limit(limit, Outcome.RESOLVED)
                 if self._is_good(found):
                     return found
+            if self.evidence.beat is not None:
+                found = self._of_beats(limit)
+                if self._is_good(found):
+                    return found
             if 2 * count > self.most and self._repeats() and not self._grows():
                 of_limit = self._of_limit(limit, Outcome.SETTLED)
                 found = min(of_limit, self._of_mean(limit, of_limit, Outcome.SETTLED), key=_error)
@@ -140,7 +152,21 @@ class Settling:
 
     def _is_good(self, response: Response) -> bool:
         """Whether it is known as well as was asked for."""
+        if self._beats_unseen():
+            return False
         return response.error <= self.errcrit / 10.0 and response.beyond <= _MOST_BEYOND
+
+    def _beats_unseen(self) -> bool:
+        """Whether the sampling beats more slowly than was seen: the periods then say nothing of their mean."""
+        return self.evidence.beat is not None and self.evidence.beat.length > len(self.periods)
+
+    def _of_beats(self, limit: Limit) -> Response:
+        """Return the mean over the beats of a sampled model."""
+        if self.evidence.beat is None:
+            return self._response(limit.harmonics, Outcome.SETTLED, math.inf)
+        mean, error = mean_over_beats(limit.periods, self.evidence.beat)
+        error = relative_to_true(error + quadrature(mean, self.evidence.rows))
+        return self._response(mean, Outcome.SETTLED, limit.defect, error)
 
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
@@ -170,8 +196,27 @@ class Settling:
         limit = self._limit()
         of_limit = self._of_limit(limit, Outcome.AVERAGED)
         of_mean = replace(self._of_mean(limit, of_limit, Outcome.AVERAGED), beyond=of_limit.beyond)
+        of_beats = replace(self._of_beats(limit), outcome=Outcome.AVERAGED)
         better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
-        return replace(of_limit if better else of_mean, why=self._why(limit, of_limit))
+        found = min(of_limit if better else of_mean, of_beats, key=_error)
+        if self._beats_unseen():
+            return replace(found, error=math.inf, why=_BEATS)
+        every = None if self.evidence.beat is not None else repeats_every(limit.periods)
+        if every is not None:
+            return self._of_subharmonic(limit, every)
+        return replace(found, why=self._why(limit, of_limit))
+
+    def _of_subharmonic(self, limit: Limit, every: int) -> Response:
+        """Return the mean over the periods after which the response repeats."""
+        periods = limit.periods
+        last, before = periods[-every:].mean(axis=0), periods[-2 * every : -every].mean(axis=0)
+        size = abs(fundamental(last))
+        change = abs(fundamental(last - before)) / size if size > 0.0 else math.inf
+        error = relative_to_true(_OF_CHANGE * change + quadrature(last, self.evidence.rows))
+        found = self._response(last, Outcome.AVERAGED, limit.defect, error)
+        return replace(
+            found, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
+        )
 
     def _why(self, limit: Limit, of_limit: Response) -> str:
         """Return why the periods have not settled."""

@@ -13,7 +13,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
-__all__ = ["Sampling", "sampling_of"]
+__all__ = ["Sampling", "sample_rates", "sampling_of"]
 
 LEAD = 1e-6  # of an interval: so long before a sample of the model the input changes
 _LOOK = 64  # events of the model that tell its rates
@@ -78,6 +78,11 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
         late=steady,
         notes=_remarks(interval, period, rates, chosen=dt is None),
     )
+
+
+def sample_rates(model: Model) -> tuple[float, ...]:
+    """Return the sample periods of a model where it starts [s], rising; none: it is continuous, or shows none."""
+    return _rates(_ticks(model, None), None)
 
 
 def _remarks(dt: float, period: float, rates: Sequence[float], *, chosen: bool) -> tuple[str, ...]:

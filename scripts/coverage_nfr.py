@@ -1,0 +1,154 @@
+#!/usr/bin/env python3
+"""Measure how often the error that a frequency response states covers the truth.
+
+    python scripts/coverage_nfr.py                        200 random lightly damped plants near resonance
+    python scripts/coverage_nfr.py --plants 20 --seed 3
+    python scripts/coverage_nfr.py --max-periods 400      so that more of them settle
+    python scripts/coverage_nfr.py --blind                without the linear model's help, as for co-simulation
+
+Each plant has one to five modes with damping ratios of 2e-4 … 2e-2 (logarithmic), the first at 1 Hz, the others at
+0.3 … 3 Hz, and is forced within ±4 damping ratios of the first resonance. Its response is known in closed form. It is
+integrated as any model is. Run it with the project's Python (see scripts/dev.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+import control  # noqa: E402
+import numpy as np  # noqa: E402
+
+import workbench as wb  # noqa: E402
+from workbench.analysis.nfr_job import PointsJob  # noqa: E402
+from workbench.analysis.nfr_linear import surroundings  # noqa: E402
+from workbench.analysis.nfr_point import NfrPoint, PointTask  # noqa: E402
+from workbench.model import Model  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode, gain / (1 − (f/f0)² + 2jζ f/f0)."""
+
+    frequency: float
+    damping: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Modes in parallel, and where they are forced [Hz]."""
+
+    modes: tuple[Mode, ...]
+    forced_at: float
+
+    @classmethod
+    def random(cls, random: np.random.Generator) -> Plant:
+        """Return a plant forced near its first resonance."""
+        damping = 10.0 ** random.uniform(np.log10(2e-4), np.log10(2e-2), random.integers(1, 6))
+        frequency = [1.0, *(10.0 ** random.uniform(-0.5, 0.5, len(damping) - 1))]
+        gain = random.uniform(0.2, 2.0, len(damping)) * random.choice([-1.0, 1.0], len(damping))
+        modes = tuple(map(Mode, frequency, damping.tolist(), gain.tolist()))
+        return cls(modes, 1.0 + modes[0].damping * random.uniform(-4.0, 4.0))
+
+    @property
+    def truth(self) -> complex:
+        """The response."""
+        ratios = [(m, self.forced_at / m.frequency) for m in self.modes]
+        return sum(m.gain / (1.0 - r * r + 2j * m.damping * r) for m, r in ratios)
+
+    def model(self, *, tolerance: float, solver: str = "gear") -> Model:
+        """Return it as a model with input u and output y."""
+        n = len(self.modes)
+        a, b, c = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 1)), np.zeros((1, 2 * n))
+        for i, m in enumerate(self.modes):
+            w = 2.0 * np.pi * m.frequency
+            a[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[0.0, w], [-w, -2.0 * m.damping * w]]
+            b[2 * i + 1, 0], c[0, 2 * i] = w, m.gain
+        plant = control.ss(a, b, c, 0.0)
+        return wb.connect(
+            {"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}, tolerance=tolerance, solver=solver
+        )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One plant measured: what is stated and what is true, both relative to the true response."""
+
+    status: str
+    stated: float
+    true: float
+    periods: int
+
+
+def measure(plant: Plant, *, tolerance: float, max_periods: int, blind: bool, solver: str = "gear") -> Trial:
+    """Return the trial of a plant; `blind`: without its linear model."""
+    with plant.model(tolerance=tolerance, solver=solver) as model:
+        task = PointTask(
+            input="u",
+            output="y",
+            frequency=plant.forced_at,
+            amplitude=1.0,
+            errcrit=0.1,
+            max_periods=max_periods,
+            linear=None if blind else surroundings(model, "u", "y").linear,
+        )
+        job = PointsJob(tasks=(task,), carry=False, step=None)
+        point = next(p for p in job.run(model) if isinstance(p, NfrPoint))
+    response = complex("nan") if point.response is None else point.response
+    stated = float("nan") if point.error is None else point.error
+    return Trial(point.status, stated, abs(response - plant.truth) / abs(plant.truth), point.periods)
+
+
+def trials(count: int, seed: int, **how: object) -> Iterator[Trial]:
+    """Measure random plants."""
+    random = np.random.default_rng(seed)
+    for _ in range(count):
+        yield measure(Plant.random(random), **how)  # type: ignore[arg-type]
+
+
+def lines(found: Sequence[Trial]) -> Iterator[str]:
+    """Return the table: one line for each status."""
+    for status in ("settled", "averaged", "failed"):
+        of = [t for t in found if t.status == status]
+        known = [t for t in of if np.isfinite(t.stated)]
+        if not of:
+            continue
+        covered = sum(t.true <= t.stated for t in known)
+        parts = [f"{status:>9}: {len(of):4}, error stated for {len(known):4}"]
+        if known:
+            ratio = np.median([t.stated / t.true for t in known])
+            parts.append(f"covers the truth {100.0 * covered / len(known):6.1f} %, median of stated / true {ratio:.3g}")
+        parts.append(
+            f"more than 1 % off {sum(t.true > 0.01 for t in of):4}, worst {100.0 * max(t.true for t in of):.3g} %"
+        )
+        parts.append(f"periods (median) {np.median([t.periods for t in of]):.0f}")
+        yield "; ".join(parts)
+
+
+def main() -> int:
+    """Return 1 if settled points fall short."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--plants", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tolerance", type=float, default=1e-8)
+    parser.add_argument("--max-periods", type=int, default=20)
+    parser.add_argument("--solver", default="gear")
+    parser.add_argument("--blind", action="store_true")
+    o = parser.parse_args()
+    how = {"tolerance": o.tolerance, "max_periods": o.max_periods, "blind": o.blind, "solver": o.solver}
+    found = list(trials(o.plants, o.seed, **how))
+    print("\n".join(lines(found)))
+    settled = [t for t in found if t.status == "settled"]
+    covered = sum(t.true <= t.stated for t in settled)
+    return 0 if covered >= 0.95 * len(settled) and not any(t.true > 0.01 for t in settled) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
