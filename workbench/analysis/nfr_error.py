@@ -30,7 +30,13 @@ _MARGIN = 2.0
 _ALIKE = 0.1
 
 # An extrapolated response that is known no better is no mark to measure from.
-_USELESS = 0.5
+_USELESS = 0.1
+
+# So many older changes check weights that nothing else does, and one more.
+_CHECKS = 2
+
+# Changes that differ in direction by less than this are one.
+_ONE = 1e-6
 
 # The mean of a transient that is known is known to this.
 _CLEAR = 1.2
@@ -50,12 +56,14 @@ class Evidence:
         twin: the linear model under the same sine; None: there is none.
         beat: rhythm of the forcing and the model's sampling; None: it does not sample, or at several rates, or
             that is not known.
+        sampled: whether the model is known to sample, at whatever rates.
         rtol: relative tolerance of the integration; 0: nothing is integrated, or not by the workbench.
         rows: samples per period.
     """
 
     twin: Twin | None = None
     beat: Beat | None = None
+    sampled: bool = False
     rtol: float = 0.0
     rows: int = 200
 
@@ -81,7 +89,7 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     size = abs(fundamental(limit.harmonics))
     if size == 0.0:
         return math.inf
-    measured = _MARGIN * limit.defect * slowness(limit, evidence.twin)
+    measured = _MARGIN * max(limit.defect, _unchecked(limit)) * slowness(limit, evidence.twin)
     transient, slow = measured, slowness(limit, None)
     if evidence.twin is not None:
         known, apart = _by_twin(limit, drive, evidence.twin)
@@ -90,6 +98,21 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
             slow = 1.0 + evidence.twin.sensitivity
     integration = INTEGRATION * evidence.rtol * slow * max(1.0, largest / size)
     return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence.rows))
+
+
+def _unchecked(limit: Limit) -> float:
+    """Return what the weights leave of a change that they were not made from, where nothing else checks them.
+
+    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes.
+    """
+    n, changes = limit.weights.size, limit.changes
+    if n == 1 or np.linalg.matrix_rank(changes[: 2 * n - 2], tol=_ONE * float(np.linalg.norm(changes[0]))) > 1:
+        return 0.0
+    if len(changes) < 2 * n - 1:
+        return math.inf
+    older = range(n - 1, min(n + _CHECKS, len(changes) - n + 1))
+    left = max(float(np.linalg.norm((limit.weights @ changes[i : i + n])[1:])) for i in older)
+    return left / abs(fundamental(limit.harmonics))
 
 
 def _by_twin(limit: Limit, drive: float, twin: Twin) -> tuple[float, float]:
@@ -155,8 +178,8 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
     Where the linear model goes through the same periods, it is the mean of its transient. Else the smaller one of two:
     the distance from the extrapolated response, as far as that is known; and, for periods that wander about
     their mean (sampling beats, noise), the distance of the means of both halves, with the standard error. This says
-    nothing where the periods move so slowly that less than a radian of a beat, or than the time constant
-    of a decay, was seen; then their speed and slowest multiplier tell.
+    nothing where the periods move so slowly that less than two radians of a beat, or two time constants of a
+    decay, were seen: the error is then not known.
 
     Args:
         limit: what the periods tend to.
@@ -187,9 +210,7 @@ def _wandering(z: NDArray[np.complex128], slow: float) -> float:
     mean, count = complex(np.mean(z)), len(z)
     scatter = math.sqrt(float(np.mean(np.abs(z - mean) ** 2)))
     error = abs(complex(np.mean(z[count // 2 :]) - np.mean(z[: count // 2]))) + scatter / math.sqrt(count)
-    if slow > 0.5 * count:
-        error = max(error, slow * float(np.max(np.abs(np.diff(z)))))
-    return relative_to_true(error / abs(mean))
+    return relative_to_true(error / abs(mean)) if slow <= 0.5 * count else math.inf
 
 
 def slowest(changes: Floats) -> float:

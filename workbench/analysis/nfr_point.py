@@ -84,7 +84,7 @@ class PointTask:
         """
         twin = None if self.linear is None else self.linear.twin(self.frequency, self.amplitude, start)
         beat = Beat(self.frequency, self.rates[0]) if len(self.rates) == 1 else None
-        return Evidence(twin=twin, beat=beat, rtol=self.rtol, rows=self.rows)
+        return Evidence(twin=twin, beat=beat, sampled=bool(self.rates), rtol=self.rtol, rows=self.rows)
 
     @property
     def step(self) -> float | None:

@@ -201,7 +201,7 @@ class Settling:
         found = min(of_limit if better else of_mean, of_beats, key=_error)
         if self._beats_unseen():
             return replace(found, error=math.inf, why=_BEATS)
-        every = None if self.evidence.beat is not None else repeats_every(limit.periods)
+        every = None if self.evidence.sampled else repeats_every(limit.periods)
         if every is not None:
             return self._of_subharmonic(limit, every)
         return replace(found, why=self._why(limit, of_limit))

@@ -1,0 +1,239 @@
+"""The error that each point states, against closed forms; responses that do not repeat from period to period."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from functools import partial
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
+from tests.fakes import FakeModel, Rows, StaticSession, lag
+from workbench.analysis.certificate import Certificate
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_beats import repeats_every
+from workbench.analysis.nfr_jumps import disagreements, jumps
+from workbench.analysis.nfr_linear import LinearPart, surroundings
+from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr_result import NfrResult
+from workbench.session.base import Floats
+from workbench.signals import Sine
+
+HERE = wb.Workers(in_process=True)
+
+
+def quick(model: wb.Model, frequencies: list[float], amplitude: float = 1.0, **options: Any) -> NfrResult:  # noqa: ANN401 - those of nfr
+    return nfr(model, "u", "y", frequencies, amplitude, workers=HERE, drift_check=False, **options)
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_settled_points_hold_the_truth_and_are_good_to_one_per_cent(blind: bool) -> None:
+    # A few of what `scripts/coverage_nfr.py` measures on hundreds.
+    random = np.random.default_rng(11)
+    found = [measure(Plant.random(random), tolerance=1e-8, max_periods=20, blind=blind) for _ in range(8)]
+    settled = [t for t in found if t.status == "settled"]
+    assert settled
+    assert all(t.true <= min(t.stated, 0.01) for t in settled)
+    assert blind or all(t.true <= t.stated for t in found if np.isfinite(t.stated))
+
+
+def test_a_light_resonance_that_has_not_grown_is_not_settled() -> None:
+    plant = Plant((Mode(1.0, 2e-4, 1.0),), 1.0001)
+    assert abs(plant.truth) == pytest.approx(2235.87, rel=1e-5)
+    with plant.model(tolerance=1e-8) as model:
+        result = quick(model, [1.0001])
+    true = abs(result.response[0, 0] - plant.truth) / abs(plant.truth)
+    assert result.status == (("averaged",),)
+    assert true > 0.9
+    assert result.error[0, 0] >= true
+    assert "has not reached its amplitude" in result.warnings[0]
+
+
+@pytest.mark.parametrize("solver", ["gear", "vkm"])
+def test_near_a_resonance_the_integration_is_tightened(solver: str) -> None:
+    # At the tolerance given the solvers' own damping might cost 0.4 % of this response, more than a share of its error.
+    plant = Plant((Mode(1.0, 4e-3, 1.0),), 1.0003)
+    trial = measure(plant, tolerance=1e-6, max_periods=200, blind=False, solver=solver)
+    assert trial.status == "settled"
+    assert trial.true <= trial.stated <= 0.01
+
+
+def test_the_aircraft_covers_the_exact_response() -> None:
+    names = ("outer_aileron", "z_wing_tip_acceleration")
+    with wb.load("fmu:Aircraft", tolerance=1e-8) as model:
+        exact = wb.lin(model, inputs=[names[0]], outputs=[names[1]])
+        result = nfr(model, *names, [2.8, 4.0, 6.97, 8.0], 1e-3, workers=HERE, drift_check=False)
+    truth = np.array([complex(exact(2j * math.pi * f)) for f in result.frequency_hz])
+    true = np.abs(result.response[0] / truth - 1.0)
+    assert np.all(true <= result.error[0])
+    assert np.all(result.error[0] <= 5.0 * true + 1e-3)
+    assert np.all((result.error[0] <= 0.01) | result.averaged[0])
+
+
+def test_the_twin_goes_through_the_periods_of_the_closed_form() -> None:
+    # A lag from rest under sin ωt: y = |G| sin(ωt + φ) − Im(G)·e^(−t/τ).
+    tau, f = 0.7, 1.3
+    part = LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0]), 0.0, np.zeros(1))
+    twin = part.twin(f, 2.0)
+    assert twin is not None
+    omega = 2.0 * math.pi * f
+    g = 1.0 / (1.0 + 1j * omega * tau)
+    assert twin.response == pytest.approx(g)
+    t = np.linspace(0.0, 1.0 / f, 20001)
+    y = -g.imag * np.exp(-t / tau)
+    expected = [np.trapezoid(w * y, t) * f for w in (1.0 + 0.0 * t, 2.0 * np.sin(omega * t), 2.0 * np.cos(omega * t))]
+    np.testing.assert_allclose(twin.free(3)[0], expected, atol=1e-7)
+    np.testing.assert_allclose(twin.free(3)[2], twin.free(3)[0] * math.exp(-2.0 / (tau * f)), rtol=1e-9)
+    assert twin.end(3)[0] == pytest.approx(2.0 * g.imag * (1.0 - math.exp(-3.0 / (tau * f))))
+    assert twin.sensitivity == pytest.approx(abs(tau * g) * f)
+
+
+def test_integrators_in_series_have_a_twin_without_eigenvectors() -> None:
+    part = LinearPart(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([0.0, 1.0]), np.array([1.0, 0.0]), 0.0, np.zeros(2))
+    twin = part.twin(0.5, 1.0)
+    assert part.modes is None
+    assert twin is not None
+    assert twin.response == pytest.approx(-1.0 / math.pi**2)
+    # From rest y = t/ω − sin(ωt)/ω²: the mean of period k is T(k + 1/2)/ω.
+    np.testing.assert_allclose(twin.free(3)[:, 0], 2.0 * (np.arange(3) + 0.5) / math.pi, rtol=1e-9)
+
+
+def test_co_simulation_and_python_models_have_no_linear_part() -> None:
+    assert surroundings(lag(1.0), "u", "y").linear is None
+    with wb.load("fmu:FirstOrderLag", "cs") as model:
+        assert surroundings(model, "u", "y").linear is None
+
+
+@pytest.mark.parametrize("amplitude", [1.3, 3.0, 1e6])
+def test_jumps_and_kinks_are_in_the_error(amplitude: float) -> None:
+    found = quick(FakeModel(lambda: StaticSession(lambda u: np.clip(u, -1.0, 1.0))), [1.0], amplitude)
+    r = 1.0 / amplitude
+    exact = 2.0 / math.pi * (math.asin(r) + r * math.sqrt(1.0 - r * r))
+    true = abs(found.response[0, 0] - exact) / exact
+    assert true <= found.error[0, 0] <= 0.01
+
+
+# -- sampled models ------------------------------------------------------------------------------------------------
+
+DT = 0.1
+
+
+def held_response(pole: float, f: float) -> complex:
+    """Of (1 − p)/(z − p), sampled every DT, its output held: what a Fourier integral over all time finds."""
+    step = cmath.exp(2j * math.pi * f * DT)
+    return (1.0 - pole) / (step - pole) * (1.0 - 1.0 / step) / (2j * math.pi * f * DT)
+
+
+def sampled(pole: float) -> wb.Model:
+    plant = control.ss([[pole]], [[1.0 - pole]], [[1.0]], [[0.0]], DT)
+    return wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"})
+
+
+@pytest.mark.parametrize("pole", [0.3, 0.9])
+def test_a_sampled_model_is_measured_over_its_beats(pole: float) -> None:
+    frequencies = [0.7, 2.0, 4.0, 4.7, 4.9, 4.99, 5.3]
+    with sampled(pole) as model:
+        result = quick(model, frequencies)
+        longer = quick(model, [4.9], max_periods=60)
+    truth = np.array([held_response(pole, f) for f in frequencies])
+    true = np.abs(result.response[0] / truth - 1.0)
+    settled = ~result.averaged[0]
+    assert settled.tolist() == [True, True, True, True, False, False, True]
+    assert np.all(true[settled] <= np.minimum(result.error[0, settled], 0.01))
+    assert np.isnan(result.error[0, ~settled]).all()  # a beat of 24.5 and one of 249.5 periods
+    assert any(
+        "4.9 Hz, amplitude 1 and 1 more: not settled (the error is not known): sampling" in w for w in result.warnings
+    )
+    assert any("at or above 5 Hz, half the rate at which the model samples" in w for w in result.warnings)
+    assert longer.status == (("settled",),)
+    assert abs(longer.response[0, 0] / held_response(pole, 4.9) - 1.0) <= longer.error[0, 0]
+
+
+# -- responses that repeat in another rhythm, or not at all ----------------------------------------------------------
+
+
+class InAnotherRhythm(StaticSession):
+    """y = u·a(k) in period k."""
+
+    def __init__(self, factors: Floats) -> None:
+        super().__init__(lambda u: u)
+        self.factors = factors
+
+    def rows(self, time: Floats, sine: Sine) -> Rows:
+        time, y, u = super().rows(time, sine)
+        k = round(float(time[0]) * sine.frequency)
+        return time, y * self.factors[k % len(self.factors)], u
+
+
+@pytest.mark.parametrize("factors", [[1.2, 0.8], [1.0, 1.3, 0.7], [1.5, 0.9, 1.0, 0.6], [1.0, 1.2, 0.9, 1.3, 0.6]])
+def test_a_subharmonic_is_named_with_its_order_and_its_mean_is_right(factors: list[float]) -> None:
+    result = quick(FakeModel(lambda: InAnotherRhythm(np.array(factors))), [1.0])
+    assert f"a subharmonic of order {len(factors)}: it repeats only every {len(factors)} periods" in result.warnings[0]
+    assert result.status == (("averaged",),)
+    assert abs(result.response[0, 0] - 1.0) <= result.error[0, 0] + 1e-12 < 1e-6
+
+
+def test_the_logistic_map_doubles_its_period_and_becomes_irregular() -> None:
+    for r, order in {3.2: 2, 3.5: 4, 3.55: 8, 3.83: 3, 3.9: None}.items():
+        x = [0.3]
+        for _ in range(600):
+            x.append(r * x[-1] * (1.0 - x[-1]))
+        result = quick(FakeModel(partial(InAnotherRhythm, np.array(x[-120:]))), [1.0], max_periods=40)
+        words = "irregular" if order is None else f"a subharmonic of order {order}"
+        assert any(words in w for w in result.warnings), r
+    assert repeats_every(np.ones((20, 5))) == 2  # nothing differs; asked only where periods do
+
+
+def test_a_jump_and_an_earlier_run_tell_of_two_responses() -> None:
+    def point(f: float, gain: float, thd: float = 0.03, error: float = 0.001) -> NfrPoint:
+        certificate = Certificate(errcrit=0.1, max_periods=20, thd=thd)
+        return NfrPoint(frequency=f, amplitude=0.1, response=gain + 0j, error=error, certificate=certificate)
+
+    up = [
+        point(f, g)
+        for f, g in zip((0.20, 0.21, 0.22, 0.23, 0.25, 0.26), (9.3, 10.3, 11.2, 12.1, 0.7, 0.65), strict=True)
+    ]
+    assert len(jumps(up)) == 1
+    assert "between 0.23 and 0.25 Hz, amplitude 0.1, the response jumps from gain 12.1 to 0.7" in jumps(up)[0]
+    assert not jumps([point(p.frequency, abs(p.response or 0.0), thd=1e-6) for p in up])  # linear: a steep flank
+    known = {(0.1, p.frequency): p for p in up}
+    down = {(0.1, 0.21): point(0.21, 1.48), (0.1, 0.25): point(0.25, 0.7)}
+    assert disagreements(down, known) == [
+        "0.21 Hz, amplitude 0.1: two stable responses: gain 1.48 in this run, 10.3 in the earlier one"
+    ]
+
+
+# -- where it is shown -------------------------------------------------------------------------------------------------
+
+
+def test_the_error_goes_through_json_and_old_results_have_none() -> None:
+    result = quick(lag(0.1), [1.0, 2.0])
+    data = result.to_dict()
+    assert data["stable"] == [[True, True]]
+    again = NfrResult.from_dict(data)
+    np.testing.assert_array_equal(again.error, result.error)
+    del data["error"], data["stable"]
+    assert np.isnan(NfrResult.from_dict(data).error).all()
+
+
+def test_an_unstable_point_says_so() -> None:
+    unstable = wb.connect(
+        {"p": control.ss([[2.0]], [[1.0]], [[1.0]], [[0.0]])}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}
+    )
+    with unstable as model:
+        data = quick(model, [1.0]).to_dict()
+    assert data["stable"] == [[False]]
+    assert data["error"] == [[None]]
+
+
+def test_the_coverage_script_tells_what_fell_short() -> None:
+    found = [Trial("settled", 0.01, 0.02, 3), Trial("settled", 0.01, 0.001, 3), Trial("averaged", math.nan, 0.5, 20)]
+    first, second = lines(found)
+    assert "covers the truth   50.0 %" in first
+    assert "more than 1 % off    1" in first
+    assert "error stated for    0" in second
