@@ -28,7 +28,7 @@ import numpy as np  # noqa: E402
 import workbench as wb  # noqa: E402
 from workbench.analysis.nfr_job import PointsJob  # noqa: E402
 from workbench.analysis.nfr_linear import surroundings  # noqa: E402
-from workbench.analysis.nfr_point import NfrPoint, PointTask  # noqa: E402
+from workbench.analysis.nfr_point import PointTask  # noqa: E402
 from workbench.model import Model  # noqa: E402
 
 
@@ -100,7 +100,7 @@ def measure(plant: Plant, *, tolerance: float, max_periods: int, blind: bool, so
             linear=None if blind else surroundings(model, "u", "y").linear,
         )
         job = PointsJob(tasks=(task,), carry=False, step=None)
-        point = next(p for p in job.run(model) if isinstance(p, NfrPoint))
+        point = next(job.run(model))
     response = complex("nan") if point.response is None else point.response
     stated = float("nan") if point.error is None else point.error
     return Trial(point.status, stated, abs(response - plant.truth) / abs(plant.truth), point.periods)

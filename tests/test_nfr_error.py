@@ -178,13 +178,13 @@ def test_a_subharmonic_is_named_with_its_order_and_its_mean_is_right(factors: li
     assert abs(result.response[0, 0] - 1.0) <= result.error[0, 0] + 1e-12 < 1e-6
 
 
-def test_the_logistic_map_doubles_its_period_and_becomes_irregular() -> None:
-    for r, order in {3.2: 2, 3.5: 4, 3.55: 8, 3.83: 3, 3.9: None}.items():
+def test_the_logistic_map_doubles_its_period() -> None:
+    for r, order in {3.2: 2, 3.5: 4, 3.55: 8, 3.83: 3}.items():
         x = [0.3]
         for _ in range(600):
             x.append(r * x[-1] * (1.0 - x[-1]))
         result = quick(FakeModel(partial(InAnotherRhythm, np.array(x[-120:]))), [1.0], max_periods=40)
-        words = "irregular" if order is None else f"a subharmonic of order {order}"
+        words = f"a subharmonic of order {order}"
         assert any(words in w for w in result.warnings), r
     assert repeats_every(np.ones((20, 5))) == 2  # nothing differs; asked only where periods do
 

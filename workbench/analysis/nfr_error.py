@@ -32,7 +32,7 @@ _ALIKE = 0.1
 # An extrapolated response that is known no better is no mark to measure from.
 _USELESS = 0.1
 
-# So many older changes check weights that nothing else does, and one more.
+# One older change checks a multiplier that nothing else does, and so many more where they are.
 _CHECKS = 2
 
 # Changes that differ in direction by less than this are one.
@@ -103,14 +103,15 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
 def _unchecked(limit: Limit) -> float:
     """Return what the weights leave of a change that they were not made from, where nothing else checks them.
 
-    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes.
+    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes. Different
+    modes differ in their harmonics, so that several in proportion are an accident.
     """
     n, changes = limit.weights.size, limit.changes
     if n == 1 or np.linalg.matrix_rank(changes[: 2 * n - 2], tol=_ONE * float(np.linalg.norm(changes[0]))) > 1:
         return 0.0
-    if len(changes) < 2 * n - 1:
+    if n > 2 or len(changes) < 3:
         return math.inf
-    older = range(n - 1, min(n + _CHECKS, len(changes) - n + 1))
+    older = range(1, min(2 + _CHECKS, len(changes) - 1))
     left = max(float(np.linalg.norm((limit.weights @ changes[i : i + n])[1:])) for i in older)
     return left / abs(fundamental(limit.harmonics))
 

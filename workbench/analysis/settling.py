@@ -31,6 +31,7 @@ _RESTLESS = (
     "a motion of the model's own, chaos)"
 )
 _DEAD = "there is no response"
+_SAMPLED = "sampling and forcing beat: each period sees other samples"
 _BEATS = "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than was waited for"
 
 # What changes between repetitions of a subharmonic, this many times, is its error.
@@ -220,6 +221,8 @@ class Settling:
 
     def _why(self, limit: Limit, of_limit: Response) -> str:
         """Return why the periods have not settled."""
+        if self.evidence.sampled:
+            return _SAMPLED
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
             return _RESONANT
         sizes = np.linalg.norm(limit.changes[:, 1:], axis=1)
