@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.modes.critical import find_root, sign_of
-from workbench.analysis.modes.match import closeness
+from workbench.analysis.modes.match import closeness, match
 from workbench.analysis.modes.modes import critical_values, modes
 from workbench.analysis.modes.poles import Poles, poles_of
 from workbench.analysis.modes.result import Critical, Mode
@@ -122,6 +122,21 @@ def test_twenty_modes_in_random_coordinates_keep_their_lines() -> None:
     found = track(family, np.linspace(0.0, 1.0, 9).tolist())
     assert frequencies(found)[-1] == pytest.approx(end, rel=1e-8)
     assert not found.meetings
+
+
+def test_three_modes_that_cross_in_one_point_are_equal_there_however_rounding_mixes_their_vectors() -> None:
+    """A mode that keeps 0.69 of itself and gives 0.15 to each of two others shares their point with both."""
+    angle = np.exp(2j * np.pi / 3)
+    mixed = np.array([[1, 1, 1], [1, angle, angle**2], [1, angle**2, angle]]) / np.sqrt(3.0)
+    turn = mixed @ np.diag(np.exp(1j * np.array([0.0, 1.26, 1.26]))) @ mixed.conj().T
+    kept = np.abs(turn) ** 2
+    assert kept[0, 0] < 0.75
+    assert kept[0, 1:].max() < 0.25
+    unit = np.eye(3, dtype=np.complex128)
+    apart = Poles(np.array([1j, 1.1j, 1.2j]), unit, unit, np.full(3, 1e-12))
+    together = Poles(np.array([1.1j, 1.1j, 1.1j]), turn, turn, np.full(3, 1e-12))
+    groups = match(apart, together).groups
+    assert [(set(g.before), set(g.after), g.kind) for g in groups] == [({0, 1, 2}, {0, 1, 2}, "equal")]
 
 
 def test_closeness_does_not_depend_on_the_units_of_the_states() -> None:

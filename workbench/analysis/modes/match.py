@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
@@ -92,9 +93,13 @@ def match(before: Poles, after: Poles) -> Match:
 
 
 def _related(close: Floats, pairs: Sequence[tuple[int, int]]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Return the connected sets of modes that are candidates for each other."""
+    """Return the connected sets of modes that are candidates for each other.
+
+    Of a mode that has no clear partner all are candidates that it takes to account for it: where several poles cross in
+    one point, rounding mixes their vectors there, and the share of each may be small.
+    """
     m, k = close.shape
-    linked = close >= _RELATED
+    linked = (close >= _RELATED) | _largest(close) | _largest(close.T).T
     for i, j in pairs:
         linked[i, j] = True
     graph = np.zeros((m + k, m + k), dtype=bool)
@@ -104,6 +109,17 @@ def _related(close: Floats, pairs: Sequence[tuple[int, int]]) -> list[tuple[tupl
     for number in range(count):
         members = np.flatnonzero(label == number)
         found.append((tuple(members[members < m].tolist()), tuple((members[members >= m] - m).tolist())))
+    return found
+
+
+def _largest(close: Floats) -> NDArray[np.bool_]:
+    """Return which modes after, taken in falling closeness, make up what is clear of each mode before."""
+    order = np.argsort(-close, axis=1)
+    falling = np.take_along_axis(close, order, axis=1)
+    sums = np.cumsum(falling, axis=1)
+    needed = sums - falling < _CLEAR * sums[:, -1:]
+    found = np.zeros(close.shape, dtype=bool)
+    np.put_along_axis(found, order, needed, axis=1)
     return found
 
 
