@@ -18,7 +18,7 @@ from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.confirm import confirm
 from workbench.analysis.limit_cycle.continuation import follow
 from workbench.analysis.limit_cycle.family import gain_family
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
+from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
@@ -285,7 +285,8 @@ def test_multipliers_of_a_linear_motion_are_exponentials() -> None:
     if cycle is not None:
         found = multipliers(part, block, cycle)
         assert np.abs(found) == pytest.approx([1.0, 1.0, math.exp(-math.pi)], rel=1e-4)
-        assert is_stable(found)
+        across, doubt = others(found)
+        assert is_stable(across, doubt=doubt)
 
 
 def test_a_block_without_symmetry_moves_the_mean() -> None:
@@ -409,11 +410,29 @@ def test_the_fold_of_a_relay_with_a_dead_zone() -> None:
     (fold,) = branch.folds
     assert fold.value == pytest.approx(8.0 * math.pi * 0.1 / 4.0, rel=1e-6)
     assert fold.fundamental == pytest.approx(0.1 * math.sqrt(2.0), rel=1e-4)
-    assert {p.stable for p in branch.points} == {True, False}
+    # One harmonic does not solve the equations, and gives no multiplier 1 on the lower branch: nothing is told there.
+    assert {p.stable for p in branch.points} == {True, None}
+    assert all(p.stable is None for p in branch.points if p.fundamental < fold.fundamental)
     assert branch.points[0].value == pytest.approx(2.0)
     assert branch.points[-1].value == pytest.approx(2.0)
     for p in branch.points:
         assert p.value / 8.0 * block.gain(p.fundamental).real == pytest.approx(1.0, rel=1e-5)
+
+
+def test_the_lower_branch_of_a_fold_is_unstable() -> None:
+    """The same relay with seven harmonics, whose motions have the multiplier 1: above the fold stable, below not."""
+    plant = control.ss(LAG)
+    part = LinearPart(plant.A, plant.B[:, 0], plant.C[0])
+    block = standard_block("relay", {"level": 2.0, "dead_zone": 0.1})
+    cycle = balance(part, block, frequency=0.27, amplitude=0.31)
+    assert cycle is not None
+    branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.5, 1.1), cycle=cycle)
+    (fold,) = branch.folds
+    upper = [p.stable for p in branch.points if p.fundamental > 1.2 * fold.fundamental]
+    lower = [p.stable for p in branch.points if p.fundamental < 0.9 * fold.fundamental]
+    assert set(upper) == {True}
+    assert True not in lower
+    assert lower.count(False) > 0.5 * len(lower)
 
 
 def test_cycles_of_fmus_over_a_parameter(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.analysis.limit_cycle.free_run import FreeRun
-    from workbench.analysis.limit_cycle.result import LimitCycleResult, SimulatedCycle
+    from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 
 __all__ = ["limit_cycle"]
 
@@ -168,8 +168,8 @@ def _show(result: LimitCycleResult, console: Console) -> None:
     console.print(_crossings(result))
     if result.limit_cycles:
         console.print(_cycles(result))
-    else:
-        console.print("no limit cycle: −1/N(A) is met nowhere in the band")
+    if words := result.none_predicted():
+        console.print(words, soft_wrap=True, markup=False)
     if result.simulated is not None:
         console.print(_outputs(result.simulated))
     if result.free_run is not None:
@@ -200,21 +200,26 @@ def _crossings(result: LimitCycleResult) -> Table:
 def _cycles(result: LimitCycleResult) -> Table:
     unit = f" [{result.input_unit}]" if result.input_unit else ""
     table = table_of(
-        f"limit cycles, amplitude of {result.input}{unit}",
+        f"limit cycles, amplitude and mean of {result.input}{unit}",
         "crossing", "method", "f [Hz]", "amplitude", "fundamental", "mean", "multiplier", "stable",
     )  # fmt: skip
     for c in result.limit_cycles:
         multiplier = "" if c.multiplier is None else f"{c.multiplier:.4g}"
         table.add_row(
-            str(c.crossing + 1), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            _number(c), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
             f"{c.mean:.3g}", multiplier, _word(c.stable),
         )  # fmt: skip
     return table
 
 
+def _number(c: LimitCycle) -> str:
+    """Return the number of a crossing, counted from 1; "" for a cycle that a free run showed."""
+    return "" if c.crossing is None else str(c.crossing + 1)
+
+
 def _outputs(cycle: SimulatedCycle) -> Table:
     table = table_of(
-        f"simulated at {cycle.frequency_hz:.6g} Hz from the predicted state, {cycle.periods} periods",
+        f"simulated at {cycle.frequency_hz:.6g} Hz {_begun(cycle)}, {cycle.periods} periods",
         "variable", "unit", "amplitude", "fundamental", "mean",
     )  # fmt: skip
     for name in list(cycle.amplitude)[:_MOST_OUTPUTS]:
@@ -223,6 +228,10 @@ def _outputs(cycle: SimulatedCycle) -> Table:
             f"{cycle.mean[name]:.3g}",
         )  # fmt: skip
     return table
+
+
+def _begun(cycle: SimulatedCycle) -> str:
+    return "from a free run" if cycle.crossing is None else "from the predicted state"
 
 
 def _history(run: FreeRun) -> Table:

@@ -118,7 +118,7 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
     """Mark frequency and amplitude of each cycle by each method, nested marks; hollow ones are unstable."""
     seen: set[str] = set()
     for c in result.limit_cycles:
-        colour = COLOURS[c.crossing % len(COLOURS)]
+        colour = COLOURS[(c.crossing or 0) % len(COLOURS)]
         fill = colour if c.stable and c.method in {"describing function", "simulation"} else "white"
         style: dict[str, Any] = {"color": colour, "markerfacecolor": fill, "linestyle": "", "alpha": 0.9}
         ax.plot(c.frequency_hz, c.fundamental, _MARKS[c.method], markersize=_SIZES[c.method], **style)
@@ -126,8 +126,8 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
     for c in (c for c in result.limit_cycles if c.method == "describing function"):
         word = "stable" if c.stable else "unstable"
         ax.annotate(
-            f"{c.crossing + 1}: {c.frequency_hz:.4g} Hz, {word}", (c.frequency_hz, c.fundamental), xytext=(0, 10),
-            textcoords="offset points", fontsize=8.0, ha="center",
+            f"{(c.crossing or 0) + 1}: {c.frequency_hz:.4g} Hz, {word}", (c.frequency_hz, c.fundamental),
+            xytext=(0, 10), textcoords="offset points", fontsize=8.0, ha="center",
         )  # fmt: skip
     for name in [m for m in _MARKS if m in seen]:
         ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
@@ -138,7 +138,7 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
     if seen:
         ax.legend(**{**LEGEND, "loc": "best"})
     else:
-        ax.text(0.5, 0.5, "no limit cycle", transform=ax.transAxes, ha="center", color="#666666")
+        ax.text(0.5, 0.5, "no limit cycle found", transform=ax.transAxes, ha="center", color="#666666")
 
 
 def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
@@ -150,7 +150,8 @@ def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     for number, name in enumerate(names):
         ax.plot(cycle.time[shown], cycle.values[name][shown], color=COLOURS[number % len(COLOURS)], linewidth=1.3)
     ax.set(xlabel="time [s]", ylabel=label(names[0], cycle.units.get(names[0])))
-    ax.set_title(f"simulated from the predicted state: {cycle.frequency_hz:.5g} Hz", loc="left", fontsize=9.5)
+    begun = "a free run" if cycle.crossing is None else "the predicted state"
+    ax.set_title(f"simulated from {begun}: {cycle.frequency_hz:.5g} Hz", loc="left", fontsize=9.5)
 
 
 def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:

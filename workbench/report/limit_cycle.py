@@ -45,11 +45,12 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
 
 
 def _lead(result: LimitCycleResult) -> str:
-    if not result.limit_cycles:
-        return "No limit cycle: −1/N(A) is met nowhere in the band."
+    none = result.none_predicted()
+    if none:
+        return f"{none[:1].upper()}{none[1:]}."
     stable = [c for c in result.limit_cycles if c.stable]
     if not stable:
-        return f"{counted(len(result.crossings), 'crossing')}, and no stable limit cycle among them."
+        return f"{counted(len(result.crossings), 'crossing')}, and none of them is a stable limit cycle."
     best = stable[-1]
     size = f"{best.amplitude:.4g} {result.input_unit or ''}".strip()
     where = f"{best.frequency_hz:.5g} Hz with amplitude {size} of {result.input}"
@@ -65,9 +66,15 @@ def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     return found
 
 
+def _number(c: LimitCycle) -> str:
+    """Return the number of a crossing, counted from 1; "" for a cycle that a free run showed."""
+    return "" if c.crossing is None else str(c.crossing + 1)
+
+
 def _cycle_words(c: LimitCycle, unit: str | None) -> str:
     size = f"{c.amplitude:.4g} {unit or ''}".strip()
-    return f"crossing {c.crossing + 1}, {c.method}: {c.frequency_hz:.5g} Hz, amplitude {size}"
+    place = "free run" if c.crossing is None else f"crossing {c.crossing + 1}"
+    return f"{place}, {c.method}: {c.frequency_hz:.5g} Hz, amplitude {size}"
 
 
 def _crossings(result: NyquistResult) -> Section:
@@ -96,12 +103,12 @@ def _cycles(result: LimitCycleResult) -> Section:
     )  # fmt: skip
     rows = [
         (
-            str(c.crossing + 1), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            _number(c), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
             f"{c.mean:.3g}", number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
         )
         for c in result.limit_cycles
     ]  # fmt: skip
-    words = f"Amplitude: half the peak-to-peak value of {result.input}."
+    words = f"Amplitude: half the peak-to-peak value of {result.input}; mean: its mean value."
     return Section(
         "Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=(0, *range(2, 8)))]
     )

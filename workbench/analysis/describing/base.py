@@ -30,6 +30,7 @@ class Block(ABC):
         name: for tables and pictures.
         real: see 2.
         frequency_dependent: see 3.
+        centre: input at the operating point, from which inputs are counted.
         accuracy: relative accuracy of an answer; 0: rounding.
     """
 
@@ -37,6 +38,7 @@ class Block(ABC):
     real: bool = True
     frequency_dependent: bool = False
     accuracy: float = 0.0
+    centre: float = 0.0
 
     @abstractmethod
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
@@ -86,6 +88,7 @@ class Negated(Block):
 
     def __init__(self, block: Block) -> None:
         self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
+        self.centre = block.centre
         self._block = block
 
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:

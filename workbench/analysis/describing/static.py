@@ -27,6 +27,7 @@ class StaticBlock(Block):
         name: for tables and pictures.
         levels: inputs at which the function or its slope jumps, relative to the centre; None: looked for.
         centre: input at the operating point.
+        rest: output there; None: f(centre), and 0 for the centre 0.
     """
 
     def __init__(
@@ -36,18 +37,19 @@ class StaticBlock(Block):
         name: str = "block",
         levels: Sequence[float] | None = None,
         centre: float = 0.0,
+        rest: float | None = None,
     ) -> None:
         self.name = name
         self._function = function
-        self._centre = centre
-        self._rest = float(function(np.array([centre]))[0]) if centre else 0.0
+        self.centre = centre
+        self._rest = rest if rest is not None else float(function(np.array([centre]))[0]) if centre else 0.0
         self._levels = None if levels is None else np.unique(np.array([0.0, *levels]))
         self._found: dict[int, Floats] = {}
 
     def static(self, v: Floats) -> Floats:
-        y = np.asarray(self._function(np.asarray(v, dtype=np.float64) + self._centre), dtype=np.float64)
+        y = np.asarray(self._function(np.asarray(v, dtype=np.float64) + self.centre), dtype=np.float64)
         if not np.isfinite(y).all():
-            worst = float(np.asarray(v)[~np.isfinite(y)][0]) + self._centre
+            worst = float(np.asarray(v)[~np.isfinite(y)][0]) + self.centre
             raise InputError(f"block {self.name}: its output at the input {worst:g} is not finite")
         return y - self._rest
 

@@ -69,7 +69,7 @@ class CyclesLeft:
             return f"settles from amplitudes below {least:.4g}; not from all above"
         if self.unstable_large:
             return "small motions settle, large ones grow; no cycle lies between"
-        return "no cycle: settles from every amplitude"
+        return "no cycle predicted: small and large motions settle"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""

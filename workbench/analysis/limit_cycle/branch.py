@@ -24,7 +24,7 @@ class BranchPoint:
         frequency_hz: [Hz].
         amplitude: half the peak-to-peak value of the block's input.
         fundamental: amplitude of its fundamental.
-        mean: of the block's input, relative to the operating point.
+        mean: of the block's input, in its unit.
         stable: by Floquet multipliers; None: not computed.
     """
 

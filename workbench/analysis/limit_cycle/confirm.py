@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Simulated:
         periods: how many were run.
         time: shape (n,), of the last periods [s].
         values: variable → shape (n,).
+        states: state → its value at the end.
+        sizes: state → how far it moved in the last periods.
         note: what was wrong; "": nothing.
     """
 
@@ -46,6 +48,8 @@ class Simulated:
     periods: int
     time: Floats
     values: Mapping[str, Floats]
+    states: Mapping[str, float] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
 
 
@@ -58,6 +62,7 @@ def confirm(
     amplitude: float,
     watch: str,
     outputs: Sequence[str],
+    end: Sequence[str],
     time: float,
     periods: int,
 ) -> Simulated | str:
@@ -71,19 +76,23 @@ def confirm(
         amplitude: predicted, of `watch`.
         watch: variable whose fundamental counts.
         outputs: others to measure.
+        end: states whose values at the end are wanted.
         time: session time at which it begins [s].
         periods: at most.
     """
     names = list(dict.fromkeys([watch, *outputs]))
+    end = list(dict.fromkeys(end))
     steady, run, last, f = False, 0, 0.0, frequency
-    at, values = np.zeros(0), dict.fromkeys(names, np.zeros(0))
+    at, values = np.zeros(0), dict.fromkeys([*names, *end], np.zeros(0))
     with model.open_at(time=time, values={**inputs, **states}, tolerance=_TOLERANCE) as session:
         while run < periods and not steady:
             count = min(_CHUNK, periods - run)
             begin = session.time
             points = begin + np.arange(1, count * _PER_PERIOD + 1) / (f * _PER_PERIOD)
             try:
-                record = session.advance(float(points[-1]), signals={}, record=names, points=points)
+                record = session.advance(
+                    float(points[-1]), signals={}, record=list(dict.fromkeys([*names, *end])), points=points
+                )
             except SimulationError as error:
                 return f"the simulation failed: {error}"
             run += count
@@ -95,7 +104,10 @@ def confirm(
             if size < _VANISHED * amplitude:
                 return f"the motion dies out: {watch} has fallen to {size:.2g} after {run} periods"
     note = "" if steady else f"not steady after {run} periods"
-    return _measured(at, values, f, steady=steady, run=run, note=note)
+    shown = {n: values[n] for n in names}
+    found = _measured(at, shown, f, steady=steady, run=run, note=note)
+    states_end, sizes = ({n: float(of(values[n])) for n in end} for of in (lambda x: x[-1], np.ptp))
+    return replace(found, states=states_end, sizes=sizes)
 
 
 def _measured(at: Floats, values: Mapping[str, Floats], f: float, *, steady: bool, run: int, note: str) -> Simulated:

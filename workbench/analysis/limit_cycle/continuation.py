@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
+from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import Balance, Cycle
 from workbench.analysis.nyquist.linear_part import LinearPart
 
@@ -75,6 +75,11 @@ def follow(
         folds=tuple(track.point(y, stability=False) for y in (*reversed(folds_back), *folds)),
         ends=(why_back, why),
     )
+
+
+def _stable(part: LinearPart, block: Block, cycle: Cycle) -> bool | None:
+    across, doubt = others(multipliers(part, block, cycle))
+    return is_stable(across, doubt=doubt)
 
 
 def _has_memory(block: Block) -> bool:
@@ -214,6 +219,6 @@ class _Track:
             frequency_hz=cycle.frequency,
             amplitude=cycle.amplitude,
             fundamental=cycle.fundamental,
-            mean=float(cycle.v[0].real),
-            stable=is_stable(multipliers(part, block, cycle)) if stability else None,
+            mean=block.centre + float(cycle.v[0].real),
+            stable=_stable(part, block, cycle) if stability else None,
         )

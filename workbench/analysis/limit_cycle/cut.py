@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.describing.static import StaticBlock, pointwise
+from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
@@ -37,6 +38,8 @@ __all__ = ["Cut", "Ports", "cut", "driven_block", "find_ports", "only_block", "r
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
 _WHAT = "the block is taken about"
+_SAME = 1e-6  # of the largest output, of a block that answers alike on both ways
+_ROUNDS = 8  # linearisations on the way to the middle of a loop
 _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
 
 
@@ -77,6 +80,7 @@ class Cut:
         rest: the linear part as it was linearised.
         point: operating point of the whole system.
         centre: of the block's input at that point.
+        output: of the block there; where it jumps, between the values on both sides.
         notes: what the user should know.
     """
 
@@ -87,6 +91,7 @@ class Cut:
     rest: LinResult
     point: OperatingPoint
     centre: float
+    output: float
     notes: tuple[str, ...]
 
 
@@ -139,14 +144,50 @@ def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, tim
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([ports.v, ports.w])
     rest = _linear_rest(model, ports, point, time, here[ports.w])
-    block = _static(model, ports, here[ports.v], time, keep)
+    function = _static(model, ports, time, keep)
+    centre, output = here[ports.v], here[ports.w]
+    if function is not None and is_moving(rest):
+        middle, rest = _middle(model, ports, rest, function, (point, centre, output), time)
+        if middle is not None:
+            centre, output = middle.v, middle.w
+            place = f"{ports.v} = {centre:.4g}, {ports.w} = {output:.4g}"
+            why = "where the rest of the loop is at rest and the block's characteristic, its jumps filled in, is met"
+            notes = [f"the start is not at rest; {_WHAT} {place}, {why}"]
+    block = None if function is None else _block(function, ports, centre, output)
     part = LinearPart.from_lin(rest, sign=-1.0)
     turned = block is not None and all(block.gain(a).real <= 0.0 for a in _PROBES)
     if turned and block is not None:
         part, block = part.negated(), block.negated()
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
-    return Cut(ports, part, block, turned, rest, point, here[ports.v], tuple(notes))
+    return Cut(ports, part, block, turned, rest, point, centre, output, tuple(notes))
+
+
+def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
+    return StaticBlock(function, name=ports.component, centre=centre, rest=output)
+
+
+def _middle(  # noqa: PLR0917
+    model: DescribedModel,
+    ports: Ports,
+    rest: LinResult,
+    function: Callable[[Floats], Floats],
+    here: tuple[OperatingPoint, float, float],
+    time: float,
+) -> tuple[Centre | None, LinResult]:
+    """Return the middle of a loop that is not at rest, and its linear part there; None and as it was: there is none."""
+    point, v, w = here
+    found, moved = None, rest
+    for _ in range(_ROUNDS):
+        middle = centre_of(moved, function, v, w)
+        if middle is None:
+            return None, rest
+        x = dict(zip(moved.state_names, middle.x.tolist(), strict=True))
+        moved = _linear_rest(model, ports, replace(point, x={**point.x, **x}), time, middle.w)
+        found, v, w = middle, float(moved.point.y[_RETURNED]), middle.w
+        if not is_moving(moved, rest):
+            return found, moved
+    return None, rest
 
 
 def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: ExitStack) -> Cut:
@@ -170,9 +211,10 @@ def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: Exi
         rest = _linear_rest(model, base.ports, point, time, here[base.ports.w])
         part = LinearPart.from_lin(rest, sign=1.0 if base.turned else -1.0)
     if own or centre != base.centre:
-        fresh = _static(model, base.ports, centre, time, keep)
+        function = _static(model, base.ports, time, keep)
+        fresh = None if function is None else _block(function, base.ports, centre, here[base.ports.w])
         block = fresh.negated() if fresh is not None and base.turned else fresh
-    return replace(base, part=part, block=block, rest=rest, point=point, centre=centre)
+    return replace(base, part=part, block=block, rest=rest, point=point, centre=centre, output=here[base.ports.w])
 
 
 def reblock(
@@ -189,7 +231,8 @@ def reblock(
     """
     if base.block is None or base.centre != 0.0:
         return None
-    fresh = _static(model, base.ports, 0.0, time, keep, starts)
+    function = _static(model, base.ports, time, keep, starts)
+    fresh = None if function is None else _block(function, base.ports, 0.0, base.output)
     zero = np.zeros(1)
     block = fresh.negated() if fresh is not None and base.turned else fresh
     same = block is not None and block.static(zero)[0] == base.block.static(zero)[0]
@@ -316,25 +359,21 @@ def driven_block(model: DescribedModel, ports: Ports, count: int) -> DescribedMo
     return _with_system(model, alone, ports.component, inside=True)
 
 
-def _static(  # noqa: PLR0917 - what a block is looked up by
-    model: DescribedModel,
-    ports: Ports,
-    centre: float,
-    time: float,
-    keep: ExitStack,
-    starts: Mapping[str, Value] | None = None,
-) -> Block | None:
-    """Return the block where it has no memory."""
+def _static(
+    model: DescribedModel, ports: Ports, time: float, keep: ExitStack, starts: Mapping[str, Value] | None = None
+) -> Callable[[Floats], Floats] | None:
+    """Return the block as a function where it has no memory."""
     component = _component(_system(model), ports.component)
     if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
-        return StaticBlock(pointwise(component.function), name=ports.component, centre=centre)
+        return pointwise(component.function)
     alone = keep.enter_context(only_block(model, ports, starts))
     if any(v.variability == "discrete" for v in alone.outputs):
         return None
     point = keep.enter_context(alone.open_point(time=time))
     if point.memory or len(point.ticks(1, 1e300)) or _sees_states(point):
         return None
-    return StaticBlock(_swept(alone, time, keep), name=ports.component, centre=centre)
+    function = _swept(alone, time, keep)
+    return None if _remembers(function) else function
 
 
 def _swept(alone: DescribedModel, time: float, keep: ExitStack) -> Callable[[Floats], Floats]:
@@ -350,6 +389,15 @@ def _swept(alone: DescribedModel, time: float, keep: ExitStack) -> Callable[[Flo
         return np.asarray(record.values["w"][last], dtype=np.float64)
 
     return evaluate
+
+
+def _remembers(function: Callable[[Floats], Floats]) -> bool:
+    """Whether the output depends on where the input comes from: a Boolean or Integer that the block keeps to itself."""
+    sizes = np.geomspace(1e-6, 1e3, 46)
+    up = np.concatenate([-sizes[::-1], sizes])
+    found = function(np.concatenate([up, up[::-1]]))
+    rising, falling = found[: len(up)], found[: len(up) - 1 : -1]
+    return bool((np.abs(rising - falling) > _SAME * float(np.abs(found).max(initial=0.0))).any())
 
 
 def _sees_states(point: Point) -> bool:

@@ -29,23 +29,21 @@ def same_cycle(other: LimitCycle, cycle: Cycle) -> bool:
     return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
 
 
-def largest_multiplier(found: Complex) -> float | None:
-    """Return the size of the largest multiplier besides the one at 1.
+def largest_multiplier(across: Complex | None) -> float | None:
+    """Return the size of the largest multiplier besides the one at 1; None: there is none, or it is not known.
 
     Args:
-        found: Floquet multipliers.
+        across: these multipliers.
     """
-    others = np.delete(found, int(np.argmin(np.abs(found - 1.0))))
-    return float(np.abs(others).max()) if len(others) else None
+    return float(np.abs(across).max()) if across is not None and len(across) else None
 
 
-def from_orbit(number: int, orbit: Orbit, centre: float) -> LimitCycle:
+def from_orbit(number: int | None, orbit: Orbit) -> LimitCycle:
     """Return the entry of a closed orbit.
 
     Args:
-        number: of its crossing.
+        number: of its crossing; None: no crossing predicted it.
         orbit: by shooting.
-        centre: of the block's input at the operating point.
     """
     return LimitCycle(
         method=METHODS[2],
@@ -53,22 +51,21 @@ def from_orbit(number: int, orbit: Orbit, centre: float) -> LimitCycle:
         frequency_hz=orbit.frequency,
         amplitude=orbit.amplitude,
         fundamental=orbit.fundamental,
-        mean=orbit.mean - centre,
-        stable=is_stable(orbit.multipliers),
+        mean=orbit.mean,
+        stable=is_stable(orbit.multipliers, doubt=orbit.doubt),
         multiplier=largest_multiplier(orbit.multipliers),
         residual=orbit.residual,
         states=orbit.states,
     )
 
 
-def from_run(number: int, run: Simulated, watch: str, centre: float) -> LimitCycle:
+def from_run(number: int | None, run: Simulated, watch: str) -> LimitCycle:
     """Return the entry of a simulation.
 
     Args:
-        number: of its crossing.
+        number: of its crossing; None: no crossing predicted it.
         run: what it showed.
         watch: the block's input.
-        centre: of the block's input at the operating point.
     """
     return LimitCycle(
         method=METHODS[3],
@@ -76,19 +73,22 @@ def from_run(number: int, run: Simulated, watch: str, centre: float) -> LimitCyc
         frequency_hz=run.frequency,
         amplitude=run.amplitude[watch],
         fundamental=run.fundamental[watch],
-        mean=run.mean[watch] - centre,
+        mean=run.mean[watch],
         stable=True if run.steady else None,
     )
 
 
-def simulated_cycle(system: DescribedModel, number: int, run: Simulated, begun: LimitCycle) -> SimulatedCycle:
+def simulated_cycle(
+    system: DescribedModel, number: int | None, run: Simulated, frequency: float, amplitude: float
+) -> SimulatedCycle:
     """Return what a simulation ended in.
 
     Args:
         system: what was simulated.
-        number: of the crossing.
+        number: of the crossing; None: no crossing predicted it.
         run: what it showed.
-        begun: the cycle at whose state it began.
+        frequency: where it began [Hz].
+        amplitude: of the block's input, where it began.
     """
     units = {v.name: v.unit for v in system.description.variables}
     return SimulatedCycle(
@@ -102,6 +102,6 @@ def simulated_cycle(system: DescribedModel, number: int, run: Simulated, begun: 
         periods=run.periods,
         time=run.time,
         values=run.values,
-        predicted_frequency_hz=begun.frequency_hz,
-        predicted_amplitude=begun.amplitude,
+        predicted_frequency_hz=frequency,
+        predicted_amplitude=amplitude,
     )

@@ -10,13 +10,16 @@ from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
 from workbench.analysis.nyquist.linear_part import LinearPart
 
-__all__ = ["is_stable", "multipliers"]
+__all__ = ["is_stable", "multipliers", "others"]
 
 _STEPS = 512
 _STEPS_SPLIT = 1024
 _TRUE_ENOUGH = 1e-3
 _LARGE = 20  # states
 _MARGIN = 1e-6
+_SEEN = 1e-10  # of the largest multiplier: smaller ones are rounding
+_FOUND = 0.2  # by which the multiplier of the motion along the orbit may be off from 1
+_EXACT = 1e-3  # by which it may be off where others at 1 (a family of orbits) count as stable
 
 
 def multipliers(part: LinearPart, block: Block, cycle: Cycle) -> Complex:
@@ -24,7 +27,8 @@ def multipliers(part: LinearPart, block: Block, cycle: Cycle) -> Complex:
 
     Over each of many steps the block is replaced by the slope of its chord, which keeps jumps: a relay is passed as
     the jump of the flow demands. Large systems are split (Strang) into the linear part alone and the block alone, whose
-    exponential is of rank one; where the multiplier 1 then comes out wrong, exponentials of the whole are taken.
+    exponential is of rank one; where the multiplier 1 then comes out wrong, exponentials of the whole are taken. Where
+    their product is not that of Liouville's formula they are NaN.
 
     Args:
         part: L.
@@ -38,7 +42,18 @@ def multipliers(part: LinearPart, block: Block, cycle: Cycle) -> Complex:
         found = _sorted(_split(part, *_slopes(part, block, cycle, _STEPS_SPLIT)))
         if np.min(np.abs(found - 1.0)) < _TRUE_ENOUGH:
             return found
-    return _sorted(_whole(part, *_slopes(part, block, cycle, _STEPS)))
+    slopes, step = _slopes(part, block, cycle, _STEPS)
+    found = _sorted(_whole(part, slopes, step))
+    return found if _agrees_with_liouville(found, part, slopes, step) else np.full_like(found, np.nan)
+
+
+def _agrees_with_liouville(found: Complex, part: LinearPart, slopes: list[float], step: float) -> bool:
+    """Whether the product of the multipliers is the exponential of the traces, where rounding lets one see it."""
+    size = np.abs(found)
+    if not np.isfinite(size).all() or size.min(initial=np.inf) <= _SEEN * size.max(initial=0.0):
+        return bool(np.isfinite(size).all())
+    traces = step * float(len(slopes) * np.trace(part.A) - sum(slopes) * float(part.C @ part.B))
+    return bool(abs(float(np.log(size).sum()) - traces) <= _TRUE_ENOUGH * max(1.0, abs(traces)))
 
 
 def _sorted(flow: Floats) -> Complex:
@@ -85,11 +100,32 @@ def _split(part: LinearPart, slopes: list[float], step: float) -> Floats:
     return np.asarray(np.linalg.solve(half, flow), dtype=np.float64)
 
 
-def is_stable(found: Complex) -> bool:
-    """Whether all multipliers but the one nearest to 1 lie inside the unit circle.
+def others(found: Complex) -> tuple[Complex | None, float]:
+    """Return the multipliers without the one at 1, and by how much that one is off; None: none is near 1.
+
+    The motion along the orbit has the multiplier 1. Where the orbit is approximate (few harmonics), that one is off,
+    and the others are as well; where none is near 1, none is right.
 
     Args:
         found: shape (n,).
     """
-    others = np.delete(found, int(np.argmin(np.abs(found - 1.0))))
-    return bool(np.all(np.abs(others) < 1.0 + _MARGIN))
+    off = np.abs(found - 1.0)
+    if not np.isfinite(found).all() or not off.min(initial=np.inf) < _FOUND:
+        return None, np.inf
+    return np.delete(found, int(np.argmin(off))), float(off.min())
+
+
+def is_stable(across: Complex | None, *, doubt: float = 0.0) -> bool | None:
+    """Whether all multipliers besides the one at 1 lie inside the unit circle; None: not known.
+
+    Args:
+        across: these; None: not known.
+        doubt: what they may be off by.
+    """
+    if across is None:
+        return None
+    size = np.abs(across)
+    if (size > 1.0 + max(_MARGIN, doubt)).any():
+        return False
+    sure = (size < 1.0 + _MARGIN).all() if doubt <= _EXACT else (size < 1.0 - doubt).all()
+    return True if sure else None

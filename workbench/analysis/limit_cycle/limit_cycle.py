@@ -12,7 +12,7 @@ import numpy as np
 from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import HARMONICS, Block
 from workbench.analysis.limit_cycle.branch import Branch
-from workbench.analysis.limit_cycle.confirm import confirm
+from workbench.analysis.limit_cycle.confirm import Simulated, confirm
 from workbench.analysis.limit_cycle.continuation import Family, follow
 from workbench.analysis.limit_cycle.cut import Cut, cut, driven_block, only_block
 from workbench.analysis.limit_cycle.driven import DrivenBlock
@@ -25,16 +25,17 @@ from workbench.analysis.limit_cycle.entries import (
     simulated_cycle,
 )
 from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers
+from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
+from workbench.analysis.limit_cycle.observe import Observation, observe
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import At
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.model.placing import named
 from workbench.origin import with_origin
@@ -45,7 +46,11 @@ __all__ = ["METHODS", "limit_cycle"]
 
 _ON_BRANCH = 0.02  # interpolated
 _FAR = 0.2  # logarithm of a ratio of frequencies
+_OUTSIDE = 3.0  # times: so far beyond the band a cycle of harmonic balance may lie
+_VANISHED = 1e-3  # of the predicted amplitude: an orbit smaller than that is the equilibrium
 _FASTEST = 10.0  # [Hz], where no crossing says what to expect
+_SMALL_PUSH, _LARGE_PUSH = 0.1, 10.0  # nominal values of the block's input
+_TIME_CONSTANTS = 40.0  # of the slowest pole: length of the first stretch of a free run
 _PHASES = 400  # at which the predicted states are looked at
 
 
@@ -81,7 +86,9 @@ def limit_cycle(
     - simulation from the predicted state, for those that are stable.
 
     The first two take what surrounds the block as linear; shooting and simulation do not, and show by how much that is
-    wrong. Cycles that no crossing predicts are not found. Not for sampled or co-simulated parts.
+    wrong. Where no cycle is predicted the system is run from disturbed operating points (`observed`), and what keeps
+    oscillating is reported: other cycles that no crossing predicts are not found.
+    Not for sampled or co-simulated parts.
 
     Args:
         system: connected model exchange parts; it stays open.
@@ -126,7 +133,7 @@ def limit_cycle(
     with ExitStack() as keep, one_thread():
         loop = cut(system, block, at=system.at, time=time, keep=keep)
         curve = _crossings(system, loop, band, amplitudes, workers)
-        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time, keep)
+        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time, keep, band, amplitudes)
         result = work.run()
         branches = [b for name, limits in (vary or {}).items() for b in work.followed(name, limits, keep)]
         units = {v.name: v.unit for v in system.description.variables if v.name in (vary or {})}
@@ -182,17 +189,22 @@ class _Work:
     periods: int
     time: float
     keep: ExitStack
+    band: tuple[float, float]
+    amplitudes: tuple[float, float] | None
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
     driven: DrivenBlock | None = None
     cycles: list[Cycle] = field(default_factory=list)
+    observed: list[Observation] = field(default_factory=list)
 
     def run(self) -> LimitCycleResult:
         self.notes += self.loop.notes
         for number, crossing in enumerate(self.curve.crossings):
             if crossing.amplitude is not None:
                 self._refine(number, crossing, crossing.amplitude)
+        if not self.found and METHODS[3] in self.methods:
+            self._observe()
         model, ports = self.system, self.loop.ports
         return LimitCycleResult(
             model=model.name,
@@ -203,15 +215,16 @@ class _Work:
             output=ports.w,
             input_unit=next((v.unit for v in model.description.variables if v.name == ports.v), None),
             nyquist=self.curve,
-            limit_cycles=tuple(c for c in self.found if c.method in self.methods),
+            limit_cycles=tuple(sorted((c for c in self.found if c.method in self.methods), key=_place)),
             simulated=self.simulated,
+            observed=tuple(self.observed),
             notes=tuple(dict.fromkeys(self.notes)),
         )
 
     def _refine(self, number: int, c: Crossing, amplitude: float) -> None:
         first = LimitCycle(
             method=METHODS[0], crossing=number, frequency_hz=c.frequency_hz, amplitude=amplitude,
-            fundamental=amplitude, stable=c.stable,
+            fundamental=amplitude, mean=self.loop.centre, stable=c.stable,
         )  # fmt: skip
         self.found.append(first)
         if c.distortion is not None and c.distortion > 0.05:
@@ -228,9 +241,57 @@ class _Work:
         if isinstance(block, DrivenBlock) and self.found[-1].method == METHODS[1]:
             own, moved = block.states()
             states, sizes = {**states, **own}, {**sizes, **moved}
-        if self.loop.block is not None or len(states) > len(self.loop.rest.state_names):
-            self._shot(number, states, sizes, cycle)
-        self._confirmed(number, states, expected=c.stable)
+        shootable = self.loop.block is not None or len(states) > len(self.loop.rest.state_names)
+        shot = shootable and self._shot(number, states, sizes, cycle.frequency, cycle.amplitude)
+        last = self.found[-1]
+        stable = c.stable if last.stable is None else last.stable
+        if METHODS[3] not in self.methods or stable is False:
+            return
+        run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
+        if run is not None and run.steady and shootable and not shot:
+            notes = list(self.notes)
+            if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
+                self.notes = [n for n in notes if not (n.startswith(_named(number)) and "shooting" in n)]
+
+    # -- where nothing is predicted ---------------------------------------------------------
+
+    def _observe(self) -> None:
+        """Run the system from its disturbed operating point: what keeps oscillating is a cycle not predicted."""
+        part, rest = self.loop.part, self.loop.rest
+        size = next((v.nominal for v in self.system.description.variables if v.name == self.loop.ports.v), None) or 1.0
+        low, high = self.amplitudes or (_SMALL_PUSH * size, _LARGE_PUSH * size)
+        speeds = np.abs(part.poles)
+        slowest = float(speeds[speeds > 0.0].min(initial=np.inf))
+        seconds = _TIME_CONSTANTS / slowest if np.isfinite(slowest) else 1.0 / self.band[0]
+        for push in (float(np.sqrt(low * high)), high):
+            moved = self._pushed(push)
+            values = {**self._inputs(), **rest.point.x, **moved}
+            try:
+                seen = observe(
+                    self.system, values=values, states=list(rest.state_names), watch=self.loop.ports.v, push=push,
+                    seconds=seconds, time=self.time,
+                )  # fmt: skip
+            except (InputError, SimulationError) as error:
+                self.notes.append(f"the system cannot be run from a disturbed operating point: {error}")
+                return
+            self.observed.append(seen)
+            if seen.outcome == "oscillation" and seen.frequency_hz is not None:
+                self._unpredicted(seen, seen.frequency_hz)
+                return
+
+    def _pushed(self, push: float) -> dict[str, float]:
+        """Return the states of the linear part that move the block's input by `push`, each by its size alike."""
+        names, c = self.loop.rest.state_names, self.loop.part.C
+        nominal = {v.name: v.nominal for v in self.system.states}
+        sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])
+        square = float(((sizes * c) ** 2).sum())
+        moved = sizes**2 * c * push / square if square > 0.0 else np.zeros(len(names))
+        return {n: self.loop.rest.point.x[n] + d for n, d in zip(names, moved.tolist(), strict=True)}
+
+    def _unpredicted(self, seen: Observation, frequency: float) -> None:
+        run = self._confirmed(None, seen.states, frequency=frequency, amplitude=seen.swing)
+        if run is not None and run.steady and self.loop.block is not None:
+            self._shot(None, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v])
 
     def _driven(self, number: int) -> DrivenBlock | None:
         """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
@@ -284,8 +345,14 @@ class _Work:
         if cycle is None:
             self.notes.append(f"crossing {number + 1}: harmonic balance finds no cycle near it")
             return self._sine(first)
+        if not self.band[0] / _OUTSIDE <= cycle.frequency <= self.band[1] * _OUTSIDE:
+            self.notes.append(
+                f"crossing {number + 1}: harmonic balance leads out of the band, to {cycle.frequency:.3g} Hz; "
+                "that is not taken for a cycle"
+            )
+            return self._sine(first)
         for other in self.found:
-            if other.method == METHODS[1] and same_cycle(other, cycle):
+            if other.method == METHODS[1] and other.crossing is not None and same_cycle(other, cycle):
                 self.notes.append(
                     f"crossing {number + 1}: harmonic balance leads to the cycle of crossing {other.crossing + 1}"
                 )
@@ -300,7 +367,12 @@ class _Work:
             self.notes.append(f"block {block.name}: it did not repeat itself under a periodic input")
         if not driven:
             self.cycles.append(cycle)
-        floquet = None if driven else multipliers(part, block, cycle)
+        floquet, doubt = (None, 0.0) if driven else others(multipliers(part, block, cycle))
+        if floquet is None and not driven:
+            self.notes.append(
+                f"crossing {number + 1}: harmonic balance with {self.harmonics} harmonics does not give the "
+                "multiplier 1 that every cycle has; its stability is not known (more harmonics, or shooting)"
+            )
         self.found.append(
             LimitCycle(
                 method=METHODS[1],
@@ -308,9 +380,9 @@ class _Work:
                 frequency_hz=cycle.frequency,
                 amplitude=cycle.amplitude,
                 fundamental=cycle.fundamental,
-                mean=float(cycle.v[0].real),
-                stable=None if floquet is None else is_stable(floquet),
-                multiplier=None if floquet is None else largest_multiplier(floquet),
+                mean=self.loop.centre + float(cycle.v[0].real),
+                stable=is_stable(floquet, doubt=doubt),
+                multiplier=largest_multiplier(floquet),
                 residual=cycle.residual,
                 states={**self._predicted(cycle)[0], **(block.states()[0] if isinstance(block, DrivenBlock) else {})},
             )
@@ -328,42 +400,62 @@ class _Work:
     def _inputs(self) -> dict[str, float]:
         return dict(self.loop.point.u)
 
-    def _shot(self, number: int, states: Mapping[str, float], sizes: Mapping[str, float], cycle: Cycle) -> None:
+    def _shot(
+        self,
+        number: int | None,
+        states: Mapping[str, float],
+        sizes: Mapping[str, float],
+        frequency: float,
+        amplitude: float,
+    ) -> bool:
+        """Look for the closed orbit near a motion; whether there is one."""
         if METHODS[2] not in self.methods:
-            return
+            return False
         orbit = shoot(
-            self.system, states=states, sizes=sizes, frequency=cycle.frequency, inputs=self._inputs(),
+            self.system, states=states, sizes=sizes, frequency=frequency, inputs=self._inputs(),
             watch=self.loop.ports.v, time=self.time,
         )  # fmt: skip
+        if not isinstance(orbit, str) and orbit.amplitude < _VANISHED * amplitude:
+            orbit = "shooting leads to an equilibrium, not to a cycle"
         if isinstance(orbit, str):
-            self.notes.append(f"crossing {number + 1}: {orbit}")
-            return
-        self.found.append(from_orbit(number, orbit, self.loop.centre))
+            self.notes.append(f"{_named(number)}: {orbit}")
+            return False
+        self.found.append(from_orbit(number, orbit))
+        return True
 
-    def _confirmed(self, number: int, states: Mapping[str, float], *, expected: bool | None) -> None:
-        last = self.found[-1]
-        stable = expected if last.stable is None else last.stable
-        if METHODS[3] not in self.methods or stable is False:
-            return
+    def _confirmed(
+        self, number: int | None, states: Mapping[str, float], *, frequency: float, amplitude: float
+    ) -> Simulated | None:
+        """Simulate from a predicted state; None: no oscillation stays."""
         run = confirm(
             self.system,
-            states=last.states or states,
+            states=states,
             inputs=self._inputs(),
-            frequency=last.frequency_hz,
-            amplitude=last.amplitude,
+            frequency=frequency,
+            amplitude=amplitude,
             watch=self.loop.ports.v,
             outputs=self.outputs,
+            end=[v.name for v in self.system.states],
             time=self.time,
             periods=self.periods,
         )
         if isinstance(run, str):
-            self.notes.append(f"crossing {number + 1}: {run}")
-            return
+            self.notes.append(f"{_named(number)}: {run}")
+            return None
         if run.note:
-            self.notes.append(f"crossing {number + 1}: simulation {run.note}")
-        self.found.append(from_run(number, run, self.loop.ports.v, self.loop.centre))
+            self.notes.append(f"{_named(number)}: simulation {run.note}")
+        self.found.append(from_run(number, run, self.loop.ports.v))
         if self.simulated is None:
-            self.simulated = simulated_cycle(self.system, number, run, last)
+            self.simulated = simulated_cycle(self.system, number, run, frequency, amplitude)
+        return run
+
+
+def _place(c: LimitCycle) -> tuple[int, int]:
+    return (10**9 if c.crossing is None else c.crossing, METHODS.index(c.method))
+
+
+def _named(number: int | None) -> str:
+    return "free run" if number is None else f"crossing {number + 1}"
 
 
 def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.free_run import FreeRun
+from workbench.analysis.limit_cycle.observe import Observation
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.origin import Reportable
@@ -27,20 +28,20 @@ class LimitCycle:
 
     Attributes:
         method: "describing function", "harmonic balance", "shooting" or "simulation".
-        crossing: position of the crossing that it comes from in `LimitCycleResult.crossings`.
+        crossing: position of the crossing that it comes from in `LimitCycleResult.crossings`; None: a free run.
         frequency_hz: [Hz].
         amplitude: half the peak-to-peak value of the block's input.
         fundamental: amplitude of its fundamental.
-        mean: its mean value, relative to the operating point.
+        mean: of the block's input, in its unit.
         stable: by pole counts (describing function), Floquet multipliers (harmonic balance, shooting), or because
-            the simulation stayed; None: not known.
+            the simulation stayed; None: not known, as where no multiplier is 1.
         multiplier: largest Floquet multiplier besides the one at 1, its size; None: not computed.
         residual: of the method's equations, relative; None: it has none.
         states: state → value at one point of the cycle; empty: not known.
     """
 
     method: str
-    crossing: int
+    crossing: int | None
     frequency_hz: float
     amplitude: float
     fundamental: float
@@ -60,7 +61,7 @@ class SimulatedCycle:
     """The limit cycle that a simulation ends in.
 
     Attributes:
-        crossing: position of the crossing whose predicted state it began at.
+        crossing: position of the crossing whose predicted state it began at; None: a free run.
         frequency_hz: [Hz].
         amplitude: variable → half its peak-to-peak value.
         fundamental: variable → amplitude of its fundamental.
@@ -74,7 +75,7 @@ class SimulatedCycle:
         predicted_amplitude: of the block's input, where it began.
     """
 
-    crossing: int
+    crossing: int | None
     frequency_hz: float
     amplitude: Mapping[str, float]
     fundamental: Mapping[str, float]
@@ -106,6 +107,7 @@ class LimitCycleResult(Reportable):
         limit_cycles: by crossing and method.
         simulated: None: no stable cycle was predicted, or its simulation failed (see the notes).
         branches: the cycles followed over each parameter that was asked for.
+        observed: free runs from disturbed operating points, made where no cycle is predicted.
         free_run: the run from rest that was asked for, with frequency and amplitude of the block's input over time.
         units: variable → unit, of what was varied.
         notes: what should be known, one line each.
@@ -122,6 +124,7 @@ class LimitCycleResult(Reportable):
     nyquist: NyquistResult
     limit_cycles: tuple[LimitCycle, ...]
     simulated: SimulatedCycle | None
+    observed: tuple[Observation, ...] = ()
     branches: tuple[Branch, ...] = ()
     free_run: FreeRun | None = None
     units: Mapping[str, str | None] = field(default_factory=dict)
@@ -132,6 +135,13 @@ class LimitCycleResult(Reportable):
     def crossings(self) -> tuple[Crossing, ...]:
         """All crossings, rising in frequency."""
         return self.nyquist.crossings
+
+    def none_predicted(self) -> str:
+        """Return what is known where describing functions predict no cycle, in one line; "": they predict one."""
+        if any(c.crossing is not None for c in self.limit_cycles):
+            return ""
+        seen = "; ".join(o.words() for o in self.observed) or "no free run was made"
+        return f"describing functions predict no limit cycle, −1/N(A) is met nowhere in the band; {seen}"
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture: the Nyquist curve with −1/N, the crossings, the motion.
@@ -158,6 +168,7 @@ class LimitCycleResult(Reportable):
             "crossings": curve["crossings"],
             "limit_cycles": [c.to_dict() for c in self.limit_cycles],
             "simulated": None if self.simulated is None else self.simulated.to_dict(),
+            "observed": [o.to_dict() for o in self.observed],
             "branches": [b.to_dict() for b in self.branches],
             "free_run": None if self.free_run is None else self.free_run.to_dict(),
             "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},

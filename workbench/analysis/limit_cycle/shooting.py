@@ -32,7 +32,8 @@ class Orbit:
     Attributes:
         frequency: [Hz].
         states: state → value at one point of it.
-        multipliers: Floquet multipliers, largest first, shape (n,), complex.
+        multipliers: Floquet multipliers besides the one at 1, largest first, shape (n − 1,), complex.
+        doubt: by how much the flow after a period is not what it was, relative: that multiplier is 1, exactly.
         mean: of the watched variable over the orbit.
         amplitude: half its peak-to-peak value.
         fundamental: amplitude of its fundamental.
@@ -43,6 +44,7 @@ class Orbit:
     frequency: float
     states: Mapping[str, float]
     multipliers: Complex
+    doubt: float
     mean: float
     amplitude: float
     fundamental: float
@@ -142,14 +144,14 @@ class _Shooting:
         return np.array(columns, dtype=np.float64).T
 
     def _orbit(self, x: Floats, period: float, jacobian: Floats, residual: float, turns: int) -> Orbit:
-        found = np.linalg.eigvals(jacobian).astype(np.complex128)
-        order = np.argsort(-np.abs(found))
+        found, doubt = _across(jacobian, self._direction(x))
         states = dict(zip(self._names, x.tolist(), strict=True))
         v = self._along(x, period)
         return Orbit(
             frequency=1.0 / period,
             states=states,
-            multipliers=found[order],
+            multipliers=found,
+            doubt=doubt,
             mean=float(np.mean(v)),
             amplitude=half_range(v),
             fundamental=float(2.0 * np.abs(np.fft.rfft(v)[1]) / len(v)),
@@ -183,3 +185,18 @@ class _Shooting:
             place = {v.name: i for i, v in enumerate(point.states)}
             dx = point.at(point.x0, point.u0).dx
         return np.asarray(np.array([dx[place[n]] for n in self._names]) / self._size, dtype=np.float64)
+
+
+def _across(jacobian: Floats, flow: Floats) -> tuple[Complex, float]:
+    """Return the multipliers across the flow, largest first, and how far the flow is from being mapped onto itself.
+
+    The flow f is an eigenvector, M f = f; what M does on the quotient by f has the other eigenvalues. Taken
+    like this they stay apart from 1, where differences of a motion with jumps mix two eigenvalues that are near.
+    """
+    length = float(np.linalg.norm(flow))
+    if not length > 0.0:
+        return np.linalg.eigvals(jacobian).astype(np.complex128), np.inf
+    along = flow / length
+    across = np.linalg.svd(along[None, :])[2][1:].T
+    found = np.linalg.eigvals(across.T @ jacobian @ across).astype(np.complex128)
+    return found[np.argsort(-np.abs(found))], float(np.linalg.norm(jacobian @ along - along))

@@ -41,6 +41,18 @@ class _OfCycles(Limited):
         return found
 
 
+def _none(result: Result) -> str:
+    """Return why no limit cycle counts.
+
+    Raises:
+        NotMeasured: none is predicted, but a free run does not come to rest.
+    """
+    ends = {run["outcome"] for run in result.get("observed", [])}
+    if ends - {"rest"}:
+        raise NotMeasured("describing functions predict no limit cycle, but a free run does not come to rest")
+    return "none predicted, a free run comes to rest" if ends else "no limit cycle predicted"
+
+
 class LimitCycleAmplitude(_OfCycles):
     """Amplitude of the largest limit cycle, at the block's input or of a signal; 0 where there is none.
 
@@ -53,7 +65,7 @@ class LimitCycleAmplitude(_OfCycles):
     def values(self, result: Result) -> list[Value]:
         found = self.cycles(result)
         if not found:
-            return [Value(value=0.0, where="no limit cycle")]
+            return [Value(value=0.0, where=_none(result))]
         if self.signal is not None:
             return [self._of_signal(result, self.signal)]
         unit = (result.get("simulated") or {}).get("units", {}).get(result["block_input"])

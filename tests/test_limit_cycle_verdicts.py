@@ -1,0 +1,119 @@
+"""What is said of limit cycles: those that no describing function sees, their mean, what is not known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.result import LimitCycleResult
+from workbench.build import build_fmu
+from workbench.model.described import DescribedModel
+from workbench.system.connect import connect
+from workbench.fmi.platforms import host
+from workbench.workers import Workers
+
+RELAY = """
+model Relay
+  input Real u(start = 0);
+  output Real y;
+  parameter Real h = 0.3;
+  Boolean on(start = true, fixed = true);
+equation
+  on = if pre(on) then u > -h else u > h;
+  y = if on then 1 else -1;
+end Relay;
+"""
+
+
+def around(block: object, plant: control.TransferFunction, start: dict[str, float] | None = None) -> DescribedModel:
+    return connect(
+        {"block": block, "plant": control.ss(plant)},
+        [("plant.y", "block.u"), ("block.y", "plant.u", {"gain": -1.0})],
+        outputs={"y": "plant.y"},
+        start_values=start,
+    )
+
+
+@pytest.fixture(scope="module")
+def thermostat(tmp_path_factory: pytest.TempPathFactory) -> LimitCycleResult:
+    pytest.importorskip("rumoca", reason="needs the extra [build]")
+    folder = tmp_path_factory.mktemp("relay")
+    (folder / "Relay.mo").write_text(RELAY)
+    build_fmu([folder / "Relay.mo"], out=folder / "Relay.fmu", platforms=[host()])
+    with around(str(folder / "Relay.fmu"), control.tf([1.0], [1.0, 1.0])) as system:
+        return limit_cycle(
+            system, block="block", band=(0.1, 5.0), amplitudes=(0.35, 3.0), workers=Workers(in_process=True)
+        )
+
+
+def test_a_thermostat_oscillates_though_no_describing_function_says_so(thermostat: LimitCycleResult) -> None:
+    """Half a period is ln(1.3/0.7) [Tsypkin]; −1/N lies left of the imaginary axis, 1/(1 + jω) right of it."""
+    (cycle,) = [c for c in thermostat.limit_cycles if c.method == "simulation"]
+    assert cycle.crossing is None
+    assert cycle.frequency_hz == pytest.approx(0.5 / math.log(1.3 / 0.7), rel=1e-5)
+    assert cycle.amplitude == pytest.approx(0.3, rel=0.02)
+    assert cycle.stable
+    assert thermostat.observed[0].outcome == "oscillation"
+    assert "describing functions predict no limit cycle" in thermostat.none_predicted()
+    assert "keeps oscillating at 0.8077 Hz" in thermostat.none_predicted()
+
+
+def test_a_cycle_that_nobody_predicted_has_a_table_and_pages(thermostat: LimitCycleResult, tmp_path: Path) -> None:
+    assert thermostat.to_dict()["limit_cycles"][0]["crossing"] is None
+    assert thermostat.to_dict()["observed"][0]["outcome"] == "oscillation"
+    thermostat.to_csv(tmp_path / "cycle.csv")
+    thermostat.report(tmp_path / "cycle.html")
+    assert "keeps oscillating" in (tmp_path / "cycle.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("plant", "gain", "outcome"),
+    [(control.tf([1.0], [1.0, 1.0]), 1.0, "rest"), (control.tf([1.0], [1.0, -1.0]), 0.5, "divergence")],
+)
+def test_where_nothing_is_predicted_a_run_tells_what_happens(
+    plant: control.TransferFunction, gain: float, outcome: str
+) -> None:
+    with around(lambda u: gain * np.tanh(u), plant) as system:
+        result = limit_cycle(system, block="block")
+    assert not result.limit_cycles
+    assert {o.outcome for o in result.observed} == {outcome}
+
+
+@pytest.mark.parametrize(("state", "size"), [("x1", 0.5), ("x3", 0.01)])
+def test_a_start_off_rest_does_not_move_the_mean(state: str, size: float) -> None:
+    """A relay is odd and so is its cycle, wherever the run begins; the relay has no equilibrium, being 1 at 0."""
+    lag = control.tf([5.0], [1.0, 1.2, 1.2, 1.0])
+    with around(lambda u: np.where(u >= 0.0, 1.0, -1.0), lag, {f"plant.{state}": size}) as system:
+        result = limit_cycle(system, block="block", methods=("describing function", "harmonic balance"))
+    (balanced,) = [c for c in result.limit_cycles if c.method == "harmonic balance"]
+    assert abs(balanced.mean) < 1e-9
+    assert balanced.frequency_hz == pytest.approx(0.174205, rel=1e-4)  # by shooting and by simulation
+    assert balanced.stable
+
+
+def test_the_mean_is_that_of_the_variable_in_every_table() -> None:
+    """8 tanh(u − 0.5) is not odd: the cycle has a mean, and all methods give that of block.u itself."""
+    with around(lambda u: 8.0 * np.tanh(u - 0.5), control.tf([3.0], [1.0, 3.0, 3.0, 1.0])) as system:
+        result = limit_cycle(system, block="block")
+    assert result.simulated is not None
+    mean = result.simulated.mean["block.u"]
+    assert abs(mean) > 0.01
+    for c in result.limit_cycles:
+        if c.method != "describing function":
+            assert c.mean == pytest.approx(mean, rel=2e-2)
+
+
+def test_van_der_pol_at_10_is_stable_and_has_its_period() -> None:
+    """Period 19.078370 s at μ = 10 (independent integration); seven harmonics cannot tell its stability."""
+    with around(lambda u: u**3 / 3.0, control.tf([10.0, 0.0], [1.0, -10.0, 1.0])) as system:
+        found = {c.method: c for c in limit_cycle(system, block="block").limit_cycles}
+    assert found["harmonic balance"].stable is None
+    assert found["harmonic balance"].multiplier is None
+    for method in ("shooting", "simulation"):
+        assert 1.0 / found[method].frequency_hz == pytest.approx(19.078370, rel=1e-6)
+        assert found[method].stable
