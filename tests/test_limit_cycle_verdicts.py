@@ -12,9 +12,9 @@ import pytest
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.build import build_fmu
+from workbench.fmi.platforms import host
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
-from workbench.fmi.platforms import host
 from workbench.workers import Workers
 
 RELAY = """
