@@ -62,9 +62,9 @@ def confirm(
     amplitude: float,
     watch: str,
     outputs: Sequence[str],
-    end: Sequence[str],
     time: float,
     periods: int,
+    end: Sequence[str] = (),
 ) -> Simulated | str:
     """Simulate until the motion is steady; return what it is, or in words why there is none.
 
@@ -76,9 +76,9 @@ def confirm(
         amplitude: predicted, of `watch`.
         watch: variable whose fundamental counts.
         outputs: others to measure.
-        end: states whose values at the end are wanted.
         time: session time at which it begins [s].
         periods: at most.
+        end: states whose values at the end are wanted.
     """
     names = list(dict.fromkeys([watch, *outputs]))
     end = list(dict.fromkeys(end))
