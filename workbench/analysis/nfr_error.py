@@ -176,11 +176,12 @@ def beyond(limit: Limit) -> float:
 def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) -> float:
     """Return the error of the mean of the last half of the periods, relative to the true response.
 
-    Where the linear model goes through the same periods, it is the mean of its transient. Else the smaller one of two:
-    the distance from the extrapolated response, as far as that is known; and, for periods that wander about
-    their mean (sampling beats, noise), the distance of the means of both halves, with the standard error. This says
-    nothing where the periods move so slowly that less than two radians of a beat, or two time constants of a
-    decay, were seen: the error is then not known.
+    Where the linear model goes through the same periods, it is the mean of its transient. Else it is not known, but for
+    sampled models, whose periods wander about their mean (beats): the smaller one of the distance from the
+    extrapolated response, as far as that is known, and of the distance of the means of both halves, with the standard
+    error. This says nothing where the periods move so slowly that less than two radians of a beat, or two time
+    constants of a decay, were seen: the error is then not known, either. (Of 116 lightly damped plants without a
+    linear model these estimates held 54: several slow modes together look like fewer quick ones.)
 
     Args:
         limit: what the periods tend to.
@@ -199,6 +200,8 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
         if apart <= _ALIKE * min(size, abs(mean)):
             left = drive * abs(fundamental(np.mean(evidence.twin.free(len(limit.periods))[-len(z) :], axis=0)))
             return (_CLEAR * left + apart * len(z)) / size
+    if not evidence.sampled:
+        return math.inf
     wandering = _wandering(z, slowest(limit.changes))
     extrapolated = fundamental(limit.harmonics)
     if error >= _USELESS or extrapolated == 0.0:

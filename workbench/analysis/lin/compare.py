@@ -35,6 +35,7 @@ FREQUENCIES = 9
 OF_NYQUIST = 0.4
 RELATIVE_AMPLITUDE = 1e-3
 PER_PERIOD = 20.0  # periods of `response` per period of the highest frequency compared
+_PERIODS = 60  # most periods of a measured point: a sampled model may beat with the sine for so long before it is told
 FAINT = 1e-2  # of the largest gain: what lies below is not compared unless asked for
 
 
@@ -281,7 +282,7 @@ def _measure(
     step = task.period if model.interface == "cs" else None
     try:
         with recipe.open() as exact:
-            measured = nfr(exact, source, target, grid, [small], step=step, at=point)
+            measured = nfr(exact, source, target, grid, [small], step=step, at=point, max_periods=_PERIODS)
     except (InputError, SimulationError, FmuError) as error:
         return None, [f"nothing was measured: {error}"]
     unsettled = int(measured.averaged.sum()) + len(measured.failed)
