@@ -142,7 +142,7 @@ static void co_simulation2(fmi2CallbackFunctions *functions)
     CHECK(fmi2DoStep(c, 1.5, 0.1, fmi2True) == fmi2Error);
     CHECK(fmi2Reset(c) == fmi2OK);
     initialise2(c);
-    CHECK(fmi2DoStep(c, 0.0, 3.0, fmi2True) == fmi2OK);
+    CHECK(fmi2DoStep(c, 0.0, 2.5, fmi2True) == fmi2OK);
     CHECK(fmi2Terminate(c) == fmi2OK);
     fmi2FreeInstance(c);
 }
