@@ -252,6 +252,95 @@ def test_chattering_is_an_error_with_advice(either: Path) -> None:
     fmu.free()
 
 
+# ---- bounces that end in a finite time ----
+
+
+def end_of_bounces(restitution: float) -> float:
+    """When a ball let fall from 1 m comes to rest: the fall, then flights that shrink as a geometric series [s]."""
+    return math.sqrt(2.0 / 9.81) * (1.0 + 2.0 * restitution / (1.0 - restitution))
+
+
+def told_end(fmu: Fmu2 | Fmu3) -> float:
+    told = re.search(r"infinitely many events \(Zeno behaviour.*\) before t = (\S+); let the model rest", fmu.last)
+    assert told is not None, fmu.last
+    return float(told.group(1))
+
+
+@pytest.mark.parametrize("size", [1.0, 0.01])
+@pytest.mark.parametrize("restitution", [0.05, 0.3, 0.8, 0.95])
+def test_no_ball_falls_through_its_floor(either: Path, restitution: float, size: float) -> None:
+    end = end_of_bounces(restitution)
+    fmu = Fmu2(either)
+    assert fmu.set(Vr.E, restitution) == OK
+    fmu.initialise()
+    lowest, i = 1.0, 0
+    while i * size < 1.2 * end and fmu.step(i * size, size) == OK:
+        lowest = min(lowest, fmu.get(Vr.H)[0])
+        i += 1
+    assert told_end(fmu) == pytest.approx(end, rel=1e-4)
+    assert i == math.floor(end / size)
+    assert lowest > 0.0
+    assert len([entry for entry in fmu.log if entry[0] == ERROR]) == 1
+    fmu.free()
+
+
+def test_every_bounce_is_found_up_to_the_end(either: Path) -> None:
+    fmu = Fmu2(either)
+    fmu.initialise()
+    end = end_of_bounces(0.7)
+    assert fmu.step(0.0, end - 1e-4) == OK
+    n = fmu.whole("Integer", Vr.SPAN)
+    assert n == sum(t < end - 1e-4 for t in bounce_times(100))
+    found = event_times(fmu)
+    assert max(min(abs(t - known) for t in found) for known in bounce_times(n)) < 1e-9
+    fmu.free()
+
+
+@pytest.mark.parametrize("stiff", [(), ("STUB_STIFF",)])
+def test_a_ball_that_knows_rest_is_left_there(tmp_path: Path, stiff: tuple[str, ...]) -> None:
+    fmu = Fmu2(compile_library(tmp_path, defines=["STUB_REST=1e-4", *stiff]))
+    fmu.initialise()
+    for i in range(50):
+        assert fmu.step(i * 0.1, 0.1) == OK
+    assert fmu.get(Vr.H, Vr.V) == [0.0, 0.0]
+    assert fmu.whole("Integer", Vr.SPAN) == math.ceil(math.log(1e-4 / math.sqrt(2.0 * 9.81)) / math.log(0.7))
+    fmu.free()
+
+
+def test_a_saved_state_knows_the_bounces(either: Path) -> None:
+    """Saved between two of the last bounces, restored later: the same refusal, to the last digit."""
+    fmu = Fmu2(either)
+    fmu.initialise()
+    near = end_of_bounces(0.7) - 1e-3
+    assert fmu.step(0.0, near) == OK
+    saved, messages = fmu.snapshot(), []
+    for _ in range(2):
+        assert fmu.step(near, 0.1) == ERROR
+        messages.append(fmu.last)
+        fmu.restore(saved)
+    assert messages[0] == messages[1]
+    assert told_end(fmu) == pytest.approx(end_of_bounces(0.7), rel=1e-4)
+    fmu.release(saved)
+    fmu.free()
+
+
+def test_event_mode_is_refused_where_the_bounces_end(either: Path) -> None:
+    """FMI 3 with early return: each bounce is a doStep of its own."""
+    fmu = Fmu3(either, event_mode=True, early_return=True)
+    fmu.initialise()
+    point, status = 0.0, OK
+    while status == OK and point < 3.0:
+        while fmu.update_discrete_states()[0]:
+            pass
+        fmu.must("EnterStepMode")
+        status, event, _, _, point = fmu.step(point, 3.0 - point)
+        if status == OK and event:
+            fmu.must("EnterEventMode")
+    assert status == ERROR
+    assert told_end(fmu) == pytest.approx(end_of_bounces(0.7), rel=1e-4)
+    fmu.free()
+
+
 def test_endless_event_iteration_is_an_error(library: Path) -> None:
     fmu = Fmu2(library)
     assert fmu.set_whole("Integer", Vr.MODE, 3) == OK

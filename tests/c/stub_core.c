@@ -120,6 +120,7 @@ typedef struct {
     double v[N];
     double relation[N_RELATIONS];
     double fallen_before;
+    double resting; /* with STUB_REST, the speed [m/s] below which the ball is left on the floor */
     double ticks; /* of the clock so far */
     double mode;
     double due;
@@ -192,8 +193,8 @@ static void update(Image *m)
     if ((int)m->mode != (int)CORE_CONTINUOUS) {
         relations(m);
     }
-    v[DER_H] = v[V];
-    v[DER_V] = -v[G];
+    v[DER_H] = m->resting != 0.0 ? 0.0 : v[V];
+    v[DER_V] = m->resting != 0.0 ? 0.0 : -v[G];
     v[DER_A] = -500.5 * v[A] + 499.5 * v[B];
     v[DER_B] = 499.5 * v[A] - 500.5 * v[B];
     v[DER_S] = v[U];
@@ -289,6 +290,12 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
     if (bounced) {
         m->v[V] = -m->v[E] * m->v[V];
         m->v[SPAN] += 1.0;
+#ifdef STUB_REST
+        if (m->v[V] < STUB_REST) {
+            m->v[H] = m->v[V] = 0.0;
+            m->resting = 1.0;
+        }
+#endif
         m->due = 1.0;
     }
     *info = (CoreEventInfo){

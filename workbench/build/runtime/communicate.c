@@ -112,6 +112,7 @@ static Status restart(Instance *instance)
 {
     double tolerance = instance->record.tolerance;
     tolerance = tolerance > 0.0 ? tolerance : model_info.default_tolerance;
+    instance->solver->longest_start = flights_longest_step(&instance->record.flights, core_time(instance->core));
     mute(instance);
     bool good = solver_begin(instance->solver, tolerance > 0.0 ? tolerance : 1e-6);
     instance->muted = false;
@@ -149,14 +150,31 @@ static Status guard_against_chattering(Instance *instance, const Step *step)
     return STATUS_OK;
 }
 
+/* Events that follow each other faster and faster, without end: from there on no integration is possible. */
+static Status guard_against_zeno(Instance *instance, const Step *step)
+{
+    double end = 0.0;
+    double now = instance->solver->t;
+    if (flights_dwindle(&instance->record.flights, now, fmax(step->size, fabs(now)), &end)) {
+        return instance_fail(instance,
+                             "infinitely many events (Zeno behaviour, as of a ball that comes to rest) before "
+                             "t = %.9g; let the model rest there",
+                             end);
+    }
+    return STATUS_OK;
+}
+
 static bool returns_at_events(const Instance *instance)
 {
     return instance->event_mode_used && instance->early_return_allowed;
 }
 
-static Status handle_event(Instance *instance, const Step *step)
+static Status handle_event(Instance *instance, const Step *step, bool state_event)
 {
     Status status = guard_against_chattering(instance, step);
+    if (status == STATUS_OK && state_event) {
+        status = guard_against_zeno(instance, step);
+    }
     if (status != STATUS_OK) {
         return status;
     }
@@ -202,7 +220,7 @@ static Status advance(Instance *instance, Step *step)
         }
     }
     bool reached = time_event && instance->solver->t >= step->next_stop;
-    return state_event || reached ? handle_event(instance, step) : STATUS_OK;
+    return state_event || reached ? handle_event(instance, step, state_event) : STATUS_OK;
 }
 
 static bool finished(const Instance *instance, const Step *step)

@@ -15,6 +15,7 @@
 #define WORKBENCH_INSTANCE_H
 
 #include "core.h"
+#include "flights.h"
 #include "inputs.h"
 #include "memory.h"
 #include "solver.h"
@@ -67,6 +68,7 @@ typedef struct {
     double step;             /* proposed step size of the solver, 0: none */
     double event_time;       /* of the last event, for the guard against chattering */
     double close_events;     /* events without noticeable progress of time */
+    Flights flights;         /* between state events */
 } Record;
 
 typedef struct Instance Instance;

@@ -148,7 +148,7 @@ static double starting_step(Solver *s, double longest)
     double fastest = fmax(size_dx, solver_norm(s, s->probe) / guess);
     double step = fastest <= 1e-15 ? fmax(1e-6, guess * 1e-3)
                                    : pow(0.01 / fastest, s->method->error_exponent);
-    return fmin(100.0 * guess, step);
+    return fmin(fmin(100.0 * guess, step), longest);
 }
 
 static double shortest_step(const Solver *s)
@@ -292,7 +292,7 @@ static double first_step(Solver *s, double t_stop, double step)
     if (s->n == 0) {
         return t_stop - s->t;
     }
-    return step > 0.0 ? step : starting_step(s, t_stop - s->t);
+    return step > 0.0 ? step : starting_step(s, fmin(s->longest_start, t_stop - s->t));
 }
 
 SolverResult solver_step(Solver *s, double t_stop, double *step)

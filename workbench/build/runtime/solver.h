@@ -49,6 +49,7 @@ struct Solver {
     double tolerance; /* relative; absolute = 0.01 * relative * nominal */
     double t;
     double h; /* size of the last step attempted */
+    double longest_start; /* the longest step to begin with, where none is proposed */
     double previous_error;
     size_t worst; /* the state with the largest error */
     double *work;
