@@ -59,6 +59,15 @@ class Diverging(Euler):
         return OK
 
 
+def test_a_row_at_the_present_time_makes_no_step() -> None:
+    """It said 2e-303 s was the communication step; half of that, to verify a run, never ends."""
+    with open_fake(Euler, "fmu", interface="cs") as session:
+        session.advance(1.0, signals={"u": Constant(1.0)}, record=["x"])
+        made = session.communication_step
+        session.advance(1.0, signals={"u": Constant(1.0)}, record=["x"])
+        assert session.communication_step == made == pytest.approx(1.0 / 500.0)
+
+
 def test_steps_stay_within_the_communication_step_and_meet_points_and_breaks() -> None:
     with open_fake(Euler, "fmu", interface="cs", step=0.1) as session:
         session.advance(1.0, signals={"u": Step(time=0.33, value=1.0)}, points=np.array([0.25, 1.0]))

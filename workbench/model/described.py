@@ -106,7 +106,17 @@ class DescribedModel(Model):
         signals: Mapping[str, Signal] | None = None,
         at: At | None = None,
     ) -> FmuSession:
-        """See `Model.open_session`; `at` is short for `placed(at)`."""
+        """Return a session as `Model.open_session` does.
+
+        Args:
+            start_time: [s]; None: that of the model, or of `at`.
+            step: communication step of co-simulation [s]; None: the model's own.
+            signals: what forces the inputs during initialisation.
+            at: operating point to start at, short for `placed(at)`; None: where the model starts.
+
+        Raises:
+            InputError, FmuError, SimulationError: see `Model.open_session`.
+        """
         if at is not None:
             return self.placed(at).open_session(start_time=start_time, step=step, signals=signals)
         if self.at is not None:

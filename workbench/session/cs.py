@@ -171,8 +171,10 @@ class CsSession(FmuSession):
 
     def _longest(self, until: float) -> float:
         """Return the longest communication step of this advance [s]."""
-        self.communication_step = self._choose_step(until)
-        return self.communication_step
+        step = self._choose_step(until)
+        if until > self.time:  # else no step is made: one row is asked for
+            self.communication_step = step
+        return step
 
     def _choose_step(self, until: float) -> float:
         if self.setup.step is not None:
