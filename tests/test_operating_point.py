@@ -84,6 +84,15 @@ def test_at_takes_what_has_a_point(
     assert (point.x, notes) == (trimmed.x, ())
 
 
+def test_a_file_whose_two_copies_of_the_point_differ_is_refused(trimmed: OperatingPoint) -> None:
+    data = {**trimmed.to_dict(), "operating_point": trimmed.to_dict()}
+    assert OperatingPoint.from_dict(data) == trimmed
+    name = next(iter(trimmed.x))
+    data["x"] = {**trimmed.x, name: trimmed.x[name] + 1.0}
+    with pytest.raises(wb.InputError, match=f"two values of {name}"):
+        OperatingPoint.from_dict(data)
+
+
 def test_a_point_of_another_model_is_refused(trimmed: OperatingPoint) -> None:
     with wb.load("fmu:SmallNonlinear") as other, pytest.raises(wb.InputError, match="is of another model: Rudder, not"):
         find_point(other, trimmed)

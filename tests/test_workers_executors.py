@@ -16,6 +16,8 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 
+import control
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -183,3 +185,13 @@ def test_a_scheduler_that_is_not_there_is_one_line(model: wb.FmuModel, monkeypat
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(wb.InputError, match="cannot be reached"):
             choose(model, Workers(scheduler=address))
+
+
+def test_an_executor_that_is_used_again_answers_for_the_system_it_is_asked_about() -> None:
+    """Two systems of one name and with the same settings; the second was answered by the first."""
+    with ThreadPoolExecutor(1) as executor:
+        for tau in (1.0, 0.1):
+            lag = control.tf([1.0], [tau, 1.0])
+            with wb.connect({"p": lag}, inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+                found = wb.nfr(model, "u", "y", [1.0], [1.0], executor=executor)
+            assert found.response[0, 0] == pytest.approx(1.0 / (1.0 + 2j * np.pi * tau), rel=1e-3)

@@ -172,11 +172,26 @@ def point_of_json(data: Mapping[str, Any]) -> OperatingPoint | None:
 
 def _inner(data: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the mapping that holds x and u."""
-    if isinstance(data.get(_KEY), Mapping):
-        return data[_KEY]  # type: ignore[no-any-return]  # JSON
+    inner = data.get(_KEY)
+    if isinstance(inner, Mapping):
+        for key in ("x", "u"):
+            _refuse_two_values(key, data.get(key), inner.get(key))
+        return inner
     if "x" not in data and "x0" in data:
         return {**data, **{name: data[old] for name, old in _OF_LINEAR.items() if old in data}}
     return data
+
+
+def _refuse_two_values(key: str, outer: object, inner: object) -> None:
+    """A trim's file holds its point twice; a change by hand of one of them must not be lost."""
+    if not (isinstance(outer, Mapping) and isinstance(inner, Mapping)):
+        return
+    for name in outer.keys() & inner.keys():
+        if outer[name] != inner[name]:
+            raise InputError(
+                f"holds two values of {name}: {outer[name]} in '{key}' and {inner[name]} in '{_KEY}'; "
+                f"change '{_KEY}', and remove or change the other"
+            )
 
 
 def _numbers(key: str, values: object) -> dict[str, float]:

@@ -36,6 +36,16 @@ class SystemRecipe(LoadRecipe):
     parts: Mapping[str, FmuRecipe] = field(default_factory=dict)
     order: str = "auto"
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both make the same model; workers and executors keep the one that they opened last."""
+        if not isinstance(other, SystemRecipe):
+            return NotImplemented
+        systems = [_plain(replace(recipe.system, folder=None)) for recipe in (self, other)]
+        same = self.parts == other.parts and self.order == other.order and systems[0] == systems[1]
+        return same and bool(super().__eq__(other))
+
+    __hash__ = None  # type: ignore[assignment]  # it holds mappings and arrays
+
     @property
     def portable(self) -> bool:
         return not any(isinstance(c, FunctionComponent) for c in self.system.components)

@@ -268,8 +268,10 @@ class LinResult(Reportable):
         """
         try:
             return cls._from_dict(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"this is no linear model: {type(error).__name__}: {error}") from None
+        except KeyError as error:
+            raise InputError(f"is not a linear model: {error} is missing; workbench lin --json writes one") from None
+        except (TypeError, ValueError) as error:
+            raise InputError(f"is not a linear model: {error}; workbench lin --json writes one") from None
 
     @classmethod
     def _from_dict(cls, data: Mapping[str, Any]) -> LinResult:
