@@ -81,7 +81,7 @@ def check(
     FMU runs in worker processes; a crash or a hang is a line, too. Exit code 1: a promise is broken.
 
     Checks: validation, runs, step, reset, determinism, instances, snapshots, directional, dependencies, drift,
-    start-time, nominals, inputs, memory.
+    start-time, nominals, inputs, jumps, memory.
 
     Example: `workbench check fmu:Rudder --report health.html`
     """
