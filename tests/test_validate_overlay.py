@@ -178,7 +178,7 @@ def test_pole_zero_picture_without_bootstrap(tmp_path: Path) -> None:
     figure = plot_poles(model, tmp_path / "poles.svg", cancellations=near_cancellations(model, near=10.0))
     assert figure.get_axes()[0].get_xlabel() == "real part [1]"
     texts = [cell.get_text().get_text() for cell in figure.get_axes()[1].tables[0].get_celld().values()]
-    assert "3.183" in texts  # 20 rad/s in Hz
+    assert "3.1831" in texts  # 20 rad/s in Hz
     assert "0.3" in texts
 
 
