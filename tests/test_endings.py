@@ -18,7 +18,7 @@ from tests.programs import ROOT, ended, start, wait_for
 from workbench.store import FILE_NAME
 
 if sys.platform == "win32":
-    pytest.skip("signals", allow_module_level=True)
+    pytest.skip("Windows has neither SIGTERM handlers of this kind nor SIGHUP", allow_module_level=True)
 import pty
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
