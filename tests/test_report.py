@@ -261,7 +261,7 @@ def test_a_result_put_together_by_hand_has_a_page_too(step: wb.SimulationResult,
     assert origin_of(by_hand) is None
     by_hand.report(tmp_path / "p.html")
     facts = facts_of_page(check_page_file(tmp_path / "p.html"))
-    assert set(facts) == {"versions", "run"}
+    assert set(facts) == {"versions", "run", "operating point"}
     remember(by_hand, Origin(command="simulate", call="workbench simulate x.fmu"))
     by_hand.report(tmp_path / "p.html")
     assert facts_of_page(check_page_file(tmp_path / "p.html"))["command"] == "workbench simulate x.fmu"
