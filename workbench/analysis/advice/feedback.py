@@ -8,15 +8,19 @@ in the whole of what the inputs do not explain, one sample before: that is teste
 
 Feedback without any noise cannot be seen so: there are no errors to react to. Nor can a reaction within the sample, as
 of a digital controller that turns y[k] into u[k] at once, where the noise is white: it looks like a direct feedthrough
-of the plant. Only who knows that the plant has none can tell; else the verdict is "unknown".
+of the plant. Only who knows that the plant has none can tell, or an input that is fixed by its first values, as that of
+a shift register is; else the verdict is "unknown".
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from scipy import linalg, stats
 
 from workbench.analysis.advice.result import Finding
+from workbench.analysis.advice.shift_register import from_shift_register
 from workbench.analysis.advice.study import Study
 from workbench.analysis.long_arx import lagged
 from workbench.session.base import Floats
@@ -75,16 +79,24 @@ def judge_feedback(study: Study) -> Finding:
         evidence = f"{name} reacts to earlier disturbances of the outputs ({100 * share:.1f} % of what is new in it)"
         return Finding("feedback", "poor", evidence, _ADVICE, values)
     if at_once < _CERTAIN and together > _LEAST_SHARE:
-        if not study.feedthrough:
-            evidence = "inputs and outputs move together within a sample, and the plant has no direct feedthrough"
-            return Finding("feedback", "poor", evidence, _ADVICE, values)
-        evidence = (
-            "inputs and outputs move together within a sample: a direct feedthrough of the plant, or a controller that "
-            "reacts at once; these data cannot tell"
-        )
-        advice = "if the plant has no direct feedthrough, say so (feedthrough=False, --no-feedthrough)"
-        return Finding("feedback", "unknown", evidence, advice, values)
+        return _judge_at_once(study, values)
     return Finding("feedback", "good", "the inputs do not react to the outputs' disturbances", "", values)
+
+
+def _judge_at_once(study: Study, values: dict[str, Any]) -> Finding:
+    """Judge inputs and outputs that move together within a sample."""
+    if not study.feedthrough:
+        evidence = "inputs and outputs move together within a sample, and the plant has no direct feedthrough"
+        return Finding("feedback", "poor", evidence, _ADVICE, values)
+    if all(from_shift_register(study.u[:, j]) for j in study.varying_inputs):
+        evidence = "the inputs are pseudo-random binary sequences, which react to nothing"
+        return Finding("feedback", "good", evidence, "", values)
+    evidence = (
+        "inputs and outputs move together within a sample: a direct feedthrough of the plant, or a controller that "
+        "reacts at once; these data cannot tell"
+    )
+    advice = "if the plant has no direct feedthrough, say so (feedthrough=False, --no-feedthrough)"
+    return Finding("feedback", "unknown", evidence, advice, values)
 
 
 def _within_sample(study: Study) -> tuple[float, float]:
