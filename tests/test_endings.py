@@ -86,9 +86,11 @@ def measured(store: Path) -> bool:
 
 
 def points(folder: Path) -> int:
+    """So many points are in a store; where the model stood, and how it moves by itself, are none."""
     with sqlite3.connect(folder / FILE_NAME) as database:
         try:
-            return int(database.execute("SELECT count(*) FROM measurements").fetchone()[0])
+            names = [name for (name,) in database.execute("SELECT point FROM measurements")]
+            return len(set(names) - {"operating point", "zero input"})
         except sqlite3.OperationalError:  # no table yet
             return 0
 

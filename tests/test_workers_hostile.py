@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -73,10 +74,11 @@ def test_an_fmu_for_one_instance_per_process_works(tmp_path: Path, interface: st
 
 
 def test_after_a_crash_a_carried_sweep_goes_on_behind_the_bad_point(tmp_path: Path) -> None:
+    """With four periods of each the session is at 0.12 s when that of 0.5 s begins, and again at 0.36 s at the end."""
     with wb.load(build_hostile(tmp_path, "segfault"), "me") as model:
         frequencies = [100.0, 50.0, 2.0, 25.0, 20.0]
         result = wb.nfr(
-            model, "u", "y", frequencies, 1.0, carry=True, drift_check=False, errcrit=0.3, workers=Workers(jobs=1)
+            model, "u", "y", frequencies, 1.0, carry=True, drift_check=False, max_periods=4, workers=Workers(jobs=1)
         )
     assert {f.frequency_hz for f in result.failed} == {2.0}
     assert result.failed[0].reason == MESSAGES["segfault"]
@@ -96,4 +98,8 @@ def test_simulate_keeps_what_came_before_an_error(tmp_path: Path, capfd: pytest.
     )
     captured = capfd.readouterr()
     assert "the pump ran dry" in captured.err
-    assert len(captured.out.splitlines()) > 100
+    heading, *rows, end = captured.out.splitlines()
+    assert heading == "time,y"
+    # The step of its default experiment, until it fails.
+    assert [float(row.split(",")[0]) for row in rows] == pytest.approx(np.arange(0.0, 0.505, 0.01))
+    assert end.startswith("# ended at 0.5 s: ")
