@@ -91,6 +91,8 @@ def test_a_file_whose_two_copies_of_the_point_differ_is_refused(trimmed: Operati
     data["x"] = {**trimmed.x, name: trimmed.x[name] + 1.0}
     with pytest.raises(wb.InputError, match=f"two values of {name}"):
         OperatingPoint.from_dict(data)
+    samples = {**data, "x": {name: [1.0, 2.0]}}  # of an experiment at the point
+    assert OperatingPoint.from_dict(samples) == trimmed
 
 
 def test_a_point_of_another_model_is_refused(trimmed: OperatingPoint) -> None:

@@ -183,11 +183,14 @@ def _inner(data: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _refuse_two_values(key: str, outer: object, inner: object) -> None:
-    """A trim's file holds its point twice; a change by hand of one of them must not be lost."""
+    """A trim's file holds its point twice; a change by hand of one of them must not be lost.
+
+    A record of an experiment holds samples under the same names, which are no second copy.
+    """
     if not (isinstance(outer, Mapping) and isinstance(inner, Mapping)):
         return
     for name in outer.keys() & inner.keys():
-        if outer[name] != inner[name]:
+        if not isinstance(outer[name], list) and outer[name] != inner[name]:
             raise InputError(
                 f"holds two values of {name}: {outer[name]} in '{key}' and {inner[name]} in '{_KEY}'; "
                 f"change '{_KEY}', and remove or change the other"
