@@ -112,6 +112,25 @@ def test_a_finer_tolerance_finds_the_time_more_exactly() -> None:
     assert caught.value.divergence.escape_time == pytest.approx(2.0, rel=1e-8)
 
 
+def test_the_rows_before_an_escape_resolve_it() -> None:
+    """x = 1/(2 − t), whatever the interval; points asked for one by one are those and no others."""
+    with closing(square, 0.5, tolerance=1e-9) as model:
+        with pytest.raises(wb.DivergenceError) as caught:
+            wb.simulate(model, stop=60.0)
+        before = caught.value.before
+        assert isinstance(before, wb.SimulationResult)
+        y, near = before.signals["y"], before.time < 2.0 - 1e-5
+        np.testing.assert_allclose(y[near], 1.0 / (2.0 - before.time[near]), rtol=1e-3)
+        assert np.max(y[1:] / y[:-1]) < 1.5
+        assert y[-1] > 1e6
+        with pytest.raises(wb.DivergenceError) as caught:
+            wb.simulate(model, stop=60.0, points=[1.0, 1.5, 60.0])
+        before = caught.value.before
+        assert isinstance(before, wb.SimulationResult)
+        assert before.time[:3].tolist() == [0.0, 1.0, 1.5]
+        assert len(before.time) < 10
+
+
 def test_the_bernoulli_equation_escapes_from_above_its_threshold_only() -> None:
     # dx/dt = −x + x²: from x0 > 1 the escape is at ln(x0/(x0 − 1)), from below 1 it decays.
     with closing(square, 1.5, a=-1.0) as model, pytest.raises(wb.DivergenceError) as caught:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import SimulationError
-from workbench.session.base import Floats
+from workbench.session.base import Floats, Record
 
 __all__ = ["Divergence", "DivergenceError", "divergence"]
 
@@ -81,22 +81,25 @@ class DivergenceError(SimulationError):
         message: what grew and how, and what stopped the run; the time is appended.
         time: session time at which it stopped [s].
         divergence: how it grew.
+        followed: what was recorded of it, ever more densely towards its end.
     """
 
     divergence: Divergence
+    followed: Record
 
     @classmethod
-    def of(cls, found: Divergence, cause: SimulationError) -> DivergenceError:
+    def of(cls, found: Divergence, cause: SimulationError, followed: Record) -> DivergenceError:
         """Return the error for a run that `cause` ended.
 
         Args:
             found: how it grew.
+            followed: the record that shows it.
             cause: what the solver or the model said.
         """
         reason = str(cause).partition(" (at t = ")[0].partition(";")[0]  # advice on solvers does not help here
         when = "" if cause.time is None else f" (at t = {cause.time:.9g} s)"
         made = cls(f"{found.words}; the run stopped: {reason}{when}")
-        made.time, made.divergence = cause.time, found
+        made.time, made.divergence, made.followed = cause.time, found, followed
         return made
 
 

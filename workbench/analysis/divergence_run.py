@@ -40,15 +40,16 @@ def explained(
     every = list(dict.fromkeys([*names, *states]))
     try:
         with model.open_session(start_time=start, signals=dict(signals)) as session:
-            time, columns = _followed(session, _points(start, error.time, session), signals, every)
+            seen = _followed(session, _points(start, error.time, session), signals, every)
     except (SimulationError, InputError):
         return error
-    if len(time) < _EVENLY // 2:
+    if seen is None or len(seen.time) < _EVENLY // 2:
         return error
     units = {v.name: v.unit for v in (*model.outputs, *model.states)}
-    found = [d for n in every if (d := divergence(time, columns[n], variable=n, unit=units.get(n))) is not None]
+    kinds = [divergence(seen.time, seen.values[n], variable=n, unit=units.get(n)) for n in every]
+    found = [d for d in kinds if d is not None]
     worst = _worst([d for d in found if d.variable in names] or found)
-    return error if worst is None else DivergenceError.of(worst, error)
+    return error if worst is None else DivergenceError.of(worst, error, seen)
 
 
 def _worst(found: Sequence[Divergence]) -> Divergence | None:
@@ -71,8 +72,8 @@ def _points(start: float, end: float, session: Session) -> list[Floats]:
 
 def _followed(
     session: Session, chunks: Sequence[Floats], signals: Mapping[str, Signal], names: Sequence[str]
-) -> tuple[Floats, dict[str, Floats]]:
-    """Advance as far as it goes; return what was recorded."""
+) -> Record | None:
+    """Advance as far as it goes; return what was recorded; None: nothing."""
     records: list[Record] = []
     for chunk in chunks:
         try:
@@ -80,5 +81,9 @@ def _followed(
         except SimulationError:
             break
     if not records:
-        return np.zeros(0), dict.fromkeys(names, np.zeros(0))
-    return np.concatenate([r.time for r in records]), {n: np.concatenate([r.values[n] for r in records]) for n in names}
+        return None
+    return Record(
+        time=np.concatenate([r.time for r in records]),
+        values={n: np.concatenate([r.values[n] for r in records]) for n in names},
+        inputs={n: np.concatenate([r.inputs[n] for r in records]) for n in signals},
+    )

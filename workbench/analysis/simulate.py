@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
-from workbench.analysis.divergence import divergence
+from workbench.analysis.divergence import DivergenceError, divergence
 from workbench.analysis.divergence_run import explained
 from workbench.core.operating_point import At, OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
@@ -134,7 +134,7 @@ def simulate(
         FmuError: the FMU cannot be instantiated.
         SimulationError: the model failed while running; its `before` is the result up to then.
         DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
-            in finite time, and when.
+            in finite time, and when. Unless `points` names them, rows are added that show how, ever more densely.
     """
     inputs = dict(inputs or {})
     placed = model.placed(at)
@@ -146,7 +146,7 @@ def simulate(
     told = (*remarks, *told, *instead, *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if interval is None else interval
     rows = _points(start, stop, interval, points, grid=model.grid)
-    run = _Run(model, start, stop, inputs, names, rows)
+    run = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
     try:
         found = run.once(None)
     except SimulationError as error:
@@ -223,6 +223,7 @@ class _Run:
     """What to run, so that it can be run again with another communication step.
 
     Attributes:
+        exactly: whether the recorded points were asked for one by one.
         begins: where each run began.
     """
 
@@ -232,6 +233,7 @@ class _Run:
     inputs: dict[str, Signal]
     names: list[str]
     points: Floats
+    exactly: bool
     begins: list[OperatingPoint] = field(default_factory=list)
 
     def once(self, step: float | None) -> _Once:
@@ -256,6 +258,8 @@ class _Run:
         record = found.record
         if model.interface == "cs":
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
+        if isinstance(failed, DivergenceError) and not self.exactly:
+            record = _with_rows(record, failed.followed)
         units = _units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
         if found.ended is not None:
@@ -388,6 +392,18 @@ def _at_points(record: Record, start: float, points: Floats, end: Sequence[float
         time=record.time[keep],
         values={n: v[keep] for n, v in record.values.items()},
         inputs={n: v[keep] for n, v in record.inputs.items()},
+    )
+
+
+def _with_rows(record: Record, others: Record) -> Record:
+    """Return a record with rows of another one between and after its own, in the order of time."""
+    new = ~np.isin(others.time, record.time)
+    time = np.append(record.time, others.time[new])
+    order = np.argsort(time, kind="stable")  # two rows at one time are an event and keep their order
+    return Record(
+        time=time[order],
+        values={n: np.append(v, others.values[n][new])[order] for n, v in record.values.items()},
+        inputs={n: np.append(v, others.inputs[n][new])[order] for n, v in record.inputs.items()},
     )
 
 
