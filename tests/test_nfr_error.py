@@ -13,14 +13,16 @@ import pytest
 
 import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
-from tests.fakes import FakeModel, Rows, StaticSession, lag
+from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
 from workbench.analysis.certificate import Certificate
+from workbench.analysis.harmonics import Period
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_beats import repeats_every
 from workbench.analysis.nfr_jumps import disagreements, jumps
 from workbench.analysis.nfr_linear import LinearPart, surroundings
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.settling import Outcome, Settling
 from workbench.session.base import Floats
 from workbench.signals import Sine
 
@@ -103,6 +105,19 @@ def test_integrators_in_series_have_a_twin_without_eigenvectors() -> None:
     np.testing.assert_allclose(twin.free(3)[:, 0], 2.0 * (np.arange(3) + 0.5) / math.pi, rtol=1e-9)
 
 
+@pytest.mark.parametrize("bias", [0.0, 0.5])
+def test_the_twin_is_forced_about_what_the_sine_moves_about(bias: float) -> None:
+    # The input starts at 1, but the sine moves about 0 and the bias: from rest at x = 0 the lag feels the bias only.
+    with wb.load("fmu:FirstOrderLag", start_values={"u": 1.0, "tau": 1.0}, bias={"u": bias}) as model:
+        part = surroundings(model, "u", "y").linear
+        found = quick(model, [2.0])
+    assert part is not None
+    assert part.dx0 == pytest.approx(bias)
+    exact = 1.0 / (1.0 + 4j * math.pi)
+    assert abs(found.response[0, 0] / exact - 1.0) <= found.error[0, 0] <= 0.01
+    assert found.periods[0, 0] <= 4
+
+
 def test_co_simulation_and_python_models_have_no_linear_part() -> None:
     assert surroundings(lag(1.0), "u", "y").linear is None
     with wb.load("fmu:FirstOrderLag", "cs") as model:
@@ -116,6 +131,36 @@ def test_jumps_and_kinks_are_in_the_error(amplitude: float) -> None:
     exact = 2.0 / math.pi * (math.asin(r) + r * math.sqrt(1.0 - r * r))
     true = abs(found.response[0, 0] - exact) / exact
     assert true <= found.error[0, 0] <= 0.01
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_settles_and_the_mean_of_the_last_half_is_as_good_as_it_says(seed: int) -> None:
+    # No model foretells it and no mode describes it: what settles are periods that wander about their mean.
+    random, settling, response = np.random.default_rng(seed), Settling(errcrit=0.1, most=20), None
+    while response is None:
+        h = np.concatenate([[0.0, 1.0], np.zeros(9)]) + 0.005 * random.standard_normal(11)
+        response = settling.add(Period(h, 1.0 + 0j, 1.0))
+    assert abs(response.value - 1.0) <= response.error
+    assert response.error <= (0.01 if response.outcome is Outcome.SETTLED else 0.02)
+
+
+def test_slow_modes_do_not_pass_for_wandering() -> None:
+    # Several light modes without a linear model: whatever is stated holds the truth.
+    random = np.random.default_rng(5)
+    found = [measure(Plant.random(random), tolerance=1e-8, max_periods=20, blind=True) for _ in range(12)]
+    averaged = [t for t in found if t.status == "averaged"]
+    assert len(averaged) >= 6
+    assert all(t.true <= t.stated for t in averaged if np.isfinite(t.stated))
+    assert sum(np.isnan(t.stated) for t in averaged) >= 3
+
+
+def test_two_quantisers_are_known_as_well_as_it_says() -> None:
+    # Two hidden sampling rates; the truth is the mean over 200 000 periods, by the integrals of what is held.
+    model = FakeModel(lambda: SampledSession([(1 / 208, 0.05), (1 / 131, 0.01)]))
+    result = quick(model, [15.39, 15.407, 15.42], errcrit=0.08)
+    truth = np.array([1.8772827 - 0.5812301j, 1.8770052 - 0.5818252j, 1.8768071 - 0.5822816j])
+    assert np.all(np.abs(result.response[0] / truth - 1.0) <= result.error[0])
+    assert np.all(result.error[0] <= 0.008)
 
 
 # -- sampled models ------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from workbench.analysis.nfr_linear import Twin
 from workbench.analysis.transient import Limit, multipliers, weigh
 from workbench.session.base import Floats
 
-__all__ = ["INTEGRATION", "Evidence", "beyond", "error_of_limit", "error_of_mean", "relative_to_true"]
+__all__ = ["BELIEVED", "INTEGRATION", "Evidence", "beyond", "error_of_limit", "error_of_mean", "relative_to_true"]
 
 # One period's integration at a relative tolerance ε turns the multipliers by less than this many ε: the
 # largest of 30 resonances with both solvers at 1e-4 … 1e-8 was 73.
@@ -29,8 +29,9 @@ _MARGIN = 2.0
 # A linear model whose periods are the measured ones to this part of the response describes the resonance, too.
 _ALIKE = 0.1
 
-# An extrapolated response that is known no better is no mark to measure from.
-_USELESS = 0.1
+# An error of an extrapolated response above this is a guess: of 274 lightly damped plants without a linear model such
+# errors held a third.
+BELIEVED = 0.02
 
 # One older change checks a multiplier that nothing else does, and so many more where they are.
 _CHECKS = 2
@@ -41,8 +42,9 @@ _ONE = 1e-6
 # The mean of a transient that is known is known to this.
 _CLEAR = 1.2
 
-# Decaying modes that are looked for in periods that wander.
-_MOST_MODES = 5
+# Periods that wander have von Neumann's ratio above this; in the first ones there are transients, and of fewer than so
+# many nothing is said.
+_ROUGH, _BEGIN, _FEWEST_WANDERING = 0.5, 2, 4
 
 # From this harmonic on the tail tells of jumps and kinks.
 _TAIL = 6
@@ -101,17 +103,16 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
 
 
 def _unchecked(limit: Limit) -> float:
-    """Return what the weights leave of a change that they were not made from, where nothing else checks them.
+    """Return what the weights leave of changes that they were not made from, where nothing else checks them.
 
-    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes. Different
-    modes differ in their harmonics, so that several in proportion are an accident.
+    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes.
     """
     n, changes = limit.weights.size, limit.changes
     if n == 1 or np.linalg.matrix_rank(changes[: 2 * n - 2], tol=_ONE * float(np.linalg.norm(changes[0]))) > 1:
         return 0.0
-    if n > 2 or len(changes) < 3:
+    older = range(n - 1, min(n + _CHECKS, len(changes) - n + 1))
+    if not older:
         return math.inf
-    older = range(1, min(2 + _CHECKS, len(changes) - 1))
     left = max(float(np.linalg.norm((limit.weights @ changes[i : i + n])[1:])) for i in older)
     return left / abs(fundamental(limit.harmonics))
 
@@ -176,12 +177,9 @@ def beyond(limit: Limit) -> float:
 def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) -> float:
     """Return the error of the mean of the last half of the periods, relative to the true response.
 
-    Where the linear model goes through the same periods, it is the mean of its transient. Else it is not known, but for
-    sampled models, whose periods wander about their mean (beats): the smaller one of the distance from the
-    extrapolated response, as far as that is known, and of the distance of the means of both halves, with the standard
-    error. This says nothing where the periods move so slowly that less than two radians of a beat, or two time
-    constants of a decay, were seen: the error is then not known, either. (Of 116 lightly damped plants without a
-    linear model these estimates held 54: several slow modes together look like fewer quick ones.)
+    Where the linear model goes through the same periods, it is the mean of its transient. Else the smaller one of
+    two: the distance from the extrapolated response, where that is known; and, for periods that wander about their
+    mean (sampling beats, noise), what `_wandering` says.
 
     Args:
         limit: what the periods tend to.
@@ -189,39 +187,57 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
         error: of the limit, relative to it.
         evidence: what else is known.
     """
-    half = limit.periods[len(limit.periods) // 2 :]
-    z = half[:, 1] + 1j * half[:, 2]
-    mean = complex(np.mean(z))
-    if mean == 0.0 or len(z) < 2:
+    z = limit.periods[:, 1] + 1j * limit.periods[:, 2]
+    half = z[len(z) // 2 :]
+    mean = complex(np.mean(half))
+    if mean == 0.0 or len(half) < 2:
         return math.inf
     if evidence.twin is not None:
         size = drive * abs(evidence.twin.response)
-        apart = _apart(limit, drive, evidence.twin, len(z))
+        apart = _apart(limit, drive, evidence.twin, len(half))
         if apart <= _ALIKE * min(size, abs(mean)):
-            left = drive * abs(fundamental(np.mean(evidence.twin.free(len(limit.periods))[-len(z) :], axis=0)))
-            return (_CLEAR * left + apart * len(z)) / size
-    if not evidence.sampled:
-        return math.inf
-    wandering = _wandering(z, slowest(limit.changes))
+            left = drive * abs(fundamental(np.mean(evidence.twin.free(len(z))[-len(half) :], axis=0)))
+            return (_CLEAR * left + apart * len(half)) / size
+    wandering = _wandering(z)
     extrapolated = fundamental(limit.harmonics)
-    if error >= _USELESS or extrapolated == 0.0:
+    if error > BELIEVED or extrapolated == 0.0:
         return wandering
     return min(wandering, (abs(mean - extrapolated) / abs(extrapolated) + error) / (1.0 - error))
 
 
-def _wandering(z: NDArray[np.complex128], slow: float) -> float:
-    """Return the error of the mean of periods that wander, relative to the true one; `slow` is 1/|1 − μ|."""
-    mean, count = complex(np.mean(z)), len(z)
-    scatter = math.sqrt(float(np.mean(np.abs(z - mean) ** 2)))
-    error = abs(complex(np.mean(z[count // 2 :]) - np.mean(z[: count // 2]))) + scatter / math.sqrt(count)
-    return relative_to_true(error / abs(mean)) if slow <= 0.5 * count else math.inf
+def _wandering(z: NDArray[np.complex128]) -> float:
+    """Return the error of the mean of the last half of periods that wander about it, relative to the true response.
+
+    The sum of three: the standard error, the distance of the means of both halves of that half, and of
+    the mean of the periods before. This holds for periods that do not remember the one before, and says nothing of
+    slow modes, several of which together look like fewer quick ones. Both are told apart by
+    von Neumann's ratio Σ|z(k+1) − z(k)|² / 2Σ|z(k) − mean|²: about 1 for independent periods, more for those that
+    alternate, small for those that move smoothly. (Of 740 random plants without a linear model and 800 sequences with
+    sampling or noise this held more than 95 % of each kind.)
+
+    Args:
+        z: fundamentals of all periods.
+
+    Source: J. von Neumann, Distribution of the ratio of the mean square successive difference to the variance,
+    Annals of Mathematical Statistics 12 (1941), 367-395.
+    """
+    half, before = np.split(z, [len(z) // 2])[::-1]
+    before = before[_BEGIN:]
+    if len(half) < _FEWEST_WANDERING or len(before) == 0:
+        return math.inf
+    if min(_roughness(half), _roughness(z[_BEGIN:])) < _ROUGH:
+        return math.inf
+    mean, count = complex(np.mean(half)), len(half)
+    scatter = math.sqrt(float(np.mean(np.abs(half - mean) ** 2)))
+    error = scatter / math.sqrt(count) + abs(mean - complex(np.mean(before)))
+    error += abs(complex(np.mean(half[count // 2 :]) - np.mean(half[: count // 2])))
+    return relative_to_true(error / abs(mean))
 
 
-def slowest(changes: Floats) -> float:
-    """Return 1/|1 − μ| for the slowest multiplier in any description of the newest changes, at least 1."""
-    most = min(_MOST_MODES, len(changes) // 2)
-    gaps = [float(np.min(np.abs(1.0 - multipliers(changes, modes)))) for modes in range(1, most + 1)]
-    return max(1.0, 1.0 / max(min(gaps), 1e-12)) if gaps else _UNKNOWN
+def _roughness(z: NDArray[np.complex128]) -> float:
+    """Return von Neumann's ratio; inf where all are the same."""
+    variance = float(np.mean(np.abs(z - np.mean(z)) ** 2))
+    return float(np.mean(np.abs(np.diff(z)) ** 2)) / (2.0 * variance) if variance > 0.0 else math.inf
 
 
 def relative_to_true(error: float) -> float:

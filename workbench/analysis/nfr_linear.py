@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
@@ -166,19 +168,27 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
     """
     if model.interface != "me":
         return Surroundings(rates=_rates(model))
+    middle = _middle(model, input)
     try:
-        with model.open_point() as point:
+        with model.open_point(values=middle) as point:
             sampled = len(point.ticks(_LOOK, np.inf)) > 0
             many = len(point.states) > _MOST_STATES
             found = None if sampled or many or point.why_not_exact() else _exact(point, input, output)
             dx0 = point.at(point.x0, point.u0).dx
         if sampled or many:
             return Surroundings(rates=_rates(model) if sampled else ())
-        a, b, c, d = _difference(model, input, output) if found is None else found
+        a, b, c, d = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()
     finite = all(np.isfinite(m).all() for m in (a, b, c, d, dx0))
     return Surroundings(LinearPart(a, b, c, d, dx0) if finite and len(dx0) == len(b) else None)
+
+
+def _middle(model: Model, input: str) -> dict[str, float]:
+    """Return the value about which the sine moves, where that is not the operating point's: 0, and the bias."""
+    if model.at is not None and input in model.at.u:
+        return {}
+    return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe) else 0.0}
 
 
 def _rates(model: Model) -> tuple[float, ...]:
@@ -203,11 +213,13 @@ def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Float
     return whole[:n, :n], whole[:n, column], row[:n], float(row[column])
 
 
-def _difference(model: Model, input: str, output: str) -> tuple[Floats, Floats, Floats, float]:
+def _difference(
+    model: Model, input: str, output: str, middle: Mapping[str, float]
+) -> tuple[Floats, Floats, Floats, float]:
     """Return A, B, C, D by differences."""
     from workbench.analysis.lin.linearise import run  # noqa: PLC0415 - brings python-control, which is slow to import
     from workbench.analysis.lin.task import make_task  # noqa: PLC0415
 
-    task = make_task(model, at=None, x0=None, u0=None, inputs=[input], outputs=[output], time=None)
+    task = make_task(model, at=None, x0=None, u0=middle, inputs=[input], outputs=[output], time=None)
     found = run(task, "difference")
     return found.A, found.B[:, 0], found.C[0], float(found.D[0, 0])

@@ -23,6 +23,12 @@ _TELL = 0.01
 
 _FEWEST_ROWS = 4
 
+# Why a point that settled by itself is not called so.
+_DEPENDS = {
+    "step": "half the communication step gives another answer; take a smaller --step, or --interface me if it has one",
+    "tolerance": "0.01 of the tolerance gives another answer; take a smaller --tolerance",
+}
+
 Run = Callable[[Sequence[PointTask]], list[NfrPoint]]
 
 
@@ -100,7 +106,8 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
         return replace(point, warning=f"{where}: {words} fails: {other.reason}")
-    if max(gain, math.radians(phase_deg)) <= _TELL:
+    told = point.averaged and point.certificate is not None and point.certificate.why == _DEPENDS[by]
+    if told or max(gain, math.radians(phase_deg)) <= _TELL:
         return point
     warning = (
         f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "
@@ -119,7 +126,7 @@ def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, times:
     too_large = point.status == "settled" and (error is None or error > 0.1 * certificate.errcrit)
     return replace(
         point,
-        certificate=replace(certificate, why=f"it depends on the {by}") if too_large else certificate,
+        certificate=replace(certificate, why=_DEPENDS[by]) if too_large else certificate,
         error=error,
         averaged=point.averaged or too_large,
         resolved=point.resolved and not too_large,

@@ -12,7 +12,15 @@ import numpy as np
 
 from workbench.analysis.harmonics import COMPARED, Period, fundamental
 from workbench.analysis.nfr_beats import mean_over_beats, repeats_every
-from workbench.analysis.nfr_error import Evidence, beyond, error_of_limit, error_of_mean, quadrature, relative_to_true
+from workbench.analysis.nfr_error import (
+    BELIEVED,
+    Evidence,
+    beyond,
+    error_of_limit,
+    error_of_mean,
+    quadrature,
+    relative_to_true,
+)
 from workbench.analysis.transient import Limit, remove_transient
 from workbench.session.base import Floats
 
@@ -199,6 +207,8 @@ class Settling:
         of_mean = replace(self._of_mean(limit, of_limit, Outcome.AVERAGED), beyond=of_limit.beyond)
         of_beats = replace(self._of_beats(limit), outcome=Outcome.AVERAGED)
         better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
+        if self.evidence.twin is None and of_limit.error > BELIEVED:
+            of_limit = replace(of_limit, error=math.inf)
         found = min(of_limit if better else of_mean, of_beats, key=_error)
         if self._beats_unseen():
             return replace(found, error=math.inf, why=_BEATS)
