@@ -180,3 +180,16 @@ except KeyboardInterrupt:
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     run([])
     assert "simulate" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("fmu", ["FirstOrderLag", "TwoRateQuantizer"])
+def test_a_sweep_does_not_wait_for_libraries_that_it_does_not_need(fmu: str, interface: str) -> None:
+    # python-control takes as long to import as many a sweep takes to run.
+    code = f"""
+import sys, workbench as wb
+with wb.load("fmu:{fmu}", "{interface}") as model:
+    wb.nfr(model, "u", "y", [1.0], 1.0, workers=wb.Workers(in_process=True))
+sys.exit(any(m in sys.modules for m in ("control", "matplotlib", "scipy.signal")))
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -10,8 +10,8 @@ import pytest
 
 from tests.lin_fmus import built, fmu
 from workbench.analysis.lin import lin
-from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.nfr import nfr
+from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.session.base import Floats

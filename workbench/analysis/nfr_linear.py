@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.time_events import sample_rates
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
@@ -167,7 +168,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         output: output, or a state.
     """
     if model.interface != "me":
-        return Surroundings(rates=_rates(model))
+        return Surroundings(rates=sample_rates(model))
     middle = _middle(model, input)
     try:
         with model.open_point(values=middle) as point:
@@ -176,7 +177,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
             found = None if sampled or many or point.why_not_exact() else _exact(point, input, output)
             dx0 = point.at(point.x0, point.u0).dx
         if sampled or many:
-            return Surroundings(rates=_rates(model) if sampled else ())
+            return Surroundings(rates=sample_rates(model) if sampled else ())
         a, b, c, d = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()
@@ -189,12 +190,6 @@ def _middle(model: Model, input: str) -> dict[str, float]:
     if model.at is not None and input in model.at.u:
         return {}
     return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe) else 0.0}
-
-
-def _rates(model: Model) -> tuple[float, ...]:
-    from workbench.analysis.excite.sampling import sample_rates  # noqa: PLC0415 - slow to import
-
-    return sample_rates(model)
 
 
 def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Floats, float] | None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from workbench.analysis.rates import basic_period, sample_periods
 from workbench.analysis.trim_balance import Balance
 from workbench.analysis.trim_continuous import ContinuousBalance
 from workbench.analysis.trim_map import MapBalance
@@ -168,8 +169,6 @@ class _Trim:
 
     def _basic_period(self, point: Point) -> float | None:
         """Return the period of the model's time events; None: it has none."""
-        from workbench.analysis.lin.rates import basic_period, sample_periods  # noqa: PLC0415 - for sampled models alone
-
         times = point.ticks(MOST_EVENTS, FOREVER)
         if not len(times):
             return None

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.check.compare import largest_gap, usual_gap
 from workbench.analysis.check.result import Finding
 from workbench.analysis.check.subject import Subject, Trajectory, same_bits
-from workbench.analysis.lin.rates import basic_period, sample_periods
+from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from workbench.analysis.lin.assemble import units_of
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.period_map import PeriodMap
-from workbench.analysis.lin.rates import basic_period, sample_periods
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, open_base
+from workbench.analysis.rates import basic_period, sample_periods
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.session.base import Floats
