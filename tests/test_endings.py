@@ -9,12 +9,16 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.hostile_fmus import build_hostile
 from tests.programs import ROOT, ended, start, wait_for
+from workbench.cli.app import run
+from workbench.cli.output import Output
 from workbench.store import FILE_NAME
 
 if sys.platform == "win32":
@@ -120,6 +124,51 @@ def test_a_sweep_keeps_what_was_measured(tmp_path: Path, number: signal.Signals)
     with (tmp_path / "r.csv").open(encoding="utf-8") as table:
         assert len(list(csv.reader(table))) > 1
     assert points(tmp_path / "store") == 1
+
+
+def test_a_signal_that_comes_twice_at_once_is_one(tmp_path: Path) -> None:
+    """As from `timeout`, which tells the process and then its group."""
+    found, out = sweep(tmp_path)
+    os.kill(found.process.pid, signal.SIGTERM)
+    code, err = found.end(signal.SIGTERM)
+    assert code == 128 + signal.SIGTERM
+    assert err[-1] == "note: interrupted by SIGTERM after 1 of 2 points"
+    assert json.loads(out.read_text(encoding="utf-8"))["gain"][0][1] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (
+            ["nfr", "--input", "u", "--output", "y", "--freq", "1,2", "--amplitude", "1"],
+            "interrupted after 2 of 2 points",
+        ),
+        (
+            ["excite", "--input", "u", "--output", "y", "--prbs", "amplitude=1,rate=10", "--step", "0.1"],
+            "interrupted after ",
+        ),
+        (["simulate", "--stop", "1"], "interrupted: the result is written"),
+    ],
+)
+def test_what_is_done_is_written_whole(
+    command: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C when the first file is being written."""
+    write = Output._write_json
+
+    def slow(self: Output, full: Mapping[str, Any]) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        write(self, full)
+
+    monkeypatch.setattr(Output, "_write_json", slow)
+    out, picture, page = (tmp_path / f"r.{suffix}" for suffix in ("json", "png", "html"))
+    files = ["--json", str(out), "--plot", str(picture), "--report", str(page)]
+    assert run([command[0], "fmu:FirstOrderLag", *command[1:], *files]) == 128 + signal.SIGINT
+    (said,) = (line for line in capsys.readouterr().err.splitlines() if "interrupted" in line)
+    assert said.startswith(f"note: {words}")
+    assert json.loads(out.read_text(encoding="utf-8"))["command"] == command[0]
+    assert picture.exists()
+    assert page.exists()
 
 
 @pytest.mark.parametrize(

@@ -166,26 +166,27 @@ def _run(excitation: Excitation, out: Output) -> int:
     from workbench.cli.progress import Bar
 
     stopped: BaseException | None = None
-    with Bar(1.0) as bar, OnInterrupt(excitation.stop):
-        try:
-            for done in excitation.run():
-                bar.update(done / excitation.total, f"{done} of {excitation.total} samples")
-        except (KeyboardInterrupt, WorkbenchError) as error:
-            stopped = error
-    if excitation.recorded:
-        result = excitation.result()
-        for text in result.notes:
-            note(text)
-        if out.csv_path == "-" and result.validation is not None:
-            note("--csv -: the validation data are not written; name a file, or take --validation 0")
-        flush()
-        _write(result, out)
-    if stopped is None:
-        return 0
-    if isinstance(stopped, KeyboardInterrupt):
+    with OnInterrupt(excitation.stop) as wish:
+        with Bar(1.0) as bar:
+            try:
+                for done in excitation.run():
+                    bar.update(done / excitation.total, f"{done} of {excitation.total} samples")
+            except (KeyboardInterrupt, WorkbenchError) as error:
+                stopped = error
+        if excitation.recorded:
+            result = excitation.result()
+            for text in result.notes:
+                note(text)
+            if out.csv_path == "-" and result.validation is not None:
+                note("--csv -: the validation data are not written; name a file, or take --validation 0")
+            flush()
+            _write(result, out)
+    if wish.came or isinstance(stopped, KeyboardInterrupt):
         note(f"{interrupted()} after {excitation.done} of {excitation.total} samples")
         return INTERRUPTED
-    raise stopped
+    if stopped is not None:
+        raise stopped
+    return 0
 
 
 def _write(result: ExciteResult, out: Output) -> None:

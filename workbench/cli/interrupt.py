@@ -22,6 +22,9 @@ __all__ = ["OnInterrupt", "exit_code", "insist_on_interrupts", "interrupted", "l
 
 _LATER = 0.05  # [s]
 
+# Signals that follow so soon are one wish: `timeout` and batch queues tell the process, and then its whole group [s].
+_ONE_WISH = 1.0
+
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 
 # So long the code of an FMU in this process may take until Python hears of a signal [s].
@@ -36,15 +39,20 @@ class OnInterrupt:
 
     Args:
         act: what to do; must be short.
+
+    Attributes:
+        came: whether one was heard.
     """
 
     def __init__(self, act: Callable[[], None]) -> None:
+        self.came = False
         self._act = act
         self._before: dict[signal.Signals, Any] = {}
         self._active = threading.current_thread() is threading.main_thread()
 
     def _handle(self, number: int, _frame: FrameType | None) -> None:
         _hear(number)
+        self.came = True
         for listened in self._before:
             signal.signal(listened, _end_at_once)
         self._act()
@@ -94,8 +102,10 @@ def _hear(number: int) -> None:
 
 
 def _end_at_once(number: int, _frame: FrameType | None) -> None:
+    before = _Heard.last
     _hear(number)
-    raise KeyboardInterrupt
+    if _Heard.last - before > _ONE_WISH:
+        raise KeyboardInterrupt
 
 
 _OURS = (signal.default_int_handler, _end_at_once)
@@ -168,6 +178,7 @@ def insist_on_interrupts() -> None:
 
 
 def _interrupt() -> None:
+    _Heard.last = -math.inf  # it was heard, but it did not take
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:
         signal.pthread_kill(main, signal.SIGINT)  # also ends what the main thread waits for

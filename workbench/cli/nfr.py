@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -145,35 +146,43 @@ def nfr(
 def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
     """Measure; whatever ends it, what was measured is written."""
     from workbench.cli.interrupt import OnInterrupt, interrupted
-    from workbench.cli.notes import flush, note
+    from workbench.cli.notes import note
     from workbench.cli.progress import Bar
 
     stopped: BaseException | None = None
-    with Bar(sweep.total) as bar, OnInterrupt(sweep.stop):
-        try:
-            for point in sweep.run():
-                bar.update(sweep.done, f"{point.amplitude:g} at {point.frequency:.4g} Hz")
-        except (KeyboardInterrupt, WorkbenchError) as error:
-            stopped = error
-    if sweep.done or stopped is None:
-        result = sweep.result()
-        for text in (*sweep.notes, *result.warnings):
-            note(text)
-        flush()
-        _show(result, out)
-        out.write(
-            result.to_dict(),
-            csv=result.to_csv,
-            plot=lambda path: result.plot(path, offset=offset),
-            report=result,
-            page=lambda: _page(result, offset=offset),
-        )
-        if stopped is None:
-            return _POINTS_FAILED if result.failed else 0
-    if isinstance(stopped, KeyboardInterrupt):
+    result: NfrResult | None = None
+    with OnInterrupt(sweep.stop) as wish:
+        with Bar(sweep.total) as bar:
+            try:
+                for point in sweep.run():
+                    bar.update(sweep.done, f"{point.amplitude:g} at {point.frequency:.4g} Hz")
+            except (KeyboardInterrupt, WorkbenchError) as error:
+                stopped = error
+        if sweep.done or stopped is None:
+            result = sweep.result()
+            _write(result, sweep.notes, out, offset=offset)
+    if wish.came or isinstance(stopped, KeyboardInterrupt):
         note(f"{interrupted()} after {sweep.done} of {sweep.total} points")
         return INTERRUPTED
-    raise stopped
+    if stopped is not None:
+        raise stopped
+    return _POINTS_FAILED if result is not None and result.failed else 0
+
+
+def _write(result: NfrResult, notes: Sequence[str], out: Output, *, offset: bool) -> None:
+    from workbench.cli.notes import flush, note
+
+    for text in (*notes, *result.warnings):
+        note(text)
+    flush()
+    _show(result, out)
+    out.write(
+        result.to_dict(),
+        csv=result.to_csv,
+        plot=lambda path: result.plot(path, offset=offset),
+        report=result,
+        page=lambda: _page(result, offset=offset),
+    )
 
 
 def _page(result: NfrResult, *, offset: bool) -> Page:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench import __version__
 from workbench.cli.asked import command_line, was_given
-from workbench.cli.notes import said
+from workbench.cli.notes import note, said
 from workbench.errors import InputError
 from workbench.json_values import finite
 from workbench.origin import Origin, origin_of
@@ -89,7 +89,7 @@ class Output:
         page: Callable[[], Page] | None = None,
         origin: Origin | None = None,
     ) -> None:
-        """Write what was asked for.
+        """Write what was asked for; a signal that asks to end meanwhile is obeyed when all of it is written.
 
         Args:
             result: for JSON; command, version and seconds are added.
@@ -101,7 +101,26 @@ class Output:
 
         Raises:
             InputError: a file cannot be written.
+            KeyboardInterrupt: after such a signal.
         """
+        from workbench.cli.interrupt import OnInterrupt, interrupted
+
+        with OnInterrupt(lambda: None) as wish:
+            self._write(result, csv=csv, plot=plot, report=report, page=page, origin=origin)
+        if wish.came:
+            note(f"{interrupted()}: the result is written")
+            raise KeyboardInterrupt
+
+    def _write(
+        self,
+        result: Mapping[str, Any],
+        *,
+        csv: Callable[[str | TextIO], None] | None,
+        plot: Callable[[Path], object] | None,
+        report: object,
+        page: Callable[[], Page] | None,
+        origin: Origin | None,
+    ) -> None:
         point = getattr(report, "operating_point", None)
         if point is not None and was_given("--at"):
             self.console.print(f"at {point.words()}", soft_wrap=True, markup=False)
