@@ -320,6 +320,7 @@ def open_fake(
     rtol: float = 1e-8,
     step: float | None = None,
     bias: dict[str, float] | None = None,
+    start_time: float = 0.0,
 ) -> FmuSession:
     """Return a session on a fake; `session.instance.c.m` is the model."""
     description = describe(make(), state=state)
@@ -340,6 +341,7 @@ def open_fake(
             solver=solver,
             step=step,
             bias=bias or {},
+            start_time=start_time,
             state_works=lambda: works,
         )
     )

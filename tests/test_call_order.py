@@ -13,6 +13,7 @@ import pytest
 
 from tests.drivers import each_driver
 from tests.foreign_fmus import build_shy
+from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hybrid_fmus import ERROR, OK, FakeC, open_fake
 from tests.test_session_events import Lag
 from workbench.analysis.nfr import nfr
@@ -118,6 +119,31 @@ def test_an_fmu_that_wants_the_time_first_gets_it() -> None:
     assert "told the time again before its first event iteration" in session.setup.manners.note
     assert "fmi2NewDiscreteStates returned error" in session.setup.manners.note
     assert run(session) == pytest.approx(swing(0.7), abs=1e-8)
+
+
+def test_what_begins_late_is_told_the_time_where_it_does_not_mind() -> None:
+    """Exports that initialise at 0 whatever start time they are told would keep relations of 0 else."""
+    session = open_fake(Lag, c=TimeFirst, start_time=3.0)
+    assert not session.setup.manners.note
+    session.close()
+    session = open_fake(Lag, start_time=3.0)  # FakeC refuses it
+    assert not session.setup.manners.note
+    with session:
+        session.advance(3.7, signals={"u": Constant(1.0)})
+        assert session.values(["x"])["x"] == pytest.approx(swing(0.7), abs=1e-8)
+
+
+@needs_gemseo
+def test_an_export_that_begins_at_0_is_set_right_or_told() -> None:
+    """OpenModelica's: y = min(t, 1), and m s'' + d s' + c s = f, whose first step goes from 0 to 5.001 s."""
+    with load(gemseo_fmu("ramp"), "me") as model:
+        assert simulate(model, start_time=5.0, stop=6.0).signals["out"].tolist() == [1.0] * 501
+    with load(gemseo_fmu("Mass_Damper"), "cs") as model:
+        assert simulate(model, stop=0.01, verify_step=False).notes == ()
+        (note,) = simulate(model, start_time=5.0, stop=5.01, verify_step=False).notes
+        assert note.startswith("told to begin at 5 s, the FMU begins at 0 all the same: its first step goes from there")
+    with load(gemseo_fmu("MassSpringSystem"), "cs") as model:  # of a newer OpenModelica
+        assert simulate(model, start_time=5.0, stop=5.01, verify_step=False).notes == ()
 
 
 def test_an_fmu_that_refuses_both_orders_is_refused_once() -> None:

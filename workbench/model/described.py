@@ -24,6 +24,7 @@ from workbench.session.me import MeSession
 from workbench.session.point import FmuPoint
 from workbench.session.probe import why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
+from workbench.session.start_probe import begins_at_zero
 from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
 
@@ -54,6 +55,7 @@ class DescribedModel(Model):
         description: all that the model says about itself.
         source: what the user named.
         recipe: how to load it again.
+        start_note: co-simulation that begins at 0 whatever start time it is told: says so, once it was seen.
     """
 
     recipe: LoadRecipe
@@ -89,6 +91,8 @@ class DescribedModel(Model):
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at
         self._why_replay: str | None = None
+        self.start_note = ""
+        self._start_probed = False
         self._closed = False
 
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
@@ -262,12 +266,28 @@ class DescribedModel(Model):
         if self._closed:
             raise InputError(f"{self.source}: the model is closed")
         self._check_single()
+        self._probe_start(setup)
         session = self._open(setup)
         self._sessions.add(session)
         return session
 
     def _open(self, setup: Setup) -> FmuSession:
         return DRIVERS[self.driver][self.interface](setup)
+
+    def _probe_start(self, setup: Setup) -> None:
+        """Find out once whether a co-simulation that is to begin later than at 0 does so."""
+        claims = self.description.interfaces[self.interface]
+        late = self.interface == "cs" and setup.start_time > 0.0 and setup.lead is None
+        if not late or self._start_probed or claims.once_per_process or not claims.variable_step:
+            return
+        self._start_probed = True
+        step = setup.step or self.description.experiment.step or STEP
+        if begins_at_zero(self._open, dataclasses.replace(setup, guesses={}, point={}, outputs={}), step):
+            self.start_note = (
+                f"told to begin at {setup.start_time:g} s, the FMU begins at 0 all the same: its first step goes from "
+                f"there to {setup.start_time + step:g} s, so that this is no run from {setup.start_time:g} s; "
+                "begin at 0 s" + (", or take interface me" if "me" in self.description.interfaces else "")
+            )
 
     def _check_single(self) -> None:
         if self.description.interfaces[self.interface].once_per_process and self._live():
@@ -306,7 +326,7 @@ class DescribedModel(Model):
         return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
 
     def remarks(self) -> tuple[str, ...]:
-        return tuple(filter(None, (self._setup.manners.note, self.replay_note())))
+        return tuple(filter(None, (self._setup.manners.note, self.start_note, self.replay_note())))
 
     def close(self) -> None:
         self._closed = True

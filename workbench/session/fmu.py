@@ -29,12 +29,14 @@ class Manners:
     Where FMI allows two orders of calls and an FMU refuses the first, the other is tried.
 
     Attributes:
-        other_order: the usual order is refused. Model exchange: the FMU wants to be told the time once more before
-            the first event iteration. Co-simulation: it declares event mode, but runs only without.
+        other_order: co-simulation: the FMU declares event mode, but runs only without.
+        time_first: model exchange: whether the FMU is told the time once more before the first event iteration; None:
+            where it does not begin at 0, since some exports initialise at 0 whatever start time they are told.
         note: says so; empty where all goes as usual.
     """
 
     other_order: bool = False
+    time_first: bool | None = None
     note: str = ""
 
 
@@ -167,18 +169,28 @@ class FmuSession(Session):
 
     def _begin_otherwise(self, error: SimulationError) -> None:
         """Begin anew in the other order that FMI allows, and keep to it if the FMU takes it."""
-        manners = self.setup.manners
-        if manners.other_order:
+        manners, is_me = self.setup.manners, self.instance.interface == "me"
+        if manners.other_order or manners.time_first is not None:
             raise error
-        manners.other_order = True
+        before = vars(manners).copy()
+        if is_me:
+            manners.time_first = not self._tells_time()
+        else:
+            manners.other_order = True
         try:
             self._begin()
         except NotReachedError:  # it starts, but elsewhere
             raise
         except (_RefusedError, WorkbenchError):
-            manners.other_order = False
+            vars(manners).update(before)
             raise error from None
-        manners.note = f"{_OTHER_ORDER[self.instance.interface]} ({error})"
+        if manners.time_first is not False:  # not to be told it again is what the standard's figure has
+            manners.note = f"{_OTHER_ORDER[self.instance.interface]} ({error})"
+
+    def _tells_time(self) -> bool:
+        """Whether the FMU is told the time once more before its first event iteration."""
+        told = self.setup.manners.time_first
+        return self.time != 0.0 if told is None else told
 
     def _initialise(self) -> None:
         instance, setup = self.instance, self.setup
@@ -208,7 +220,7 @@ class FmuSession(Session):
             return NO_EVENT
         is_me = instance.interface == "me"
         try:
-            if is_me and self.setup.manners.other_order:
+            if is_me and self._tells_time():
                 instance.set_time(self.time)
             info = instance.iterate_events()
             if info.terminate:

@@ -12,7 +12,7 @@ from workbench.errors import WorkbenchError
 from workbench.session.fmu import FmuSession, Setup
 from workbench.signals import Constant, Signal
 
-__all__ = ["state_can_be_trusted", "why_state_fails"]
+__all__ = ["forced", "state_can_be_trusted", "why_state_fails"]
 
 RELATIVE = 1e-9
 
@@ -43,7 +43,7 @@ def _difference(session: FmuSession) -> str:
     names += [v.name for v in (*description.states, *description.derivatives) if v.name in known]
     span = session.setup.step or description.experiment.step or 1e-3
     start = session.time
-    session.advance(start + span, signals=_forced(session, 0.125))
+    session.advance(start + span, signals=forced(session, 0.125))
     saved = session.snapshot()
     before = _values(session, names)
     session.restore(saved)  # both runs begin with a solver that knows nothing
@@ -57,7 +57,7 @@ def _difference(session: FmuSession) -> str:
     return "" if _alike(first, second) else "the same run after a restore gives other values"
 
 
-def _forced(session: FmuSession, shift: float) -> dict[str, Signal]:
+def forced(session: FmuSession, shift: float) -> dict[str, Signal]:
     """Constant signals near the start values of the continuous inputs."""
     signals: dict[str, Signal] = {}
     for name, variable in session.inputs.items():
@@ -68,7 +68,7 @@ def _forced(session: FmuSession, shift: float) -> dict[str, Signal]:
 
 
 def _run(session: FmuSession, names: list[str], span: float, shift: float) -> list[float]:
-    session.advance(session.time + span, signals=_forced(session, shift))
+    session.advance(session.time + span, signals=forced(session, shift))
     return _values(session, names)
 
 

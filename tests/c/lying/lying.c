@@ -4,9 +4,10 @@
  * instantiated with, "{lying-leak}": one library serves all. What is wrong in the description alone is "honest" here.
  * Co-Simulation integrates by the classical Runge-Kutta method with short steps of its own, and takes input slopes.
  * "late-inputs" integrates on across communication points, as a solver does that is not restarted where inputs change:
- * it looks at its inputs only every 37 ms.
+ * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told.
  */
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -26,13 +27,15 @@ enum { VR_X, VR_V, VR_DER_X, VR_DER_V, VR_U, VR_W, VR_Y, VR_F, N_VARIABLES };
 typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
-    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, N_LIES
+    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK,
+    N_LIES
 } Lie;
 
 static const char *const names[N_LIES] = {
     "honest", "forgetful", "wrong-restore", "failing-restore", "wrong-derivative", "no-derivative", "clock", "random",
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
+    "own-clock",
 };
 
 typedef struct {
@@ -106,7 +109,8 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     }
     Model *m = calloc(1, sizeof *m);
     if (m != NULL) {
-        m->lie = lie == LATE_INPUTS && type == fmi2ModelExchange ? HONEST : lie;
+        bool solver_lies = lie == LATE_INPUTS || lie == OWN_CLOCK;
+        m->lie = solver_lies && type == fmi2ModelExchange ? HONEST : lie;
         begin(m);
         alive++;
         size_t size = lie == LEAK ? SMALL_LEAK : lie == LARGE ? LARGE_LEAK : 0;
@@ -141,7 +145,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
     (void)tolerance;
     (void)stop_defined;
     (void)stop;
-    ((Model *)c)->s.time = start;
+    Model *m = c;
+    m->s.time = m->lie == OWN_CLOCK ? 0.0 : start;
     return fmi2OK;
 }
 
@@ -422,6 +427,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolea
         return fmi2OK;
     }
     take_inputs(m);
+    if (m->lie == OWN_CLOCK) {
+        size += point - m->s.time;
+        point = m->s.time;
+    }
     m->s.time = point;
     m->s.steps++;
     if (m->lie == EULER || m->lie == DIVERGING) {

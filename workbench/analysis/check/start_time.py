@@ -26,6 +26,7 @@ _BESIDE = 0.1
 _TIGHTER, _SHRINKS = 1e-3, 0.3
 _NUMERICAL = "none: with a tighter tolerance the gap shrinks, so it is the integration's"
 _OFF = 0.9371  # of the natural step: no communication point falls on a sampling instant
+_AT_ZERO = "what is begun later than at 0 is wrong; co-simulation at a later operating point, too"
 _CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
 
 
@@ -37,6 +38,7 @@ def start_time(subject: Subject) -> Finding:
     Tolerance: 100 times that of the integration, relative to the range, one point of ten set aside for jumps;
     what is larger counts only if it stays with a thousandth of the tolerance (else it is numerical: stiff or unstable
     models whose runs lie apart by more than they move).
+    Broken: a co-simulation FMU begins at 0 whatever start time it is told, in that its first step is one from there.
     Watch: the runs differ by more. A source is allowed to depend on time, so that no promise is broken, but analyses
     that take the model as invariant must know. Not applicable: time events without a common period, and FMUs that do
     not repeat their own runs (see determinism).
@@ -52,6 +54,8 @@ def start_time(subject: Subject) -> Finding:
     except (FmuError, SimulationError) as error:
         return Finding("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _CLOCK)
     found = _judge(subject, first, replace(later, time=first.time), shift, period)
+    if subject.model.start_note:
+        return Finding("broken", subject.model.start_note, _AT_ZERO, found.numbers)
     if found.verdict == "good":
         return found
     if not same_bits(first, _run(subject, subject.start, h)):
