@@ -9,7 +9,7 @@ import numpy as np
 from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.explain import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
-from workbench.analysis.lin.task import LinTask, columns_of, open_base, sampled_note, width_for
+from workbench.analysis.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel
@@ -170,13 +170,7 @@ class Columns:
         n = len(self.point.states)
         allowed = MOVING * np.abs(jacobian[:n]) @ self.scales + STANDS * self.scales[:n]
         found = np.flatnonzero(np.abs(self.base.dx) > allowed)
-        if not len(found):
-            return ()
-        shown = ", ".join(f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found[:3])
-        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-        return (
-            f"the point is moving: {shown}{more}; the linear model is about that motion, trim finds a point at rest",
-        )
+        return moving_note([f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found])
 
     # -- what may be wrong ----------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from workbench.analysis.lin.assemble import units_of
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
-from workbench.analysis.lin.task import LinTask, open_base
+from workbench.analysis.lin.task import LinTask, moving_note, open_base
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -146,9 +146,9 @@ def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, periods: tuple[floa
     if left_out:
         notes.append(f"left out, because they are set anew before anything reads them: {', '.join(left_out)}")
     values = setting.values[: len(keep)]
-    if (np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6))[keep].any():
-        notes.append("the point is no equilibrium over the basic period; the model is that of deviations from its path")
-    return tuple(notes)
+    moves = np.flatnonzero((np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6)) & keep)
+    shown = [f"{setting.names[i]} goes from {values[i]:.4g} to {slopes.x[i]:.4g} in one period" for i in moves]
+    return (*notes, *moving_note(shown))
 
 
 def _influential(phi: Floats, outer: Floats, continuous: int) -> Flags:

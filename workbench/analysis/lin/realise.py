@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -30,7 +30,8 @@ class Realisation:
         C: shape (q, n).
         D: shape (q, m).
         singular_values: of the Hankel matrix, falling.
-        error: largest difference to the Markov parameters, relative to the largest of the same output and input.
+        error: largest difference to the Markov parameters, relative to the largest of the same output and input;
+            NaN: not looked at.
     """
 
     A: Floats
@@ -39,6 +40,14 @@ class Realisation:
     D: Floats
     singular_values: Floats
     error: float
+
+    def truncated(self, order: int) -> Realisation:
+        """Return the realisation of a lower order: the states of the largest singular values.
+
+        Args:
+            order: from 0 to that of the model.
+        """
+        return replace(self, A=self.A[:order, :order], B=self.B[:order], C=self.C[:, :order], error=np.nan)
 
 
 def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) -> Realisation:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.analysis.lin.between import PARTS, held, inside, lines, periods_needed
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
-from workbench.analysis.lin.task import LinTask, check_names, width_for
-from workbench.analysis.lin.trial import Trial, trial_levels
+from workbench.analysis.lin.task import LinTask, check_names, moving_note, width_for
+from workbench.analysis.lin.trial import Trial, accepted, smallest, trial_levels
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -28,6 +29,7 @@ LEAD = 1e-6  # of the period
 NONLINEAR = 1e-2  # of a response: how much both directions may differ
 QUIET = 1e-6  # noise of a response below which no wider pulse is tried
 WIDER, WIDEST = 10.0, 1000.0  # times the width, step by step, and in all
+_MOVING, _STANDS = 1e-3, 1e-6  # of the answers to a pulse, of the outputs: what may drift of its own
 
 
 def response(task: LinTask) -> LinResult:
@@ -36,7 +38,7 @@ def response(task: LinTask) -> LinResult:
     From the running operating point (one period after `time`, so that samplers see the pulse), saved by snapshot (the
     FMU's own state where it can be trusted, else replay), each input in turn is raised for one period h and then put
     back, lowered likewise, and left alone. The difference of the first two runs over the width gives the Markov
-    parameters of the discrete model with the input held over h; its realisation (ERA) has as many states as
+    parameters of the discrete model with the input held over h; its realisation (ERA) has at most as many states as
     singular values stand out of the noise. The model at the point need not rest: what it does on its own
     cancels. The states have no physical meaning.
 
@@ -45,11 +47,17 @@ def response(task: LinTask) -> LinResult:
     doubt where the model is not linear over the width. Where that noise is above 1e-6 of the response, pulses 10, 100
     and 1000 times as wide are tried, as long as the noise falls and the response per unit stays the same.
 
-    One pulse is reproduced by construction. So each input is moved once more, by pulses of other lengths and heights
-    at other times and a step (see `trial`), and the model must predict the answer: superposition and time
-    shift are tested with it, relative to the communication steps and to whatever steps an FMU makes inside. The error
-    of that prediction is what the notes state; above 5 % it is a doubt, and above 50 % there is no linear
-    model of this period: typically an FMU whose own solver does not restart where inputs change, or samples them.
+    One pulse is reproduced by construction, and so are the solver's own errors, by states of their own. So each
+    input is moved once more, by pulses of other lengths and heights at other times and a step (see `trial`), and the
+    model must predict the answer: superposition and time shift are tested with it, relative to the communication
+    steps and to whatever steps an FMU makes inside. The order is the smallest that predicts about as well as the best
+    one does; its error is stated in the notes. Above 5 % it is a doubt, and above 50 % there is no linear model of
+    this period: typically an FMU whose own solver does not restart where inputs change, or samples them. An input
+    for which there is none is left out, with the reason.
+
+    Outputs are watched within the periods too, where the interface shows them there. The result says up to which
+    frequency its samples alone, joined by straight lines, show what a sine does; where outputs move much in between
+    (a period too long for the model's motion, whose poles are folded then), that is a doubt.
 
     Not for: dynamics that the chosen outputs do not show or the inputs do not reach (no input-output
     method finds them); models whose slowest motion takes thousands of periods (choose a longer `period`); FMUs with
@@ -60,7 +68,7 @@ def response(task: LinTask) -> LinResult:
 
     Raises:
         InputError: no inputs or outputs, widths for states, unknown names, no period can be derived.
-        SimulationError: a run fails, or no linear model predicts the answers.
+        SimulationError: a run fails, or for every input no linear model predicts the answers.
 
     Source: J.-N. Juang and R. S. Pappa, J. Guidance 8 (1985).
     """
@@ -74,15 +82,27 @@ def response(task: LinTask) -> LinResult:
     with _open(task, period) as session:
         setting = _Setting.of(task, session, period)
         pulses = setting.measure()
-        found = realise(pulses.markov, noise=pulses.noise, order=task.order)
-        trials = [setting.trial(name, pulses) for name in task.inputs]
+        trials, refused = accepted([setting.trial(name, pulses) for name in task.inputs])
+        kept = replace(task, inputs=tuple(t.input for t in trials))
+        columns = [task.inputs.index(t.input) for t in trials]
+        largest = realise(pulses.markov[:, :, columns], noise=pulses.noise[:, columns], order=task.order)
+        found = smallest(largest, trials, given=task.order is not None)
         point, sampled = setting.point(), setting.acts_at_samples()
-    for trial in trials:
-        trial.refuse(found, given=task.order is not None)
-    doubts = [*pulses.doubts, *(d for t in trials for d in t.doubts(found))]
-    result = _result(task, found, point, period, sampled=sampled)
-    notes = [*_notes(found, pulses, trials), f"inputs held over {period:.6g} s", *_replayed(task.model)]
-    return replace(result, notes=tuple(notes), doubts=tuple(doubts), calls={"runs": pulses.runs + len(trials)})
+        answers = setting.inside(found, kept.inputs, pulses)
+    between = lines(found, period, sampled=sampled)
+    result = _result(kept, found, point, period, between)
+    doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(found)]
+    notes = [*_notes(found, largest, pulses, trials), f"inputs held over {period:.6g} s", *_replayed(task.model)]
+    notes += [*_moving(task, pulses, period), *(f"{n} is left out: {why}" for n, why in refused.items())]
+    if answers is not None:
+        joined, between = result, inside(found, answers, period, sampled=sampled)
+        result = replace(result, intersample=between)
+        limit = held(result, joined)
+        result = replace(result, holds_to_hz=limit.to_hz)
+        doubts += limit.doubts
+        notes.append(f"the samples, joined by straight lines, hold within 5 % for sines up to {limit.to_hz:.3g} Hz")
+    runs = {"runs": pulses.runs + len(task.inputs) + (0 if answers is None else 1 + len(trials))}
+    return replace(result, notes=tuple(notes), doubts=tuple(doubts), refused=refused, calls=runs)
 
 
 def _replayed(model: Model) -> list[str]:
@@ -322,33 +342,56 @@ class _Setting:
         answer = self._run({name: levels}) - pulses.base
         return Trial(name, j, self.task.outputs, levels, answer, pulses.markov[:, :, j], pulses.noise[:, j])
 
-    def _run(self, moved: Mapping[str, Floats]) -> Floats:
-        """Return the outputs (k, q) at the beginning of k periods, right limits.
+    def inside(self, found: Realisation, names: Sequence[str], pulses: _Pulses) -> Floats | None:
+        """Return the answers to one pulse at each input within the periods, per unit, shape (k, parts, q, m).
+
+        None: a co-simulation whose communication step is the period shows nothing there.
+        """
+        parts = self._parts()
+        if parts < 2:
+            return None
+        count = min(self.task.points, periods_needed(len(found.A)))
+        base, pulse = self._run({}, count, parts), np.zeros(count)
+        columns = []
+        for name in names:
+            pulse[0] = 0.5 * pulses.widths[name]
+            columns.append((self._run({name: pulse}, count, parts) - base) / pulse[0])
+        return np.stack(columns, axis=-1).reshape(count, parts, len(self.task.outputs), len(names))
+
+    def _parts(self) -> int:
+        step = communication_step(self.task.model, self.period)
+        if step is None:
+            return PARTS
+        whole = round(self.period / step)
+        return whole if whole <= PARTS and abs(whole * step - self.period) <= 1e-9 * self.period else 1
+
+    def _run(self, moved: Mapping[str, Floats], count: int | None = None, parts: int = 1) -> Floats:
+        """Return the outputs (k parts, q) at the beginning of the parts of k periods, right limits.
 
         Args:
             moved: inputs → how far each is from its value over each period, shape (k,).
+            count: k; None: as many as the task records.
+            parts: of each period.
         """
         session, task, h = self.session, self.task, self.period
         session.restore(self.start)
-        begin, count = session.time, task.points
-        times: Floats = begin + 2.0 * self.lead + h * np.arange(float(count))
+        begin, count = session.time, task.points if count is None else count
+        times: Floats = begin + 2.0 * self.lead + h / parts * np.arange(float(count * parts))
         table = np.array([moved.get(n, np.zeros(count)) for n in self.u0])
         changes = np.flatnonzero(np.any(np.diff(table, axis=1) != 0.0, axis=0)) + 1
         # The last of each part is the left limit at its end; at the beginning, the right limit is recorded anyway.
         ends = np.unique([1, *changes.tolist(), count])
-        parts = []
+        pieces = []
         for first, last in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True):
             signals: dict[str, Signal] = {
                 n: Constant(v + float(table[i, first])) for i, (n, v) in enumerate(self.u0.items())
             }
-            own = times[first:last]
-            inside = own[own > begin + h * first]
-            until = float(times[-1]) + h if last == count else begin + h * last
-            record = session.advance(
-                until, signals=signals, record=task.outputs, points=inside if len(inside) else None
-            )
-            parts.append(_rows(record, own, h, task.outputs))
-        return np.vstack(parts)
+            own = times[first * parts : last * parts]
+            later = own[own > begin + h * first]
+            until = float(times[-1]) + h / parts if last == count else begin + h * last
+            record = session.advance(until, signals=signals, record=task.outputs, points=later if len(later) else None)
+            pieces.append(_rows(record, own, h / parts, task.outputs))
+        return np.vstack(pieces)
 
     def acts_at_samples(self) -> bool:
         """Whether inputs are only read at sample instants: what comes and goes between them has no effect."""
@@ -362,16 +405,16 @@ class _Setting:
         return {n: self.u0[n] + w / 2.0 for n, w in zip(self.task.inputs, self.widths.tolist(), strict=True)}
 
     def _late(self, pulse: Mapping[str, float]) -> Floats:
-        """Return the outputs after a pulse that begins in the middle of a period and ends before the next, (1, q)."""
+        """Return the outputs during and after a pulse that begins and ends within a period, (2, q)."""
         session, h = self.session, self.period
         session.restore(self.start)
         begin = session.time
         usual: dict[str, Signal] = {n: Constant(v) for n, v in self.u0.items()}
         raised: dict[str, Signal] = {n: Constant(pulse.get(n, v)) for n, v in self.u0.items()}
         session.advance(begin + 0.4 * h, signals=usual)
-        session.advance(begin + 0.7 * h, signals=raised)
-        record = session.advance(begin + 2.0 * h, signals=usual, record=self.task.outputs)
-        return np.array([[record.values[n][-1] for n in self.task.outputs]])
+        during = session.advance(begin + 0.7 * h, signals=raised, record=self.task.outputs)
+        after = session.advance(begin + 2.0 * h, signals=usual, record=self.task.outputs)
+        return np.array([[record.values[n][-1] for n in self.task.outputs] for record in (during, after)])
 
     def point(self) -> OperatingPoint:
         """Return where the session stands."""
@@ -396,10 +439,23 @@ def _default(variable: Variable, value: float) -> float:
     return RELATIVE_WIDTH * max(abs(value), variable.nominal or UNDECLARED)
 
 
-def _notes(found: Realisation, pulses: _Pulses, trials: Sequence[Trial]) -> list[str]:
+def _moving(task: LinTask, pulses: _Pulses, period: float) -> tuple[str, ...]:
+    """Return a remark where the outputs of the run that is left alone do not stay."""
+    answers = np.abs(pulses.markov).max(axis=0) @ np.array([pulses.widths[n] for n in task.inputs])
+    size = np.abs(pulses.base).max(axis=0)
+    drift = np.abs(pulses.base - pulses.base[0]).max(axis=0)
+    found = np.flatnonzero(drift > np.maximum(_MOVING * answers, _STANDS * size))
+    span = period * (len(pulses.base) - 1)
+    return moving_note([f"{task.outputs[i]} changes by {drift[i]:.4g} within {span:.4g} s" for i in found])
+
+
+def _notes(found: Realisation, largest: Realisation, pulses: _Pulses, trials: Sequence[Trial]) -> list[str]:
     size = np.abs(pulses.markov).max(axis=0)
     relative = np.divide(pulses.noise, size, out=np.zeros_like(size), where=size > 0.0)
     notes = [f"order {len(found.A)} (singular values above the noise, {relative.max(initial=0.0):.1e} of the response)"]
+    if len(found.A) < len(largest.A):
+        more = f"singular values above the noise would give {len(largest.A)}"
+        notes = [f"order {len(found.A)}, the smallest that predicts other pulses and a step as well as any; {more}"]
     error = max((t.error(found) for t in trials), default=0.0)
     notes.append(f"other pulses and a step, which it was not made from, are predicted within {100.0 * error:.2g} %")
     notes += [
@@ -409,7 +465,7 @@ def _notes(found: Realisation, pulses: _Pulses, trials: Sequence[Trial]) -> list
     return notes
 
 
-def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: float, *, sampled: bool) -> LinResult:
+def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: float, between: Intersample) -> LinResult:
     names = tuple(f"z{i}" for i in range(1, len(found.A) + 1))
     units = {**dict.fromkeys(names), **{n: point.units.get(n) for n in (*task.inputs, *task.outputs)}}
     result = LinResult(
@@ -427,15 +483,7 @@ def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: fl
         output_names=task.outputs,
         units=units,
         point=point,
-        intersample=_lines(found, period, sampled=sampled),
+        intersample=between,
     )
     rows = [*names, *task.outputs]
     return replace(result, zeros=zeros_of(result, Reach.none(rows, [*names, *task.inputs], looked=False)))
-
-
-def _lines(found: Realisation, period: float, *, sampled: bool) -> Intersample:
-    """Between two samples the output is taken as a straight line, from the right to the next left limit."""
-    C = np.stack([found.C, found.C @ found.A])[None]
-    # The left limit at the end still has the old input: D stays where outputs follow inputs at once.
-    D = np.stack([found.D, found.C @ found.B + found.D])[None]
-    return Intersample(np.array([0.0, period]), C, D, sampled=sampled)

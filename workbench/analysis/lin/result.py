@@ -124,6 +124,9 @@ class LinResult(Reportable):
         notes: what else should be known, one line each.
         calls: how often the model was evaluated, by kind.
         intersample: outputs between the samples, where they are known.
+        refused: inputs that are left out → why.
+        holds_to_hz: up to there the samples of a discrete model, joined by straight lines, show the response to a sine
+            within 5 % [Hz]; None: not known, or of no meaning.
     """
 
     model: str
@@ -145,6 +148,8 @@ class LinResult(Reportable):
     notes: tuple[str, ...] = ()
     calls: Mapping[str, int] = field(default_factory=dict)
     intersample: Intersample | None = None
+    refused: Mapping[str, str] = field(default_factory=dict)
+    holds_to_hz: float | None = None
 
     @property
     def poles(self) -> Complex:
@@ -252,6 +257,8 @@ class LinResult(Reportable):
             "zero_rows_and_columns": [vars(z) for z in self.zeros],
             "doubtful": [vars(d) for d in self.doubts],
             "notes": list(self.notes),
+            "refused": dict(self.refused),
+            "holds_to_hz": self.holds_to_hz,
             "calls": dict(self.calls),
             "intersample": self.intersample.to_dict() if self.intersample is not None else None,
         }
@@ -296,6 +303,8 @@ class LinResult(Reportable):
             zeros=tuple(Zero(**z) for z in data["zero_rows_and_columns"]),
             doubts=tuple(Doubt(**d) for d in data["doubtful"]),
             notes=tuple(data["notes"]),
+            refused=dict(data.get("refused", {})),
+            holds_to_hz=data.get("holds_to_hz"),
             calls=dict(data["calls"]),
             intersample=None if between is None else Intersample.from_dict(between, (q, n, m)),
         )

@@ -16,7 +16,7 @@ from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["LinTask", "Width", "columns_of", "open_base", "sampled_note", "width_for"]
+__all__ = ["LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
 
 Width = float | Mapping[str, float] | Sequence[float] | None
 
@@ -141,6 +141,19 @@ def sampled_note(point: Point) -> tuple[str, ...]:
     if not (len(point.ticks(1, np.inf)) and point.memory):
         return ()
     return ("the model is sampled: its discrete states are held here; kalman-bertram takes them along",)
+
+
+def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
+    """Return the remark on a point that is not at rest; nothing where nothing moves.
+
+    Args:
+        moves: what moves and how fast, each in a few words.
+    """
+    if not moves:
+        return ()
+    more = f" and {len(moves) - 3} more" if len(moves) > 3 else ""
+    shown = f"{', '.join(moves[:3])}{more}"
+    return (f"the point is moving: {shown}; the linear model is about that motion, trim finds a point at rest",)
 
 
 def columns_of(task: LinTask, point: Point) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from workbench.analysis.lin.result import Doubt
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["Trial", "trial_levels"]
+__all__ = ["Trial", "accepted", "smallest", "trial_levels"]
 
 # (first period, periods, height): no two the same, and no common divisor of the instants, so that steps that an FMU
 # makes inside are met at different places; the last goes on to the end.
@@ -20,6 +20,8 @@ _MOVES = ((1, 2, -0.6), (4, 1, 0.7), (7, 5, 0.9), (17, 13, -1.0), (41, 2, 0.8), 
 _STEP_AT = 0.25  # of the run, where it is not shorter than the pulses
 _STEP = 0.5
 _DOUBT, _REFUSED = 0.05, 0.5
+_AS_WELL = 1.5  # times the error of the best order: what the chosen order may miss
+_EXACT = 1e-9  # what rounding makes of an exact prediction
 _SEEN = 10.0  # times the noise: smaller answers test nothing
 
 
@@ -41,7 +43,7 @@ class Trial:
 
     Attributes:
         input: name.
-        column: of the input.
+        column: of the input in the model.
         outputs: names.
         levels: how far the input was moved, shape (k,).
         answer: of the outputs, beside the run that is left alone, shape (k, q).
@@ -57,28 +59,29 @@ class Trial:
     pulse: Floats
     noise: Floats
 
-    def refuse(self, found: Realisation, *, given: bool) -> None:
-        """Refuse what is not a linear model.
+    def why_refused(self) -> str:
+        """Return why this input has no linear model, its pulse not predicting the answer; empty: it has one."""
+        shifted = self._gaps(self._folded())
+        worst = int(shifted.argmax())
+        if shifted[worst] <= _REFUSED:
+            return ""
+        return (
+            f"there is no linear model: {self.outputs[worst]} answers to {self.input} differently "
+            f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). Either the "
+            f"model moves at this point (trim it, or leave {self.input} out of the inputs), or the FMU's own "
+            "solver does not restart where inputs change (check tells), or the model samples its inputs or has "
+            "events; then interface me, a longer period or nfr help"
+        )
 
-        Args:
-            found: the model.
-            given: whether its order was asked for: then a bad one is what was wanted.
+    def refuse(self, found: Realisation) -> None:
+        """Refuse a model that misses the answer although the pulse predicts it.
 
         Raises:
-            SimulationError: the pulse does not predict the answer at all, or the model does not.
+            SimulationError: it does.
         """
-        shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(found))
-        worst = int(shifted.argmax())
-        if shifted[worst] > _REFUSED:
-            raise SimulationError(
-                f"method response: there is no linear model: {self.outputs[worst]} answers to {self.input} differently "
-                f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). Either the "
-                f"model moves at this point (trim it, or leave {self.input} out of the inputs), or the FMU's own "
-                "solver does not restart where inputs change (check tells), or the model samples its inputs or has "
-                "events; then interface me, a longer period or nfr help"
-            )
+        modelled = self._gaps(self._simulated(found))
         worst = int(modelled.argmax())
-        if modelled[worst] > _REFUSED and not given:
+        if modelled[worst] > _REFUSED:
             raise SimulationError(
                 f"method response: order {len(found.A)}, found in the pulses, misses other pulses and a step of "
                 f"{self.input} in {self.outputs[worst]} by {100.0 * modelled[worst]:.3g} %; give order, more points or "
@@ -125,3 +128,40 @@ class Trial:
         gap = np.abs(predicted - self.answer).max(axis=0)
         result: Floats = np.divide(gap, size, out=np.zeros_like(size), where=seen)
         return result
+
+
+def accepted(trials: Sequence[Trial]) -> tuple[list[Trial], dict[str, str]]:
+    """Return the trials of the inputs that have a linear model, numbered anew, and the other inputs with the reason.
+
+    Raises:
+        SimulationError: none has one.
+    """
+    refused = {t.input: why for t in trials if (why := t.why_refused())}
+    if len(refused) == len(trials):
+        raise SimulationError(f"method response: {next(iter(refused.values()))}")
+    kept = [t for t in trials if t.input not in refused]
+    return [replace(t, column=j) for j, t in enumerate(kept)], refused
+
+
+def smallest(largest: Realisation, trials: Sequence[Trial], *, given: bool) -> Realisation:
+    """Return the model of the smallest order that predicts the trials about as well as the best order does.
+
+    States beyond it are made of the pulses' own errors.
+
+    Args:
+        largest: the model of the largest order that the pulses carry.
+        trials: of all its inputs.
+        given: whether the order was asked for: then it stays, and a bad one is what was wanted.
+
+    Raises:
+        SimulationError: no order predicts them.
+    """
+    if given:
+        return largest
+    models = [largest.truncated(order) for order in range(len(largest.A) + 1)]
+    errors = [max(t.error(model) for t in trials) for model in models]
+    enough = max(_AS_WELL * min(errors), _EXACT)
+    found = next(model for model, error in zip(models, errors, strict=True) if error <= enough)
+    for trial in trials:
+        trial.refuse(found)
+    return found
