@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from tests.lin_fmus import fmu
+from tests.lin_fmus import built, fmu
 from workbench.analysis.lin import lin
 from workbench.analysis.lin.compare import compare
 from workbench.analysis.lin.step_check import step_check
@@ -149,6 +149,8 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),
         (["--snapshot", "2,1"], "must rise"),
         (["--compare", "--amplitude", "-2"], "--amplitude: -2 is not a positive number"),
+        (["--amplitude", "2"], "--amplitude is of the measurement that --compare makes; add --compare"),
+        (["--freq", "2"], "--freq is of the measurement that --compare makes; add --compare"),
         (["--compare", "--freq", "0,1"], "--freq: 0 is not a positive number"),
         (["--inputs="], "Rudder: a linear model needs an input, and there is none"),
     ],
@@ -162,3 +164,56 @@ def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: p
     assert code == 2
     assert len(error) == 1
     assert words in error[0]
+
+
+def dead_band_gain(amplitude: float, half: float, slope: float) -> float:
+    """The describing function of a dead band ±half, of this slope outside."""
+    ratio = half / amplitude
+    return float(slope * (1.0 - 2.0 / np.pi * (np.arcsin(ratio) + ratio * np.sqrt(1.0 - ratio**2))))
+
+
+def test_no_linear_effect_is_told_with_the_measured_gain() -> None:
+    """Inside its dead band the linear gain is 0, −∞ dB, and a sine beyond it sees the describing function."""
+    text = "model Dead input Real u(start = 0); output Real y; "
+    text += "equation y = if u > 1 then 2 * (u - 1) elseif u < -1 then 2 * (u + 1) else 0; end Dead;"
+    with load(built(text, "Dead"), "me") as model:
+        found = compare(model, "u", "y", frequencies=[0.1, 1.0], amplitude=4.0)
+        small = compare(model, "u", "y", frequencies=[0.1, 1.0], amplitude=0.5)
+    mine = [v for v in found.verdicts if v.method == "exact (me)"]
+    assert [v.word for v in mine] == ["no linear effect"] * 2
+    assert [v.measured_gain for v in mine] == pytest.approx([dead_band_gain(4.0, 1.0, 2.0)] * 2, rel=1e-3)
+    assert all(v.gain_db == -np.inf and v.agrees is False for v in mine)
+    assert any(w.startswith("exact (me): no linear effect; the measured gain is") for w in found.words)
+    assert found.compared
+    assert not small.compared
+    assert {v.word for v in small.verdicts} == {"no effect"}
+    assert "a sine of amplitude 0.5 at u does not move y; take a larger amplitude" in small.words[0]
+
+
+def test_nothing_to_compare_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["lin", "fmu:DeadBand", "--compare", "--freq", "1", "--json", str(tmp_path / "found.json")]
+    assert run(command) == 1
+    shown = capsys.readouterr().out
+    assert shown.startswith("nothing to compare with: a sine of amplitude 0.001 at u does not move y")
+    assert "nan" not in shown
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert {v["word"] for v in found["verdicts"]} == {"no effect"}
+    assert "operating_point" in found
+
+
+def test_the_command_shows_units_and_the_point_and_says_what_takes_its_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    point = str(tmp_path / "point.json")
+    assert run(["trim", "fmu:Rudder", "--u0", "delC=2", "--json", point]) == 0
+    capsys.readouterr()
+    assert run(["lin", "fmu:Rudder", "--at", point, "--u0", "delC=2"]) == 0
+    shown = capsys.readouterr()
+    for text in ("pistonSpeed", "[m/s]", "d/dt pistonSpeed [m/s / s]", "del [deg]", "delC [deg]", "bypass"):
+        assert text in shown.out
+    assert "at delC = 2 deg, pS = 2.06e+07 Pa" in shown.out
+    assert "as asked for" not in shown.err
+    assert run(["lin", "fmu:Rudder", "--at", point, "--u0", "delC=5", "--json", str(tmp_path / "lin.json")]) == 0
+    told = "note: delC is 5 as asked for, not 2, as the operating point says: it may be no equilibrium"
+    assert told in capsys.readouterr().err.splitlines()
+    assert json.loads((tmp_path / "lin.json").read_text(encoding="utf-8"))["u0"]["delC"] == 5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO
@@ -32,18 +33,23 @@ from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from workbench.analysis.lin.compare import LinComparison
     from workbench.analysis.lin.result import LinResult
     from workbench.analysis.lin.sweep import LinGrid
     from workbench.cli.output import Output
     from workbench.model import DescribedModel
+    from workbench.session.base import Floats
 
 __all__ = ["lin"]
 
 _POINTS_FAILED = 1
 _AT_REST = 1e-6  # [rad/s]: what rounding makes of an integrator
 _WIDEST = 12  # so many states are printed; more belong into a file
+
+_NUMBER = 10  # characters of -1.234e+05, which must not be broken
+_LABEL = 30  # of the name of a row, which may be
 
 _Names = list[str] | None
 
@@ -122,6 +128,10 @@ def lin(
     out = Output("lin", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     if sum([bool(over), snapshot is not None, compare]) > 1:
         raise InputError("--over, --snapshot and --compare: only one of them at a time")
+    if not compare:
+        for option, given in (("--amplitude", amplitude), ("--freq", freq)):
+            if given is not None:
+                raise InputError(f"{option} is of the measurement that --compare makes; add --compare, or leave it out")
     where: dict[str, Any] = {
         "at": at,
         "x0": _values("--x0", x0),
@@ -195,7 +205,7 @@ def _one(model: DescribedModel, options: Mapping[str, Any], out: Output) -> int:
     result = run(model, **options).result
     _show(result, out)
     out.write(result.to_dict(), csv=_to_csv([({}, result)]), plot=result.plot, report=result)
-    return 0
+    return _POINTS_FAILED if result.refused else 0
 
 
 def _over(
@@ -268,7 +278,7 @@ def _compare(model: DescribedModel, pair: tuple[str, str], options: Mapping[str,
         plot=result.plot,
         report=result,
     )
-    return 0
+    return 0 if result.compared else _POINTS_FAILED
 
 
 # -- what is shown -----------------------------------------------------------------------------
@@ -299,20 +309,35 @@ def _show(result: LinResult, out: Output) -> None:
 
 
 def _matrices(result: LinResult, console: Console) -> None:
+    """Print A beside B above C beside D, names with units; as many tables below each other as the width asks for."""
+    import numpy as np
+
+    from workbench.report.tables import bracketed, rate_unit
+
+    prime = "next" if result.dt > 0.0 else "d/dt"
+    rows = [f"{prime} {bracketed(n, rate_unit(result.units.get(n), result.dt))}" for n in result.state_names]
+    rows += [bracketed(n, result.units.get(n)) for n in result.output_names]
+    columns = [bracketed(n, result.units.get(n)) for n in (*result.state_names, *result.input_names)]
+    values = np.block([[result.A, result.B], [result.C, result.D]])
+    label = min(max((len(name) for name in rows), default=0), _LABEL)
+    each = max(1, (console.width - label - 2) // (_NUMBER + 1))
+    for first in range(0, len(columns), each):
+        chosen = slice(first, first + each)
+        console.print(_matrix(rows, columns[chosen], values[:, chosen], label))
+
+
+def _matrix(rows: Sequence[str], columns: Sequence[str], values: Floats, label: int) -> Table:
     from rich import box
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    table.add_column("", overflow="fold")
-    for name in (*result.state_names, *result.input_names):
-        table.add_column(escape(name), justify="right", overflow="fold")
-    prime = "next " if result.dt > 0.0 else "d/dt "
-    rows = [(prime + n, a, b) for n, a, b in zip(result.state_names, result.A, result.B, strict=True)]
-    rows += [(n, c, d) for n, c, d in zip(result.output_names, result.C, result.D, strict=True)]
-    for name, left, right in rows:
-        table.add_row(escape(name), *(f"{x:.4g}" for x in (*left.tolist(), *right.tolist())))
-    console.print(table)
+    table.add_column("", overflow="fold", min_width=label, max_width=_LABEL)
+    for name in columns:
+        table.add_column(escape(name), justify="right", overflow="fold", min_width=min(_NUMBER, len(name)))
+    for name, line in zip(rows, values.tolist(), strict=True):
+        table.add_row(escape(name), *(f"{x:.4g}" for x in line))
+    return table
 
 
 def _poles(result: LinResult, console: Console) -> None:
@@ -344,8 +369,9 @@ def _show_comparison(result: LinComparison, out: Output) -> None:
     for heading in ("method", "Hz", "gain less measured \\[dB]", "phase \\[deg]", ""):
         table.add_column(heading, justify="right" if heading != "method" else "left")
     for v in result.verdicts:
-        word = {True: "agrees", False: "differs", None: "not measured"}[v.agrees]
-        table.add_row(escape(v.method), f"{v.frequency_hz:.5g}", f"{v.gain_db:.3f}", f"{v.phase_deg:.2f}", word)
+        off = [f"{x:.{d}f}" if math.isfinite(x) else "-" for x, d in ((v.gain_db, 3), (v.phase_deg, 2))]
+        word = f"{v.word}, measured gain {v.measured_gain:.4g}" if v.gain_db == -math.inf else v.word
+        table.add_row(escape(v.method), f"{v.frequency_hz:.5g}", *off, word)
     console.print(table)
     for name, why in result.failed.items():
         console.print(f"not applicable: {name}: {why}", markup=False, soft_wrap=True)
@@ -372,8 +398,10 @@ def _to_csv(members: Sequence[tuple[Mapping[str, float], LinResult]]) -> _Writer
 
 
 def _verdicts_csv(result: LinComparison) -> _Writer:
-    rows: list[list[Any]] = [["method", "frequency_hz", "gain_db", "phase_deg", "agrees"]]
-    rows += [[v.method, v.frequency_hz, v.gain_db, v.phase_deg, v.agrees] for v in result.verdicts]
+    rows: list[list[Any]] = [["method", "frequency_hz", "gain_db", "phase_deg", "agrees", "measured_gain", "word"]]
+    rows += [
+        [v.method, v.frequency_hz, v.gain_db, v.phase_deg, v.agrees, v.measured_gain, v.word] for v in result.verdicts
+    ]
     return _rows_writer(rows)
 
 

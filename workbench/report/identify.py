@@ -96,7 +96,10 @@ def _poles(estimate: SubspaceEstimate) -> list[Table]:
 def _matrices(estimate: SubspaceEstimate) -> Section:
     model = estimate.model
     states = [f"x{k + 1}" for k in range(model.order)]
-    return matrices((model.A, model.B, model.C, model.D), states, model.input_names, model.output_names)
+    names, known = (*model.input_names, *model.output_names), (*model.input_units, *model.output_units)
+    units = dict(zip(names, known, strict=True))
+    values = (model.A, model.B, model.C, model.D)
+    return matrices(values, states, model.input_names, model.output_names, units=units, dt=model.dt)
 
 
 def _of_validation(title: str, validation: Validation) -> Section:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 
@@ -20,7 +21,6 @@ from workbench.report.tones import Verdict
 __all__ = ["comparison_page", "grid_page", "lin_page", "linear_model_page", "step_check_page"]
 
 _BORDER = 1e-9  # of the fastest pole: real parts below are rounding
-_AGREES = {True: "agrees", False: "differs", None: "not measured"}
 
 
 def lin_page(result: LinResult) -> Page:
@@ -83,7 +83,7 @@ def _parts(result: LinResult) -> list[Section]:
     values = (result.A, result.B, result.C, result.D)
     sections = [
         Section("Poles", tables=[pole_table(result.poles.tolist(), result.dt)]) if len(result.A) else None,
-        matrices(values, result.state_names, result.input_names, result.output_names),
+        matrices(values, result.state_names, result.input_names, result.output_names, units=result.units, dt=result.dt),
         Section("Rows and columns that are zero", items=[f"{z.kind} {z.name}: {z.reason}" for z in result.zeros])
         if result.zeros
         else None,
@@ -185,7 +185,12 @@ def _verdict_table(result: LinComparison) -> Section:
 
 
 def _row(v: Agreement) -> tuple[str, ...]:
-    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), _AGREES[v.agrees])
+    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), _word(v))
+
+
+def _word(v: Agreement) -> str:
+    """Return the verdict, with the measured gain where the linear one is 0 and no ratio says it."""
+    return f"{v.word}, measured gain {v.measured_gain:.4g}" if v.gain_db == -math.inf else v.word
 
 
 def _inapplicable(result: LinComparison) -> list[Section]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,18 @@ def bracketed(name: str, unit: str | None) -> str:
     return f"{name} [{unit}]" if unit and unit != "1" else name
 
 
+def rate_unit(unit: str | None, dt: float = 0.0) -> str | None:
+    """Return the unit of a state's derivative; of its next value in a discrete model.
+
+    Args:
+        unit: of the state.
+        dt: period of the model [s]; 0: continuous.
+    """
+    if dt > 0.0 or not unit:
+        return unit
+    return "1/s" if unit == "1" else f"{unit} / s"
+
+
 def counted(count: int, one: str, several: str = "") -> str:
     """Return "1 point", "2 points"."""
     return f"{count} {one if count == 1 else several or one + 's'}"
@@ -39,15 +51,32 @@ def matrix(title: str, values: NDArray[np.float64], rows: Sequence[str], columns
 
 
 def matrices(
-    values: Sequence[NDArray[np.float64]], states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+    values: Sequence[NDArray[np.float64]],
+    states: Sequence[str],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    units: Mapping[str, str | None],
+    dt: float,
 ) -> Section:
-    """Return A, B, C, D of a linear model; large ones are in the data of the page only."""
+    """Return A, B, C, D of a linear model, names with units; large ones are in the data of the page only.
+
+    Args:
+        values: A, B, C, D.
+        states: names.
+        inputs: names.
+        outputs: names.
+        units: of these names.
+        dt: period of the model [s]; 0: continuous.
+    """
     A, B, C, D = values
     largest = max(len(states), len(inputs), len(outputs))
     if largest > MOST_ENTRIES:
         words = f"{len(states)} states, {len(inputs)} inputs, {len(outputs)} outputs: the data of this page hold them."
         return Section("Matrices", paragraphs=[words])
-    shown = (("A", A, states, states), ("B", B, states, inputs), ("C", C, outputs, states), ("D", D, outputs, inputs))
+    x, u, y = ([bracketed(n, units.get(n)) for n in names] for names in (states, inputs, outputs))
+    rates = [bracketed(f"{'next' if dt > 0.0 else 'd/dt'} {n}", rate_unit(units.get(n), dt)) for n in states]
+    shown = (("A", A, rates, x), ("B", B, rates, u), ("C", C, y, x), ("D", D, y, u))
     return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
 
 

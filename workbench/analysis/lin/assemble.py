@@ -25,7 +25,7 @@ def operating_point(task: LinTask, point: Point, base: Evaluation) -> OperatingP
         y={n: outputs[n] if n in outputs else x[n] for n in task.outputs},
         dx=rates,
         discrete=point.discrete(),
-        units=units_of(task, states),
+        units={v.name: v.unit for v in (*task.model.states, *task.model.inputs, *task.model.outputs)},
         time=point.time,
     )
 
@@ -65,7 +65,7 @@ def continuous_result(
         state_names=tuple(v.name for v in point.states),
         input_names=task.inputs,
         output_names=task.outputs,
-        units=where.units,
+        units=units_of(task, [v.name for v in point.states]),
         point=where,
         calls=dict(point.calls),
     )

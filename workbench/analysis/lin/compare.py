@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -18,7 +20,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, Width, make_task, open_base
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.operating_point import At, OperatingPoint, point_in_json
 from workbench.core.poles import natural_frequency_hz
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
@@ -46,9 +48,10 @@ class Verdict:
     Attributes:
         method: which linear model.
         frequency_hz: [Hz].
-        gain_db: its gain less the measured gain [dB]; NaN where nothing was measured.
-        phase_deg: its phase less the measured phase, within ±180 [deg].
-        agrees: within 0.5 dB and 5 deg; None where nothing was measured.
+        gain_db: its gain less the measured gain [dB]; −∞ where it has none; NaN where nothing was measured.
+        phase_deg: its phase less the measured phase, within ±180 [deg]; NaN where either has no gain.
+        agrees: within 0.5 dB and 5 deg; None where nothing was measured, or nothing moved.
+        measured_gain: what was measured; NaN where nothing was.
     """
 
     method: str
@@ -56,6 +59,16 @@ class Verdict:
     gain_db: float
     phase_deg: float
     agrees: bool | None
+    measured_gain: float = math.nan
+
+    @property
+    def word(self) -> str:
+        """The verdict in one or two words."""
+        if self.agrees is None:
+            return "no effect" if self.measured_gain == 0.0 else "not measured"
+        if self.gain_db == -math.inf:
+            return "no linear effect"
+        return "agrees" if self.agrees else "differs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +83,7 @@ class LinComparison(Reportable):
         verdicts: every model at every frequency.
         interfaces: co-simulation against model exchange; None where the FMU does not offer both.
         words: the comparison in sentences.
+        operating_point: where the models were linearised.
     """
 
     input: str
@@ -80,6 +94,12 @@ class LinComparison(Reportable):
     verdicts: tuple[Verdict, ...]
     interfaces: InterfaceDifference | None
     words: tuple[str, ...]
+    operating_point: OperatingPoint
+
+    @property
+    def compared(self) -> bool:
+        """Whether anything was measured that a model could agree with or differ from."""
+        return any(v.agrees is not None for v in self.verdicts)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return one Bode picture with every model as a curve and the measurement as circles.
@@ -99,9 +119,10 @@ class LinComparison(Reportable):
             "results": {name: result.to_dict() for name, result in self.results.items()},
             "not_applicable": dict(self.failed),
             "measured": None if self.measured is None else self.measured.to_dict(),
-            "verdicts": [vars(v) for v in self.verdicts],
+            "verdicts": [{**vars(v), "word": v.word} for v in self.verdicts],
             "interfaces": None if self.interfaces is None else self.interfaces.to_dict(),
             "words": list(self.words),
+            **point_in_json(self.operating_point),
         }
 
 
@@ -175,7 +196,7 @@ def compare(
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
     spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]
-    return LinComparison(input, output, results, failed, measured, verdicts, interfaces, tuple(spoken))
+    return LinComparison(input, output, results, failed, measured, verdicts, interfaces, tuple(spoken), point)
 
 
 # -- linear models ----------------------------------------------------------------------------
@@ -285,6 +306,9 @@ def _measure(
             measured = nfr(exact, source, target, grid, [small], step=step, at=point, max_periods=_PERIODS)
     except (InputError, SimulationError, FmuError) as error:
         return None, [f"nothing was measured: {error}"]
+    if not np.any(np.where(np.isnan(measured.response), 1.0, measured.response)):
+        why = f"a sine of amplitude {small:.3g} at {source} does not move {target}; take a larger amplitude"
+        return measured, [f"nothing to compare with: {why}"]
     unsettled = int(measured.averaged.sum()) + len(measured.failed)
     reason = (
         measured.failed[0].reason if measured.failed else "undamped, not at rest at the point, or a tolerance too wide"
@@ -296,17 +320,21 @@ def _measure(
 def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | None) -> list[Verdict]:
     response = result.fundamental(grid)[:, 0, 0]
     real = np.full(len(grid), np.nan, dtype=np.complex128)
-    if measured is not None:  # what did not settle is no yardstick
-        real = np.where(measured.averaged[0], np.nan, measured.response[0])
-    found = []
-    for frequency, model, truth in zip(grid.tolist(), response.tolist(), real.tolist(), strict=True):
-        with np.errstate(all="ignore"):
-            ratio = np.divide(model, truth) if truth else np.nan
-            gain, phase = float(20.0 * np.log10(np.abs(ratio))), float(np.degrees(np.angle(ratio)))
-        known = bool(np.isfinite(gain))
-        agrees = (abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG) if known else None
-        found.append(Verdict(name, frequency, gain, phase, agrees))
-    return found
+    if measured is not None:  # what did not settle is no yardstick, unless nothing moved at all
+        real = np.where(measured.averaged[0] & (measured.response[0] != 0.0), np.nan, measured.response[0])
+    triples = zip(grid.tolist(), response.tolist(), real.tolist(), strict=True)
+    return [_verdict(name, frequency, model, truth) for frequency, model, truth in triples]
+
+
+def _verdict(name: str, frequency: float, model: complex, truth: complex) -> Verdict:
+    size = abs(truth)
+    if not math.isfinite(size) or not math.isfinite(abs(model)) or model == truth == 0.0:
+        return Verdict(name, frequency, math.nan, math.nan, None, size)
+    if model == 0.0 or truth == 0.0:
+        return Verdict(name, frequency, math.inf if model else -math.inf, math.nan, False, size)
+    gain = 20.0 * math.log10(abs(model) / size)
+    phase = math.degrees(cmath.phase(model / truth))
+    return Verdict(name, frequency, gain, phase, abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG, size)
 
 
 def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> list[str]:
@@ -315,12 +343,22 @@ def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> l
         mine = [v for v in verdicts if v.method == name and v.agrees is not None]
         if not mine:
             continue
-        worst = max(mine, key=lambda v: abs(v.gain_db) / GAIN_DB + abs(v.phase_deg) / PHASE_DEG)
+        if all(v.gain_db == -math.inf for v in mine):
+            gains = [v.measured_gain for v in mine]
+            words.append(f"{name}: no linear effect; the measured gain is {min(gains):.3g} to {max(gains):.3g}")
+            continue
+        worst = max(mine, key=_off)
         good = sum(bool(v.agrees) for v in mine)
         most = f"{worst.gain_db:+.3g} dB and {worst.phase_deg:+.3g}° at {worst.frequency_hz:.4g} Hz"
         limits = f"{GAIN_DB:g} dB and {PHASE_DEG:g}°"
         words.append(f"{name}: within {limits} of the measurement at {good} of {len(mine)} frequencies, at most {most}")
     return words
+
+
+def _off(verdict: Verdict) -> float:
+    if not math.isfinite(verdict.gain_db):
+        return math.inf
+    return abs(verdict.gain_db) / GAIN_DB + abs(verdict.phase_deg) / PHASE_DEG
 
 
 def _remarks(results: Mapping[str, LinResult]) -> list[str]:

@@ -81,7 +81,7 @@ def _periods(task: LinTask, point: Point) -> tuple[tuple[float, ...], Floats]:
 
 def _start(time: float, period: float, times: Floats) -> float:
     """Return the first multiple of the period not before `time` [s], in the FMU's own rounding where it ticks then."""
-    start = float(np.ceil(time / period - 1e-9)) * period
+    start = float(np.ceil(time / period - 1e-9)) * period + 0.0  # no −0
     near = times[np.abs(times - start) < 1e-6 * period]
     return float(near[0]) if len(near) and start > time else start
 

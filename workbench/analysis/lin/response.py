@@ -94,7 +94,7 @@ def response(task: LinTask) -> LinResult:
     doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(found)]
     notes = [*_notes(found, largest, pulses, trials), f"inputs held over {period:.6g} s", *_replayed(task.model)]
     notes += [*_moving(task, pulses, period), *(f"{n} is left out: {why}" for n, why in refused.items())]
-    if answers is not None:
+    if answers is not None and (len(found.A) or found.D.any()):
         joined, between = result, inside(found, answers, period, sampled=sampled)
         result = replace(result, intersample=between)
         limit = held(result, joined)

@@ -152,6 +152,11 @@ class LinResult(Reportable):
     holds_to_hz: float | None = None
 
     @property
+    def operating_point(self) -> OperatingPoint:
+        """Where the model was linearised, by the name that other results have for it."""
+        return self.point
+
+    @property
     def poles(self) -> Complex:
         """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
         return np.linalg.eigvals(self.A).astype(np.complex128)

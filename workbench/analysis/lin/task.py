@@ -78,6 +78,7 @@ def make_task(
     """
     found, notes = find_point(model, at)
     where = found or OperatingPoint(x={}, u={}, time=model.start_time)
+    notes = (*notes, *_moved(where, {**(x0 or {}), **(u0 or {})}))
     states = {**where.x, **where.discrete, **(x0 or {})}
     forced = {**where.u, **(u0 or {})}
     known = [v.name for v in model.inputs]
@@ -91,6 +92,13 @@ def make_task(
         notes=notes,
         **options,
     )
+
+
+def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]:
+    """Say where x0 and u0 take the place of what the operating point says."""
+    others = {name: value for name, value in given.items() if name in where.values and value != where.values[name]}
+    words = (f"{name} is {value:g} as asked for, not {where.values[name]:g}" for name, value in others.items())
+    return (f"{', '.join(words)}, as the operating point says: it may be no equilibrium",) if others else ()
 
 
 def _chosen(
