@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import control
@@ -161,6 +162,81 @@ def test_two_quantisers_are_known_as_well_as_it_says() -> None:
     truth = np.array([1.8772827 - 0.5812301j, 1.8770052 - 0.5818252j, 1.8768071 - 0.5822816j])
     assert np.all(np.abs(result.response[0] / truth - 1.0) <= result.error[0])
     assert np.all(result.error[0] <= 0.008)
+
+
+# -- no effect ------------------------------------------------------------------------------------------------------
+
+
+def plain(a: list[list[float]], b: list[float], c: list[float], d: float = 0.0, **how: Any) -> wb.Model:  # noqa: ANN401 - those of connect
+    plant = control.ss(a, np.reshape(b, (-1, 1)), np.reshape(c, (1, -1)), d)
+    return wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}, **how)
+
+
+def hidden() -> tuple[list[list[float]], list[float], list[float]]:
+    """Return A, B, C of a plant whose output sees nothing of what the input moves, in random coordinates."""
+    t = np.random.default_rng(0).standard_normal((4, 4))
+    a = np.array([[-3.0, 1.0, 0.3, 0.2], [-1.0, -2.0, 0.5, 1.0], [0.0, 0.0, -4.0, 1.0], [0.0, 0.0, 0.7, -2.0]])
+    b, c = np.array([1.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, -0.5])
+    back = np.linalg.inv(t)
+    return (t @ a @ back).tolist(), (t @ b).tolist(), (c @ back).tolist()
+
+
+NOTHING = {
+    "not connected": ([[-1.0, 0.0], [0.0, -2.0]], [1.0, 0.0], [0.0, 1.0]),
+    "two ways that cancel": ([[-1.0, 0.0], [0.0, -1.0]], [1e3, 1 / 3], [1 / 3e3, -1.0]),
+    "hidden": hidden(),
+}
+
+
+@pytest.mark.parametrize("solver", ["gear", "vkm"])
+@pytest.mark.parametrize("name", NOTHING)
+def test_rounding_is_no_response(name: str, solver: str, tmp_path: Path) -> None:
+    with plain(*NOTHING[name], solver=solver) as model:
+        result = quick(model, [0.3, 1.0, 3.0])
+    found = result.to_dict()
+    assert found["gain"] == [[0.0] * 3]
+    assert found["gain_db"] == found["phase_deg"] == found["error"] == [[None] * 3]
+    assert np.isnan(result.thd).all()
+    assert result.no_effect.all()
+    assert [w for w in result.warnings if "no effect of u on y at this amplitude" in w] == list(result.warnings)
+    assert not result.failed
+    result.plot(tmp_path / "nothing.png")
+
+
+@pytest.mark.parametrize("solver", ["gear", "vkm"])
+def test_a_zero_on_the_imaginary_axis_is_one(solver: str) -> None:
+    # (s² + ω²)/(s² + ωs + ω²) is 0 at 1 Hz, and what the integration leaves there is no response.
+    w = 2.0 * math.pi
+    with plain([[0.0, 1.0], [-w * w, -w]], [0.0, 1.0], [0.0, -w], 1.0, solver=solver) as model:
+        result = quick(model, [1.0, 1.0001])
+    s = 2j * math.pi * 1.0001
+    truth = (s * s + w * w) / (s * s + w * s + w * w)
+    assert result.no_effect.tolist() == [[True, False]]
+    assert abs(result.response[0, 1] / truth - 1.0) <= result.error[0, 1] <= 0.01
+
+
+@pytest.mark.parametrize("solver", ["gear", "vkm"])
+def test_small_gains_are_responses(solver: str) -> None:
+    # s⁴/(s + 1)⁴, the difference of terms near 1, is −200 dB at 5e-4 Hz.
+    with plain((-np.tril(np.ones((4, 4)))).tolist(), [1.0] * 4, [-1.0] * 4, 1.0, solver=solver) as model:
+        steep = quick(model, [5e-4, 2e-3])
+    # An output in units of 1e-15.
+    with plain([[-1.0]], [1.0], [1e-15], solver=solver) as model:
+        tiny = quick(model, [1.0])
+    s = 2j * math.pi * np.array([5e-4, 2e-3, 1.0])
+    truth = np.array([*((s / (s + 1.0)) ** 4)[:2], 1e-15 / (s[2] + 1.0)])
+    true = np.abs(np.append(steep.response[0], tiny.response[0]) / truth - 1.0)
+    assert np.all(true <= np.append(steep.error[0], tiny.error[0]))
+    assert np.all(true <= 0.01)
+    assert steep.gain_db[0, 0] == pytest.approx(-200.23, abs=0.01)
+    assert (steep.status, tiny.status) == ((("settled", "settled"),), (("settled",),))
+
+
+def test_an_output_that_moves_at_other_frequencies_only_is_not_dead() -> None:
+    result = quick(FakeModel(lambda: StaticSession(lambda u: u * u)), [1.0])
+    assert result.gain[0, 0] == 0.0
+    assert not result.no_effect.any()
+    assert "not at the frequency of the input" in result.warnings[0]
 
 
 # -- sampled models ------------------------------------------------------------------------------------------------

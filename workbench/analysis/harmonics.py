@@ -10,7 +10,7 @@ import numpy as np
 from workbench.session import Record
 from workbench.session.base import Floats
 
-__all__ = ["COMPARED", "ORDERS", "Period", "distortion", "fundamental", "measure_period"]
+__all__ = ["COMPARED", "NOTHING", "ORDERS", "Period", "distortion", "fundamental", "measure_period"]
 
 # Harmonics measured of each period: how far the output is from a sine.
 ORDERS = 10
@@ -19,8 +19,8 @@ ORDERS = 10
 # agree by accident. Higher ones are small, and noisy where the output has jumps.
 COMPARED = 5
 
-# A fundamental below this part of the signal's size is rounding, not a response.
-_NOTHING = 1e-12
+# What is below this part of the terms that it is the sum of is rounding, not a response.
+NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,9 @@ class Period:
         """The harmonics by which periods are compared: the first five."""
         return self.harmonics[: 1 + 2 * COMPARED]
 
-    @property
-    def responds(self) -> bool:
-        """Whether the output has a fundamental that is more than rounding."""
-        return abs(fundamental(self.harmonics)) > _NOTHING * self.size
+    def responds(self, floor: float) -> bool:
+        """Whether the output has a fundamental above `floor`, below which it is rounding [unit of the output]."""
+        return abs(fundamental(self.harmonics)) > floor
 
 
 def fundamental(harmonics: Floats) -> complex:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from workbench.analysis.nfr_error import INTEGRATION, Evidence
+from workbench.analysis.nfr_error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr_linear import Surroundings, surroundings
 from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
 from workbench.analysis.nfr_step import at_step, checked, refine
@@ -92,7 +92,7 @@ class PointsJob(Job):
             yield from at_step(self.tasks, self.step, lambda tasks: list(self._pass(model, tasks)))
 
     def _as_exact_as_needed(self, model: Model) -> Iterator[NfrPoint]:
-        """Measure model exchange, near a resonance with a tighter tolerance, lest the solver's own damping tell."""
+        """Measure model exchange, near a resonance or a zero with a tighter tolerance."""
         tasks = [replace(t, rtol=model.rtol) for t in self.tasks]
         factor = min(map(_factor, tasks))
         if factor == 1.0 or model.recipe is None:
@@ -146,10 +146,11 @@ def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:
 
 
 def _factor(task: PointTask) -> float:
-    """Return what of the tolerance the resonance allows, by tens: numerical damping shifts it by 1/|1 − μ|."""
+    """Return what of the tolerance a resonance or terms that cancel allow, by tens; see `error_of_limit`."""
     twin = task.evidence().twin
-    if twin is None or task.rtol == 0.0:
+    if twin is None or task.rtol == 0.0 or twin.vanishes:
         return 1.0
     error = INTEGRATION * task.rtol * (1.0 + twin.sensitivity)
+    error += CANCELLED * task.rtol * (twin.terms / abs(twin.response) - 1.0)
     allowed = _SHARE * task.errcrit / 10.0
     return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))

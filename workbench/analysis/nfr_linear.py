@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.harmonics import NOTHING
 from workbench.analysis.time_events import sample_rates
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -87,7 +88,7 @@ class LinearPart:
                 found = Twin.of(self, frequency, amplitude, np.zeros(len(self.b)) if start is None else start)
         except (np.linalg.LinAlgError, ValueError, OverflowError):
             return None
-        return found if np.isfinite(found.response) and np.isfinite(found.sensitivity) else None
+        return found if np.isfinite(found.response) and np.isfinite(found.terms) else None
 
 
 @dataclass(eq=False)
@@ -101,10 +102,12 @@ class Twin:
         response: output over input, complex.
         sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
             small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
+        terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
     """
 
     response: complex
     sensitivity: float
+    terms: float
     _phi: Floats
     _rows: Floats
     _x: Floats
@@ -116,7 +119,7 @@ class Twin:
         """Return the twin of a point."""
         n, omega, period = len(part.b), 2.0 * math.pi * frequency, 1.0 / frequency
         if n == 0:
-            return cls(complex(part.d), 0.0, np.zeros((0, 0)), np.zeros((3, 0)), start, start)
+            return cls(complex(part.d), 0.0, abs(part.d), np.zeros((0, 0)), np.zeros((3, 0)), start, start)
         resolvent = 1j * omega * np.eye(n) - part.a
         forced = np.linalg.solve(resolvent, part.b.astype(np.complex128))
         twice = np.linalg.solve(resolvent, forced)
@@ -128,7 +131,13 @@ class Twin:
         rest, *_ = np.linalg.lstsq(part.a, part.dx0, rcond=None)
         steady = amplitude * forced.imag
         sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
-        return cls(response, sensitivity, phi, rows / amplitude, start + rest - steady, steady - rest)
+        terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
+        return cls(response, sensitivity, terms, phi, rows / amplitude, start + rest - steady, steady - rest)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether the response is zero, but for rounding."""
+        return abs(self.response) <= NOTHING * self.terms
 
     def free(self, count: int) -> Floats:
         """Return mean, in-phase and quadrature part of the transient over the input's amplitude, shape (count, 3)."""

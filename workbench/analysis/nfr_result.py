@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.analysis.certificate import Certificate
 from workbench.analysis.nfr_jumps import jumps
 from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.settling import NO_EFFECT
 from workbench.analysis.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint, point_in_json, point_of_json
 from workbench.csv_file import write_csv
@@ -126,6 +127,11 @@ class NfrResult(Reportable):
     def thd(self) -> Floats:
         """Total harmonic distortion of the output, shape (n_a, n_f), relative to its fundamental; NaN where unknown."""
         return np.array([[_number(None if c is None else c.thd) for c in row] for row in self.certificates])
+
+    @property
+    def no_effect(self) -> NDArray[np.bool_]:
+        """Whether the input does not move the output, but for rounding, shape (n_a, n_f): the gain is then 0."""
+        return np.array([[c is not None and c.why == NO_EFFECT for c in row] for row in self.certificates])
 
     @property
     def gain(self) -> Floats:
@@ -285,7 +291,8 @@ class NfrResult(Reportable):
     def plot(self, path: str | Path | None = None, *, offset: bool = False) -> Figure:
         """Draw gain [dB] and phase [deg] over frequency [Hz], one curve per amplitude.
 
-        Circles: settled; triangles: averaged (take them with care); crosses on the lower edge: failed.
+        Circles: settled; triangles: averaged (take them with care); on the lower edge crosses: failed, triangles
+        downwards: no effect, the gain is 0.
 
         Args:
             path: also write the picture here; png, svg or pdf by suffix.
@@ -350,7 +357,7 @@ def assemble(
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
         failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
         warnings=(
-            *_unsettled(grid),
+            *_unsettled(grid, f"{input} on {output}"),
             *dict.fromkeys(p.warning for row in grid for p in row if p.warning),
             *(text for row in grid for text in jumps(row)),
             *warnings,
@@ -361,16 +368,16 @@ def assemble(
     )
 
 
-def _unsettled(grid: Sequence[Sequence[NfrPoint]]) -> list[str]:
+def _unsettled(grid: Sequence[Sequence[NfrPoint]], path: str) -> list[str]:
     """Return one line for each reason why points have not settled."""
     groups: dict[str, list[NfrPoint]] = {}
     for point in (p for row in grid for p in row):
         if point.averaged and point.certificate is not None and point.certificate.why is not None:
             groups.setdefault(point.certificate.why, []).append(point)
-    return [_unsettled_line(why, points) for why, points in groups.items()]
+    return [_unsettled_line(why, points, path) for why, points in groups.items()]
 
 
-def _unsettled_line(why: str, points: Sequence[NfrPoint]) -> str:
+def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:
     first = points[0]
     others = f" and {len(points) - 1} more" if len(points) > 1 else ""
     known = [p.error for p in points if p.error is not None]
@@ -379,6 +386,8 @@ def _unsettled_line(why: str, points: Sequence[NfrPoint]) -> str:
         len(known) < len(points)
     )
     where = f"{first.frequency:.6g} Hz, amplitude {first.amplitude:g}{others}"
+    if why == NO_EFFECT:
+        return f"{where}: no effect of {path} at this amplitude, or none that is more than rounding; the gain is 0"
     return f"{where}: not settled ({', '.join(errors)}): {why}"
 
 

@@ -24,7 +24,7 @@ from workbench.analysis.nfr_error import (
 from workbench.analysis.transient import Limit, remove_transient
 from workbench.session.base import Floats
 
-__all__ = ["Outcome", "Response", "Settling"]
+__all__ = ["NO_EFFECT", "Outcome", "Response", "Settling"]
 
 # A defect (see `transient`) below this is the solver's noise; asking for less would never end.
 _NOISE = 1e-4
@@ -38,7 +38,8 @@ _RESTLESS = (
     "irregular: its periods differ, tend to none and do not repeat every 2 to 8 either (sampling beats, noise, "
     "a motion of the model's own, chaos)"
 )
-_DEAD = "there is no response"
+NO_EFFECT = "no effect"
+_ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"
 _SAMPLED = "sampling and forcing beat: each period sees other samples"
 _BEATS = "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than was waited for"
 
@@ -142,7 +143,7 @@ class Settling:
         count = len(self.periods)
         if self._runs_away():
             return self._response(period.harmonics, Outcome.DIVERGED, math.inf)
-        if count >= 2 and period.responds:
+        if count >= 2 and period.responds(self._floor()):
             limit = self._limit()
             if limit.defect <= max(self.errcrit / 100.0, _NOISE):
                 found = self._of_limit(limit, Outcome.RESOLVED)
@@ -198,10 +199,8 @@ class Settling:
         last = self.periods[-1].harmonics
         if self._grows():
             return self._response(last, Outcome.DIVERGED, math.inf)
-        if not any(p.responds for p in self.periods):
-            mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
-            nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
-            return replace(nothing, why=_DEAD)
+        if not self.periods[-1].responds(self._floor()):
+            return self._of_nothing()
         limit = self._limit()
         of_limit = self._of_limit(limit, Outcome.AVERAGED)
         of_mean = replace(self._of_mean(limit, of_limit, Outcome.AVERAGED), beyond=of_limit.beyond)
@@ -216,6 +215,18 @@ class Settling:
         if every is not None:
             return self._of_subharmonic(limit, every)
         return replace(found, why=self._why(limit, of_limit))
+
+    def _floor(self) -> float:
+        """Return the fundamental below which there is none."""
+        return self.evidence.floor(abs(self.periods[-1].drive), max(p.size for p in self.periods))
+
+    def _of_nothing(self) -> Response:
+        """Return the response 0; harmonics that are more than rounding are told."""
+        last = self.periods[-1].harmonics
+        dead = float(np.max(np.abs(last[1:]))) <= self._floor()
+        mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
+        nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
+        return replace(nothing, why=NO_EFFECT if dead else _ELSEWHERE)
 
     def _of_subharmonic(self, limit: Limit, every: int) -> Response:
         """Return the mean over the periods after which the response repeats."""
@@ -252,7 +263,7 @@ class Settling:
         Phase [deg], gain (relative), mean of the output relative to its fundamental; all magnitudes.
         None before the second period and where one of the two has no fundamental.
         """
-        if len(self.periods) < 2 or not all(p.responds for p in self.periods[-2:]):
+        if len(self.periods) < 2 or not all(p.responds(self._floor()) for p in self.periods[-2:]):
             return None
         before, last = self.periods[-2:]
         quotient = _value(last) / _value(before)

@@ -242,7 +242,8 @@ def _table(result: NfrResult, i: int) -> Table:
     for j, frequency in enumerate(result.frequency_hz):
         if reasons.get(frequency) == MISSING:
             continue  # said once below the table
-        mark = "averaged" if result.averaged[i, j] else "failed" if frequency in reasons else ""
+        status = result.status[i][j]
+        mark = "no effect" if result.no_effect[i, j] else "" if status == "settled" else status
         numbers = [float(column[i, j]) for column in columns]
         texts = [_text(x, form) for x, form in zip(numbers, (".5g", ".3f", ".2f", ".2g", ".4g", ".3g"), strict=True)]
         table.add_row(f"{frequency:.5g}", *texts, str(result.periods[i, j]), mark)

@@ -29,7 +29,8 @@ _FLOOR = 0.1
 def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool = False) -> Figure:
     """Draw gain [dB], phase [deg] and, if wanted, offset over frequency [Hz], one curve per amplitude.
 
-    Circles: settled; triangles: averaged; crosses on the lower edge: failed; bars: the error.
+    Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect, the
+    gain is 0; bars: the error.
 
     Args:
         result: what to draw.
@@ -91,14 +92,13 @@ def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
 
 
 def _failures(ax: Axes, result: NfrResult) -> None:
-    """Mark failed points by crosses on the lower edge, one line of crosses per amplitude."""
+    """Mark on the lower edge, one line per amplitude: failed points by crosses, a gain of 0 by triangles downwards."""
     for i, amplitude in enumerate(result.amplitude):
-        at = [f.frequency_hz for f in result.failed if f.amplitude == amplitude]
-        if not at:
-            continue
-        height = np.full(len(at), 0.04 + 0.05 * i)
-        colour = COLOURS[i % len(COLOURS)]
-        ax.plot(at, height, "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform(), clip_on=False)
+        failed = [f.frequency_hz for f in result.failed if f.amplitude == amplitude]
+        style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "transform": ax.get_xaxis_transform()}
+        for at, marker in ((failed, "x"), (result.frequency_hz[result.gain[i] == 0.0], "v")):
+            if len(at):
+                ax.plot(at, np.full(len(at), 0.04 + 0.05 * i), marker, markersize=5.0, clip_on=False, **style)
 
 
 def _degrees(ax: Axes, phase: Floats) -> None:
@@ -145,8 +145,10 @@ def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
         for i, a in enumerate(result.amplitude)
     ]
     style = {"color": "#666666", "linestyle": "none", "markerfacecolor": "white"}
-    if np.any(result.averaged):
+    if np.any(result.averaged & (result.gain != 0.0)):
         handles.append(Line2D([], [], marker="^", markersize=6.0, label="averaged", **style))
+    if np.any(result.gain == 0.0):
+        handles.append(Line2D([], [], marker="v", markersize=5.0, label="gain 0", **style))
     if result.failed:
         handles.append(Line2D([], [], marker="x", markersize=5.0, label="failed", **style))
     settings: dict[str, Any] = {

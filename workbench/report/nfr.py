@@ -28,7 +28,10 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         result: what to report.
         offset: whether the output's mean is drawn too.
     """
-    words = "Circles: settled; triangles: averaged; crosses on the lower edge: failed. Bars: the error."
+    words = (
+        "Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect. "
+        "Bars: the error."
+    )
     return Page(
         title=f"Frequency response of {result.model}: {result.input} → {result.output}",
         lead=_lead(result),
