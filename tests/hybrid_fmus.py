@@ -126,9 +126,10 @@ class FakeC:
         info._obj.nextEventTime = next_time
         return OK
 
-    def fmi2CompletedIntegratorStep(self, _c: Any, _n: int, event: Any, _terminate: Any) -> int:
+    # Told that no earlier state will be restored, an FMU need not be able to do so: here it refuses to hear it.
+    def fmi2CompletedIntegratorStep(self, _c: Any, never_back: int, event: Any, _terminate: Any) -> int:
         event._obj.value = int(self.m.wants_event())
-        return OK if self.mode == "continuous" else ERROR
+        return OK if self.mode == "continuous" and not never_back else ERROR
 
     def fmi2SetTime(self, _c: Any, t: float) -> int:
         """FMI 2.0 allows it in event mode, too; FMUs of Dymola do not."""
@@ -180,8 +181,8 @@ class FakeC:
     def fmi2SetInteger(self, _c: Any, vr: Any, n: int, values: Any) -> int:
         return ERROR if self.mode == "continuous" else self.fmi2SetReal(_c, vr, n, values)
 
-    def fmi2DoStep(self, _c: Any, t: float, h: float, _n: int) -> int:
-        return self.m.step(h) if abs(t - self.m.t) < 1e-9 else ERROR
+    def fmi2DoStep(self, _c: Any, t: float, h: float, never_back: int) -> int:
+        return self.m.step(h) if abs(t - self.m.t) < 1e-9 and not never_back else ERROR
 
     def fmi2GetFMUstate(self, _c: Any, state: Any) -> int:
         key = len(self.saved) + 1

@@ -246,6 +246,29 @@ def test_mass_damper_stays_at_its_trim(interface: str, each_driver: str) -> None
 
 
 @needs_gemseo
+def test_a_step_in_co_simulation_is_that_of_its_own_linear_model() -> None:
+    """The export integrates by explicit Euler: z(k+1) = (I + hA) z(k) + hB u, z from the trim, whatever the ODE does.
+
+    So the model that belongs to a run is that of `lin` in co-simulation with the same step, not that of the ODE.
+    """
+    h, fmu = 1e-3, gemseo_fmu("Mass_Damper")
+    with load(fmu, "me") as model:
+        point = trim(model, u0={"f": 10.0}).point
+    a, b = np.array([[0.0, 1.0], [-1e4, -10.0]]), np.array([0.0, 1.0])
+    motion = [np.zeros(2)]
+    for _ in range(500):
+        motion.append(motion[-1] + h * (a @ motion[-1] + b))
+    with load(fmu, "cs", step=h) as model:
+        linear = lin(model, at=point, inputs=["f"], outputs=["y"]).result
+        found = step_check(model, linear, input="f", output="y", height=1.0, stop=0.5)
+    euler = point.y["y"] + np.array(motion)[:, 0]
+    assert found.nonlinear == pytest.approx(euler, abs=1e-9 * np.ptp(euler))
+    assert linear.dt == h
+    assert np.poly(linear.A) == pytest.approx(np.poly(np.eye(2) + h * a), rel=1e-6)
+    assert found.error < 1e-6
+
+
+@needs_gemseo
 @both_interfaces
 def test_mass_damper_refuses_start_values_that_it_overrides(interface: str) -> None:
     with (

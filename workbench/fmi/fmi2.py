@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import Access, TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import DISCARD, WARNING, EventInfo, Instance, StepResult
+from workbench.fmi.instance import DISCARD, NEVER_BACK, WARNING, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
@@ -97,12 +97,13 @@ class Instance2(Instance):
 
     def completed_step(self) -> tuple[bool, bool]:
         event, terminate = ctypes.c_int(), ctypes.c_int()
-        self.call("fmi2CompletedIntegratorStep", 1, byref(event), byref(terminate))
+        self.call("fmi2CompletedIntegratorStep", int(NEVER_BACK), byref(event), byref(terminate))
         return bool(event.value), bool(terminate.value)
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
-        status = self.library[self.CALLS["do_step"]](self.component, time + self.clock, step, 1)
+        step_to = self.library[self.CALLS["do_step"]]
+        status = step_to(self.component, time + self.clock, step, int(NEVER_BACK))
         end = self.ended_at() if status == DISCARD else None
         if end is not None:
             return StepResult(end, terminate=True)

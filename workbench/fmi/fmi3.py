@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi3
-from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.log import log_callback3
 from workbench.fmi.variable import Variable
 
@@ -114,7 +114,7 @@ class Instance3(Instance):
 
     def completed_step(self) -> tuple[bool, bool]:
         event, terminate = ctypes.c_bool(), ctypes.c_bool()
-        self.call("fmi3CompletedIntegratorStep", True, byref(event), byref(terminate))
+        self.call("fmi3CompletedIntegratorStep", NEVER_BACK, byref(event), byref(terminate))
         return bool(event.value), bool(terminate.value)
 
     def do_step(self, time: float, step: float) -> StepResult:
@@ -122,7 +122,7 @@ class Instance3(Instance):
         event, terminate, early = (ctypes.c_bool() for _ in range(3))
         own = time + self.clock
         reached = ctypes.c_double(own + step)
-        self.call("fmi3DoStep", own, step, True, byref(event), byref(terminate), byref(early), byref(reached))
+        self.call("fmi3DoStep", own, step, NEVER_BACK, byref(event), byref(terminate), byref(early), byref(reached))
         end = float(reached.value) - self.clock if early.value else time + step
         return StepResult(end, bool(event.value), bool(terminate.value))
 

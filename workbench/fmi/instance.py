@@ -25,12 +25,16 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wiring
 
-__all__ = ["NO_EVENT", "DiscardError", "EventInfo", "Instance", "StepResult"]
+__all__ = ["NEVER_BACK", "NO_EVENT", "DiscardError", "EventInfo", "Instance", "StepResult"]
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
+_OTHER_WAY = " (the FMU offers interface me, too: there the workbench integrates)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
+
+# FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would be a promise that no earlier snapshot will be restored.
+NEVER_BACK = False
 
 
 class DiscardError(SimulationError):
@@ -186,9 +190,11 @@ class Instance(ABC):
         """Raise for a bad status."""
         self._worst = max(self._worst, status if status <= FATAL else ERROR)
         kind = DiscardError if status == DISCARD else SimulationError
+        steps = name == self.CALLS.get("do_step") and kind is SimulationError
+        way = _OTHER_WAY if steps and "me" in self.description.interfaces else ""
         name = name.replace("fmi1", "fmi")
         raise kind(
-            f"{self.description.model_name}: {name} returned {_STATUS.get(status, status)}{self.log.tail()}",
+            f"{self.description.model_name}: {name} returned {_STATUS.get(status, status)}{way}{self.log.tail()}",
             time=self.time,
         )
 

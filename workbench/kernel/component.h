@@ -34,6 +34,9 @@ enum { FMI_WARNING = 1, FMI_DISCARD = 2, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
 
+/* FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would promise that no earlier snapshot will be restored. */
+#define NEVER_BACK false
+
 typedef struct {
     void *handle;
     const Function *functions; /* [N_FUNCTIONS], NULL where the FMU has none */

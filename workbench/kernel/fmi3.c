@@ -10,7 +10,7 @@ typedef int (*DoStep)(void *, double, double, bool, bool *, bool *, bool *, doub
 static int completed_step(const Component *component, Answer *answer) {
     const Function function = component->functions[COMPLETED_STEP];
     answer->event = answer->terminate = false;
-    return function ? ((CompletedStep)function)(component->handle, true, &answer->event, &answer->terminate)
+    return function ? ((CompletedStep)function)(component->handle, NEVER_BACK, &answer->event, &answer->terminate)
                     : NOT_EXPORTED;
 }
 
@@ -33,8 +33,8 @@ static int do_step(const Component *component, double time, double step, Answer 
     double reached = time + step;
     const Function function = component->functions[DO_STEP];
     *answer = (Answer){0};
-    const int status = function ? ((DoStep)function)(component->handle, time + component->clock, step, true, &answer->event,
-                                                     &answer->terminate, &early, &reached)
+    const int status = function ? ((DoStep)function)(component->handle, time + component->clock, step, NEVER_BACK,
+                                                     &answer->event, &answer->terminate, &early, &reached)
                                 : NOT_EXPORTED;
     answer->time = early ? reached - component->clock : time + step;
     return status;

@@ -70,7 +70,8 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
 
     Args:
         model: the model; it stays open.
-        linear: its linear model.
+        linear: its linear model. In co-simulation that of the same interface and communication step (`dt`): a solver
+            inside the FMU makes errors of its own, which another linear model does not have.
         input: which input steps at the point.
         output: which output is watched.
         height: of the step [unit of the input].
