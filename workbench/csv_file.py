@@ -12,21 +12,23 @@ from workbench.errors import InputError
 __all__ = ["write_csv"]
 
 
-def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]]) -> None:
+def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]], *, remarks: Sequence[str] = ()) -> None:
     """Write rows, the heading line first; None becomes an empty cell.
 
     Args:
         target: path of the file, or an open text stream.
         rows: cells.
+        remarks: lines before them.
 
     Raises:
         InputError: the file cannot be written.
     """
     if not isinstance(target, str | Path):
+        target.writelines(f"{line}\n" for line in remarks)
         csv.writer(target, lineterminator="\n").writerows(rows)
         return
     try:
         with Path(target).open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerows(rows)
+            write_csv(file, rows, remarks=remarks)
     except OSError as error:
         raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None

@@ -35,12 +35,14 @@ class DataTable:
         names, units: of the columns; unit None where the file names none.
         values: shape (n, columns).
         notes: what had to be bent to read it.
+        remarks: lines that are no data.
     """
 
     names: tuple[str, ...]
     units: tuple[str | None, ...]
     values: Floats
     notes: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def read_table(path: str | Path) -> DataTable:
@@ -69,7 +71,7 @@ def read_table(path: str | Path) -> DataTable:
     if not headings:
         headings = _remark_heading(lines, separator, values.shape[1])
     names, units = _heading(path, headings, values.shape[1], notes)
-    return DataTable(names, units, values, tuple(notes))
+    return DataTable(names, units, values, tuple(notes), tuple(line.strip() for _, line in lines if _is_remark(line)))
 
 
 def _text(path: Path) -> tuple[str, list[str]]:

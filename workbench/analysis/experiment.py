@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from workbench.analysis.experiment_checks import (
     times,
     units_of,
 )
+from workbench.core.closed_loop import ClosedLoop
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
@@ -29,6 +31,7 @@ __all__ = ["Experiment", "make_experiment", "read_experiment"]
 
 Indices = NDArray[np.intp]
 
+_LOOP = "# closed loop "  # before its description as JSON, in a line of a CSV file
 _TIME_NAMES = ("time", "t", "times", "zeit")
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
@@ -48,6 +51,7 @@ class Experiment:
         input_units, output_units: None where there is none.
         name: model or file the data come from.
         notes: what was bent or decided on the way.
+        loops: closed loops of the system that the data come from, as far as is known.
     """
 
     time: Floats
@@ -59,6 +63,7 @@ class Experiment:
     output_units: tuple[str | None, ...]
     name: str
     notes: tuple[str, ...] = ()
+    loops: tuple[ClosedLoop, ...] = ()
 
     @property
     def dt(self) -> float:
@@ -156,6 +161,7 @@ class Experiment:
             output_units=self.output_units,
             name=self.name,
             notes=self.notes if note is None else (*self.notes, note),
+            loops=self.loops,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -168,10 +174,13 @@ class Experiment:
             "y": {name: column.tolist() for name, column in zip(self.output_names, self.y.T, strict=True)},
             "units": self.units,
             "notes": list(self.notes),
+            **({"closed_loops": [loop.to_dict() for loop in self.loops]} if self.loops else {}),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:
         """Write time, inputs and outputs as columns headed "name [unit]".
+
+        Data out of a closed loop say so in a remark before, a line that begins with "# closed loop".
 
         Args:
             path: of the file, or an open stream.
@@ -180,7 +189,8 @@ class Experiment:
             InputError: the file cannot be written.
         """
         head = ["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())]
-        write_csv(path, [head, *np.column_stack([self.time, self.u, self.y]).tolist()])
+        remarks = [f"{_LOOP}{json.dumps(loop.to_dict(), ensure_ascii=False)}" for loop in self.loops]
+        write_csv(path, [head, *np.column_stack([self.time, self.u, self.y]).tolist()], remarks=remarks)
 
 
 def make_experiment(
@@ -194,6 +204,7 @@ def make_experiment(
     output_units: Sequence[str | None] | None = None,
     name: str = "data",
     notes: Sequence[str] = (),
+    loops: Sequence[ClosedLoop] = (),
 ) -> Experiment:
     """Return checked data; nothing of the caller's is changed or kept.
 
@@ -207,6 +218,7 @@ def make_experiment(
         output_units: None: none.
         name: what the data come from, for messages.
         notes: remarks to keep with the data.
+        loops: closed loops of the system that they come from.
 
     Raises:
         InputError: unequal lengths, fewer than two samples, a number that is not finite, times
@@ -236,6 +248,7 @@ def make_experiment(
         output_units=units_of("output", output_units, outputs.shape[1]),
         name=name,
         notes=(*notes, *remark),
+        loops=tuple(loops),
     )
 
 
@@ -286,7 +299,15 @@ def read_experiment(
         output_units=[units[n] for n in chosen[1]],
         name=name,
         notes=notes,
+        loops=[_loop(name, text) for text in table.remarks if text.startswith(_LOOP)],
     )
+
+
+def _loop(name: str, remark: str) -> ClosedLoop:
+    try:
+        return ClosedLoop.from_dict(json.loads(remark.removeprefix(_LOOP)))
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{name}: cannot read the remark '{remark}'; take the line out, or record anew") from None
 
 
 def _choose(

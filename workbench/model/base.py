@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Self
 
+from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
@@ -155,6 +156,16 @@ class Model(ABC):
     def replay_note(self) -> str:
         """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
         return ""
+
+    def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
+        """Return the closed loops that are known to be inside, with what signals have to do with them: of systems.
+
+        Args:
+            signals: inputs, outputs or other variables.
+            until: connections that close later than that [s] are open.
+        """
+        del signals, until
+        return ()
 
     def remarks(self) -> tuple[str, ...]:
         """Return what was found out about the model while it ran; complete once the analysis is done."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from types import MethodType
 from typing import TYPE_CHECKING
 
+from workbench.core.closed_loop import ClosedLoop
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
@@ -21,6 +22,7 @@ from workbench.system.composite import CompositeInstance
 from workbench.system.description import Resolved, SystemDescription
 from workbench.system.health import resolve
 from workbench.system.joint import joint_description, joint_ports
+from workbench.system.loops import closed_loops
 from workbench.system.order import plan
 from workbench.system.parts import Part, open_parts
 from workbench.system.recipe import SystemRecipe
@@ -118,6 +120,9 @@ class SystemModel(DescribedModel):
     def _without_state(self) -> str:
         names = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].state]
         return f"components do not claim to save their state: {', '.join(names)}"
+
+    def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
+        return closed_loops(self._opened, signals, until=until)
 
     def close(self) -> None:
         super().close()

@@ -67,6 +67,7 @@ def _part(model: Model, task: ExciteTask, rows: tuple[Floats, Floats, Floats], c
         input_units=[known.get(n) for n in task.inputs],
         output_units=[known.get(n) for n in task.outputs],
         name=model.name,
+        loops=model.closed_loops([*task.inputs, *task.outputs], until=float(time[-1])),
     )
 
 

@@ -121,6 +121,7 @@ class ExciteResult(Reportable):
             "u": first["u"],
             "y": first["y"],
             "units": first["units"],
+            **({"closed_loops": first["closed_loops"]} if "closed_loops" in first else {}),
             "validation": None if second is None else {key: second[key] for key in ("time", "u", "y")},
             "design": asdict(self.design),
             "u0": dict(self.u0),

@@ -12,6 +12,7 @@ from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Validation
+from workbench.core.closed_loop import ClosedLoop, between
 from workbench.origin import Reportable
 
 if TYPE_CHECKING:
@@ -70,11 +71,17 @@ class IdentifyResult(Reportable):
 
     @property
     def closed_loop(self) -> bool | None:
-        """Whether the data were recorded in closed loop, as the advice finds; None: they cannot tell.
+        """Whether the data were recorded in closed loop, as they say or the advice finds; None: they cannot tell.
 
         If they were, the model is not that of the plant.
         """
-        return {"poor": True, "unknown": None}.get(self.advice.finding("feedback").verdict, False)
+        return (
+            True if self._loops else {"poor": True, "unknown": None}.get(self.advice.finding("feedback").verdict, False)
+        )
+
+    @property
+    def _loops(self) -> dict[str, ClosedLoop]:
+        return between(self.data.loops, self.data.input_names, self.data.output_names)
 
     @property
     def failed(self) -> dict[str, str]:
@@ -86,9 +93,10 @@ class IdentifyResult(Reportable):
     def warnings(self) -> tuple[str, ...]:
         """What has to be known before any number of the model is used, one line each; mostly none."""
         feedback = self.advice.finding("feedback")
-        loop = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
+        found = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
         missing = [f"NO FIT on {where}: {why}" for where, why in self.failed.items()]
-        return (*((loop,) if self.closed_loop else ()), *missing)
+        known = [f"NOT A MODEL OF THE PLANT: {loop.words(name)}" for name, loop in self._loops.items()]
+        return (*known, *((found,) if feedback.verdict == "poor" else ()), *missing)
 
     @property
     def notes(self) -> tuple[str, ...]:

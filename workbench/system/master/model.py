@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
+from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
@@ -17,6 +18,7 @@ from workbench.session.fmu import FmuSession, Setup
 from workbench.session.solvers import choose_solver
 from workbench.signals import Signal
 from workbench.system.joint import joint_description, joint_ports
+from workbench.system.loops import closed_loops
 from workbench.system.master.crossover import opened_loop
 from workbench.system.master.delays import DelayReport, delay_report
 from workbench.system.master.instance import MasterInstance, MasterPlan
@@ -171,6 +173,9 @@ class MasterModel(DescribedModel):
             without: number of the connection; its ends become the input and the output `loop`.
         """
         return opened_loop(self._opened, self.recipe, without)
+
+    def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
+        return closed_loops(self._opened, signals, until=until)
 
     def close(self) -> None:
         super().close()
