@@ -72,17 +72,21 @@ static const SolverMethod *method_of(const char *name) {
 bool me_open(Me *me) {
     System *system = me->system;
     const SolverMethod *method = method_of(me->solver_name);
-    const Problem problem = {me, system->nx, system->nz, derivatives, indicators};
+    me->problem = (Problem){me, system->nx, system->nz, derivatives, indicators};
     me->told = 0;
     for (size_t i = 0; i < system->n_components; i++) {
         me->told = me->told || system->components[i].completed_step;
     }
-    me->x = calloc(4 * system->nx + 1, sizeof(double));
+    me->x = calloc(4 * system->nx + turned_doubles(system->nx, system->nz) + 1, sizeof(double));
+    if (!me->x) {
+        return fail_at(&system->failure, FAILED_MEMORY, me->time);
+    }
     me->flight = me->x + system->nx;
     me->lowest = me->flight + system->nx;
     me->highest = me->lowest + system->nx;
     const Tolerance tolerance = {me->rtol, me->scale, me->flight};
-    me->solver = me->x && method ? method->create(&problem, &tolerance, me->gear) : NULL;
+    turned_bind(&me->turned, &me->problem, me->highest + system->nx);
+    me->solver = method ? method->create(&me->problem, &tolerance, me->gear) : NULL;
     return me->solver ? me_restart(me) : fail_at(&system->failure, FAILED_MEMORY, me->time);
 }
 
@@ -109,8 +113,9 @@ static bool add_row(Me *me, double time, RowKind kind) {
     return record_add(me->record, me->system, time, me->system->forcing->written, kind);
 }
 
-static bool event_rows(Me *me) {
-    return add_row(me, me->time, ROW_ALWAYS) && me_event(me) && add_row(me, me->time, ROW_ALWAYS);
+/* `located`: at an indicator's zero. */
+static bool event_rows(Me *me, bool located) {
+    return add_row(me, me->time, ROW_ALWAYS) && me_event(me, located) && add_row(me, me->time, ROW_ALWAYS);
 }
 
 static double waiting(const Me *me) {
@@ -175,6 +180,15 @@ static bool check_states(Me *me) {
     return true;
 }
 
+static bool check_turned(Me *me) {
+    bool through = false;
+    if (!turned_check(&me->turned, me->solver->t, me->solver->x, &through)) {
+        return false;
+    }
+    failure_clear(&me->system->failure);
+    return !through || fail_at(&me->system->failure, FAILED_THROUGH, me->turned.since);
+}
+
 static bool solver_failed(Me *me) {
     Failure *failure = &me->system->failure;
     if (is_discard(failure) && me->solver->message[0]) {
@@ -192,18 +206,19 @@ static bool solver_failed(Me *me) {
     return fail_at(failure, FAILED_SOLVER, me->solver->t);
 }
 
-/* One accepted step with all that belongs to it, but its event. */
-static bool take_step(Me *me, double stop, bool *event) {
+/* One accepted step with all that belongs to it, but its event; *located: that is at an indicator's zero. */
+static bool take_step(Me *me, double stop, bool *located, bool *event) {
     Solver *solver = me->solver;
     bool some = false;
     const double longest = fmin(me->system->forcing->longest_step, me->cautious);
-    if (!solver->method->step(solver, stop, longest, event)) {
+    if (!solver->method->step(solver, stop, longest, located)) {
         return solver_failed(me);
     }
+    *event = *located;
     failure_clear(&me->system->failure);
     me->cautious *= CAUTION_GROWS;
     me->system->steps++;
-    if (!check_states(me) || !record_points(me, &some)) {
+    if (!check_states(me) || !check_turned(me) || !record_points(me, &some)) {
         return false;
     }
     me->steps = some ? 0 : me->steps + 1;
@@ -223,12 +238,12 @@ static bool to_stop(Me *me, double stop) {
         return hop(me, stop);
     }
     while (me->time < stop) {
-        bool event = false;
-        if (system_pauses(me->system, me->time) || !take_step(me, stop, &event)) {
+        bool located = false, event = false;
+        if (system_pauses(me->system, me->time) || !take_step(me, stop, &located, &event)) {
             return false;
         }
         if (event) {
-            if (!event_rows(me)) {
+            if (!event_rows(me, located)) {
                 return false;
             }
             drop_targets(me);
@@ -248,7 +263,7 @@ static bool at_stop(Me *me, double end) {
     forcing_evaluate(forcing, me->time);
     bool done = true;
     if (due || forcing_discrete_differs(forcing)) {
-        done = event_rows(me);
+        done = event_rows(me, false);
     } else if (waiting(me) == me->time) {
         done = add_row(me, me->time, ROW_POINT);
     }
@@ -261,7 +276,7 @@ static bool enter(Me *me, bool fresh) {
     Forcing *forcing = me->system->forcing;
     forcing_evaluate(forcing, me->time);
     if (forcing_differs(forcing) || me->next_time <= me->time) {
-        return me_event(me);
+        return me_event(me, false);
     }
     if (fresh) {
         return me_put(me) && me_restart_solver(me, me->solver->x);

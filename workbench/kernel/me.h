@@ -5,6 +5,7 @@
 #include "record.h"
 #include "solver.h"
 #include "system.h"
+#include "turned.h"
 
 typedef struct {
     System *system;
@@ -32,6 +33,8 @@ typedef struct {
     const double *targets;
     size_t n_targets;
     Record *record;
+    Problem problem;
+    Turned turned;
 } Me;
 
 /* Make the solver. */

@@ -7,6 +7,7 @@
 enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20, GAPS = 7, RATIOS = 4 };
 static const double ZENO_GAP = 1e-8, DWINDLING_REST = 1e-6, DROWNING_REST = 1e-3; /* of the time scale */
 static const double SHRINKING = 0.99; /* two gaps of less than this part of the two before are told from equal ones */
+static const double AHEAD = 1e-3; /* of the time scale: no rate of an indicator is looked at farther ahead */
 static const double DWINDLED = 1e-3;                        /* of the longest two gaps */
 static const double DROWNING = 0.1; /* a gap of less than this part of the one before: an indicator leaves its zero */
 static const double SAME_EVENT = 1e-3;                      /* a gap of less than this part of the one before is none */
@@ -56,6 +57,7 @@ void me_forget_events(Me *me) {
         me->gaps[i] = (double)INFINITY;
     }
     new_flight(me, false);
+    turned_forget(&me->turned);
 }
 
 /* The largest ratio of two gaps to the two before, of the last few; 1 or more: they do not shrink. Two, because a ball
@@ -199,8 +201,14 @@ bool me_restart_solver(Me *me, const double *x) {
         return fail_at(failure_of(me), FAILED_SOLVER, me->time);
     }
     failure_clear(failure_of(me));
-    /* A solver that has no indicators to ask for leaves the FMUs where they stood. */
-    return me->system->nz > 0 || system_put(me->system, me->time, x);
+    if (me->system->nz == 0) {
+        return system_put(me->system, me->time, x); /* a solver that has no indicators leaves the FMUs where they stood */
+    }
+    const bool stands = turned_stand(&me->turned, me->time, x);
+    if (stands) {
+        failure_clear(failure_of(me));
+    }
+    return stands;
 }
 
 static bool write_inputs(Me *me) {
@@ -213,10 +221,30 @@ static bool write_inputs(Me *me) {
            system_propagate(me->system, true, NULL);
 }
 
-bool me_event(Me *me) {
+/* Look at the rates before an event; the FMUs stand as before. */
+static bool look_before(Me *me) {
+    const bool looked = turned_before(&me->turned, me->time, me->solver->x, me->scale, AHEAD * me->span);
+    if (looked) {
+        failure_clear(failure_of(me));
+    }
+    return looked && me_put(me);
+}
+
+static bool look_after(Me *me, bool states_changed) {
+    const bool looked = turned_after(&me->turned, me->time, me->x, states_changed);
+    if (looked) {
+        failure_clear(failure_of(me));
+        /* What was turned may have but a short way back. */
+        me->cautious = me->turned.watches ? fmin(me->cautious, me->turned.ahead) : me->cautious;
+    }
+    return looked;
+}
+
+bool me_event(Me *me, bool located) {
     System *system = me->system;
     bool states_changed = false;
-    if (!guard_zeno(me)) {
+    const bool watched = located || me->turned.watches;
+    if (!guard_zeno(me) || (watched && !look_before(me))) {
         return false;
     }
     /* The FMUs must get the right limits now, and the left limits again on the way to the same break. */
@@ -233,7 +261,7 @@ bool me_event(Me *me) {
     if (states_changed && !system_vectors(system, GET_STATES, me->x, false)) {
         return false;
     }
-    const bool restarted = me_restart_solver(me, me->x);
+    const bool restarted = (!watched || look_after(me, states_changed)) && me_restart_solver(me, me->x);
     system->limit = limit > me->time ? limit : (double)INFINITY;
     return restarted;
 }

@@ -6,8 +6,8 @@
 
 /* Report an accepted step; *event: an FMU wants an event. */
 bool me_completed(Me *me, bool *event);
-/* Handle an event at the present time; the FMUs stand at their left limit. */
-bool me_event(Me *me);
+/* Handle an event at the present time, `located` at an indicator's zero; the FMUs stand at their left limit. */
+bool me_event(Me *me, bool located);
 bool me_put(Me *me);
 /* Let the scales grow to these states, and the span of the present flight. */
 void me_note_states(Me *me, const double *x);

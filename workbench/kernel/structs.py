@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from ctypes import c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
+from ctypes import c_bool, c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
 from typing import Any
 
 from workbench.kernel.gear import GearLibrary
@@ -317,6 +317,39 @@ class Record(ctypes.Structure):
     )
 
 
+class Problem(ctypes.Structure):
+    """solver.h."""
+
+    _fields_ = (
+        ("owner", c_void_p),
+        ("n", c_size_t),
+        ("nz", c_size_t),
+        ("derivatives", c_void_p),
+        ("indicators", c_void_p),
+    )
+
+
+class Turned(ctypes.Structure):
+    """turned.h."""
+
+    _fields_ = (
+        ("problem", c_void_p),
+        ("since", c_double),
+        ("ahead", c_double),
+        ("watches", c_bool),
+        ("known", c_bool),
+        ("side", c_void_p),
+        ("bound", c_void_p),
+        ("way", c_void_p),
+        ("old", c_void_p),
+        ("z", c_void_p),
+        ("new_way", c_void_p),
+        ("dx", c_void_p),
+        ("old_dx", c_void_p),
+        ("x", c_void_p),
+    )
+
+
 class Me(ctypes.Structure):
     """me.h."""
 
@@ -349,6 +382,8 @@ class Me(ctypes.Structure):
         ("targets", c_void_p),
         ("n_targets", c_size_t),
         ("record", c_void_p),
+        ("problem", Problem),
+        ("turned", Turned),
     )
 
 

@@ -12,6 +12,7 @@ from workbench.kernel.structs import Failure
 from workbench.session.algebraic_error import unsolved
 from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
 from workbench.session.me import chattering, too_many_steps, zeno
+from workbench.session.turned import gone_through
 
 __all__ = ["PAUSED", "Situation", "exception_of"]
 
@@ -117,6 +118,10 @@ def _chatter(now: Situation) -> Exception:
     return chattering(now.failure.time)
 
 
+def _through(now: Situation) -> Exception:
+    return gone_through(now.failure.time)
+
+
 def _early(now: Situation) -> Exception:
     return now.error(f"the FMU returned early from doStep {MAX_EARLY_RETURNS} times in one step")
 
@@ -156,8 +161,8 @@ def _wire(now: Situation) -> Exception:
 
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
-    _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _early,
-    _event_mode, _grid, _memory, _read_only, _loop, _wire,
+    _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _through,
+    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 

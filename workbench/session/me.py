@@ -20,6 +20,7 @@ from workbench.session.rows import Rows
 from workbench.session.solvers import SOLVERS, Solver, Tolerance
 from workbench.session.stand import Stand
 from workbench.session.target import Target
+from workbench.session.turned import Turned
 from workbench.signals import Signal
 
 __all__ = ["MeSession", "chattering", "too_many_steps", "zeno"]
@@ -34,6 +35,7 @@ DWINDLING_REST = 1e-6  # ... where what they add up to, as a geometric series, i
 DROWNING = 0.1  # ... or an indicator takes this part of the gap before to leave its zero ...
 DROWNING_REST = 1e-3  # ... and they add up to this part
 CAUTION_GROWS = 8.0
+AHEAD = 1e-3  # of the time scale: no rate of an indicator is looked at farther ahead
 NO_GAPS = (math.inf,) * 7
 
 
@@ -60,8 +62,10 @@ class MeSession(FmuSession):
     _solver: Solver | None = None
     _crowd: int
     _last_event: float
+    _cautious: float
     _counted: float
     _gaps: tuple[float, ...]
+    _turned: Turned
 
     # -- start ----------------------------------------------------------------------------
 
@@ -118,6 +122,7 @@ class MeSession(FmuSession):
 
     def _make_solver(self) -> None:
         self.problem = Problem(self.instance, self.forcing)
+        self._turned = Turned(self.problem)
         self._solver = SOLVERS[self.setup.solver](self.problem, self._tolerance())
         self._restart()
 
@@ -139,8 +144,11 @@ class MeSession(FmuSession):
             raise SimulationError("the session is closed")
         return self._solver
 
-    def _restart(self) -> None:
-        self.solver.restart(self.time, self.instance.x.copy())
+    def _restart(self, x: Floats | None = None) -> None:
+        x = self.instance.x.copy() if x is None else x
+        self.solver.restart(self.time, x)
+        if self.problem.nz:
+            self._turned.stand(self.time, x)
 
     # -- advance --------------------------------------------------------------------------
 
@@ -200,12 +208,13 @@ class MeSession(FmuSession):
         while self.time < stop:
             found = solver.step(stop, min(longest, self._cautious))
             self._cautious *= CAUTION_GROWS
+            self._turned.check(solver.t, solver.x)
             steps = 0 if self._record_points(waiting, rows, before=solver.t) else steps + 1
             self._count(steps)
             self.time = solver.t
             self._put()
             if self._completed() or found:
-                self._event_rows(rows)
+                self._event_rows(rows, located=found)
                 _drop(waiting, self.time)
                 steps = 0
                 if self._next_time < stop:
@@ -218,7 +227,7 @@ class MeSession(FmuSession):
         x = self.solver.x.copy()
         self.instance.x[:] = x
         self._put(x)
-        self.solver.restart(stop, x)
+        self._restart(x)
         self._record_end(waiting, rows)
 
     def _record_points(self, waiting: list[float], rows: Rows, *, before: float) -> bool:
@@ -255,14 +264,18 @@ class MeSession(FmuSession):
 
     # -- events ---------------------------------------------------------------------------
 
-    def _event_rows(self, rows: Rows) -> None:
+    def _event_rows(self, rows: Rows, *, located: bool = False) -> None:
         rows.add(self.time)
-        self._event()
+        self._event(located=located)
         rows.add(self.time)
 
-    def _event(self) -> None:
-        """Handle an event at the present time; the FMU stands at its left limit."""
+    def _event(self, *, located: bool = False) -> None:
+        """Handle an event at the present time, `located` at an indicator's zero; the FMU stands at its left limit."""
         self._guard_zeno()
+        watched = located or self._turned.watches
+        if watched:
+            self._turned.before(self.time, self.solver.x, self._sizes(), AHEAD * self._span)
+            self._put()
         limit, self.problem.limit = self.problem.limit, math.inf
         self.instance.enter_event_mode()
         if self.forcing.names:
@@ -272,8 +285,15 @@ class MeSession(FmuSession):
             self.instance.get_states()
         else:
             self.instance.x[:] = self.solver.x
-        self._restart()
+        x = self.instance.x.copy()
+        if watched:
+            self._turned.after(self.time, x, restarted=changed)
+            self._cautious = min(self._cautious, self._turned.caution)
+        self._restart(x)
         self.problem.limit = limit if limit > self.time else math.inf
+
+    def _sizes(self) -> Floats:
+        return np.abs(self.solver.x) + self.solver.tolerance.scale
 
     def _iterate(self) -> bool:
         """Iterate in event mode and go to continuous time; True if the states jumped."""
@@ -336,8 +356,9 @@ class MeSession(FmuSession):
 
     def _forget(self) -> None:
         self._forget_events()
+        self._turned.forget()
         self.solver.tolerance.new_flight(measured=False)
-        self.solver.restart(self.time, self.instance.x.copy())
+        self._restart()
 
     def _forget_events(self) -> None:
         self._crowd, self._last_event, self._cautious = 0, -math.inf, math.inf

@@ -115,6 +115,12 @@ static Status restart(Instance *instance)
     instance->solver->longest_start = flights_longest_step(&instance->record.flights, core_time(instance->core));
     mute(instance);
     bool good = solver_begin(instance->solver, tolerance > 0.0 ? tolerance : 1e-6);
+    if (good) {
+        const Turned *turned = &instance->record.turned;
+        turned_after(&instance->record.turned, instance->turned, instance->solver);
+        double longest = instance->solver->longest_start; /* what was turned may have but a short way back */
+        instance->solver->longest_start = turned->watches != 0.0 ? fmin(longest, turned->ahead) : longest;
+    }
     instance->muted = false;
     return good ? STATUS_OK : integration_failed(instance);
 }
@@ -164,6 +170,31 @@ static Status guard_against_zeno(Instance *instance, const Step *step)
     return STATUS_OK;
 }
 
+/* An event turned back or stopped what crosses its threshold, and no event followed where that went on. */
+static Status guard_against_going_through(Instance *instance)
+{
+    const Turned *turned = &instance->record.turned;
+    mute(instance);
+    bool through = turned_went_through(turned, instance->turned, instance->solver);
+    instance->muted = false;
+    if (through) {
+        return instance_fail(instance,
+                             "the event at t = %.9g turns back or stops what crosses its threshold, yet that goes on "
+                             "to the far side without another event (as a ball that comes to rest falls through its "
+                             "floor); let the model rest there",
+                             turned->since);
+    }
+    return STATUS_OK;
+}
+
+static void look_before_event(Instance *instance, const Step *step, bool state_event)
+{
+    mute(instance);
+    turned_before(&instance->record.turned, instance->turned, instance->solver, state_event,
+                  fmax(step->size, fabs(instance->solver->t)));
+    instance->muted = false;
+}
+
 static bool returns_at_events(const Instance *instance)
 {
     return instance->event_mode_used && instance->early_return_allowed;
@@ -178,6 +209,7 @@ static Status handle_event(Instance *instance, const Step *step, bool state_even
     if (status != STATUS_OK) {
         return status;
     }
+    look_before_event(instance, step, state_event);
     instance_log(instance, CATEGORY_EVENTS, "event at t = %.17g", instance->solver->t);
     instance->record.event_due = 1.0;
     instance->record.step = 0.0;
@@ -214,6 +246,7 @@ static Status advance(Instance *instance, Step *step)
     step->next_stop = time_event ? instance->record.next_event_time : step->end;
     if (step->next_stop > instance->solver->t) {
         Status status = integrate(instance, step, &state_event);
+        status = status == STATUS_OK ? guard_against_going_through(instance) : status;
         status = status == STATUS_OK ? ask_environment(instance, step) : status;
         if (status != STATUS_OK) {
             return status;

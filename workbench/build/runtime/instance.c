@@ -217,8 +217,9 @@ static bool build(Instance *instance, const char *name)
     size_t length = strlen(name) + 1;
     instance->name = memory_new(&instance->memory, length, 1);
     instance->sides = memory_new(&instance->memory, model_info.n_indicators, sizeof(double));
+    instance->turned = memory_new(&instance->memory, turned_doubles(), sizeof(double));
     instance->core = core_new(log_from_core, instance);
-    if (instance->name == NULL || instance->sides == NULL || instance->core == NULL
+    if (instance->name == NULL || instance->sides == NULL || instance->turned == NULL || instance->core == NULL
         || !inputs_new(&instance->inputs, &instance->memory)) {
         return false;
     }
@@ -288,6 +289,7 @@ void instance_free(Instance *instance)
     }
     memory_delete(&memory, instance->name);
     memory_delete(&memory, instance->sides);
+    memory_delete(&memory, instance->turned);
     memory_delete(&memory, instance);
 }
 
@@ -296,6 +298,7 @@ void instance_reset(Instance *instance)
     core_reset(instance->core);
     inputs_clear(&instance->inputs);
     memset(instance->sides, 0, model_info.n_indicators * sizeof(double));
+    memset(instance->turned, 0, turned_doubles() * sizeof(double));
     clear_record(instance);
 }
 

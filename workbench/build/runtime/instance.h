@@ -19,6 +19,7 @@
 #include "inputs.h"
 #include "memory.h"
 #include "solver.h"
+#include "turned.h"
 
 /* The values of fmi2Status and fmi3Status, which agree. */
 typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status;
@@ -69,6 +70,7 @@ typedef struct {
     double event_time;       /* of the last event, for the guard against chattering */
     double close_events;     /* events without noticeable progress of time */
     Flights flights;         /* between state events */
+    Turned turned;           /* indicators that an event turned back */
 } Record;
 
 typedef struct Instance Instance;
@@ -82,6 +84,7 @@ struct Instance {
     Core *core;
     Solver *solver; /* Co-Simulation only */
     Inputs inputs;
+    double *turned; /* [turned_doubles()] the vectors of record.turned; Co-Simulation */
     double *sides; /* [n_indicators] domain of each event indicator since the last event: 1, -1, 0 unknown */
     Record record;
     char *name;

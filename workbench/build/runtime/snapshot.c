@@ -33,9 +33,15 @@ static size_t sides_size(void)
     return model_info.n_indicators * sizeof(double);
 }
 
+static size_t turned_size(void)
+{
+    return turned_doubles() * sizeof(double);
+}
+
 static size_t block_size(const Instance *instance)
 {
-    return sizeof(Header) + sizeof(Record) + inputs_size(instance) + sides_size() + core_image_size();
+    return sizeof(Header) + sizeof(Record) + inputs_size(instance)
+        + sides_size() + turned_size() + core_image_size();
 }
 
 /* Model, version, kind and the representation of numbers on this machine. */
@@ -82,7 +88,9 @@ static void fill(Instance *instance, unsigned char *block)
     memcpy(block, instance->inputs.polynomials, inputs_size(instance));
     block += inputs_size(instance);
     memcpy(block, instance->sides, sides_size());
-    core_save(instance->core, block + sides_size());
+    block += sides_size();
+    memcpy(block, instance->turned, turned_size());
+    core_save(instance->core, block + turned_size());
 }
 
 static Status new_block(Instance *instance, void **saved)
@@ -117,7 +125,9 @@ Status snapshot_restore(Instance *instance, const void *saved)
     inputs_end(&instance->inputs);
     block += inputs_size(instance);
     memcpy(instance->sides, block, sides_size());
-    core_load(instance->core, block + sides_size());
+    block += sides_size();
+    memcpy(instance->turned, block, turned_size());
+    core_load(instance->core, block + turned_size());
     return STATUS_OK;
 }
 
