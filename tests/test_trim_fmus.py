@@ -59,11 +59,24 @@ def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.Desc
     assert statics(result.point.x) == pytest.approx((0.0, 0.0), abs=1e-4)
     assert 0.0 < result.point.y["del"] < DEL
     assert abs(result.point.dx["p1"]) > 1e6
+    assert any("carry others along" in note for note in result.notes)
+
+
+def test_pressures_that_must_move_let_nothing_rest(rudder: wb.DescribedModel) -> None:
+    """Beyond the stop (piston at 78.7 mm) p1 − p2 must be 217 MPa; at rest it is at most the supply less the return."""
+    result = wb.trim(rudder, free=["delC"], fix={"del": 30.0}, floating=["p1", "p2"])
+    p1, p2 = (result.point.x[n] for n in ("p1", "p2"))
+    assert p1 - p2 > 1e8
+    assert max(abs(result.point.dx[n]) for n in ("p1", "p2")) > 1e9
+    assert not result.converged
+    assert any("carry others along" in note for note in result.notes)
 
 
 def test_the_family_is_pinned_by_an_output(rudder: wb.DescribedModel) -> None:
+    """Its required equations hold, but the valve is open: the pressures change by 3e8 Pa/s, and the piston cannot rest."""
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], fix={"del": 1.0})
-    assert result.converged
+    assert max(abs(r.scaled) for r in result.residuals if r.required) < 1e-8
+    assert not result.converged
     assert result.point.y["del"] == pytest.approx(1.0)
     assert len(result.null_directions) == 1
 

@@ -85,3 +85,51 @@ def test_running_waits_for_small_states_that_declare_no_size() -> None:
 def test_running_does_not_take_a_run_away_for_rest(f: Function) -> None:
     plant = Plant(Equations(x={"x": 0.0}, f=f, settable=False), interface="cs")
     assert not trim(plant, step=0.05, longest=500.0).converged
+
+
+@pytest.mark.parametrize("drift", [1e-12, 1e-9, 1e-8, -1e-3])
+@pytest.mark.parametrize("nominal", [{}, {"x": 1.0}], ids=str)
+def test_a_constant_drift_is_no_equilibrium(drift: float, nominal: dict[str, float]) -> None:
+    result = trim(Plant(Equations(x={"x": 1.0}, f=lambda v: [drift], nominal=nominal)))
+    assert not result.converged
+    assert "der(x) does not react to any unknown" in result.message
+
+
+def test_a_constant_drift_beside_what_rests_is_no_equilibrium() -> None:
+    result = trim(Plant(Equations(x={"x": 1.0, "y": 0.0}, f=lambda v: [v["x"] - 2.0, 1e-9])))
+    assert not result.converged
+    assert "der(y)" in result.message
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_terms_that_cancel_but_for_rounding_are_zero(size: float) -> None:
+    """x' = u − 0.1 size − 0.2 size at u = 0.3 size: 0.1 + 0.2 is not 0.3 in binary numbers."""
+    plant = Plant(Equations(x={"x": 1.0}, u={"u": 0.3 * size}, f=lambda v: [v["u"] - 0.1 * size - 0.2 * size]))
+    assert trim(plant).converged
+
+
+def floated(speed: float) -> TrimResult:
+    """A position p moves at `speed` and pushes a damped mass: x' = v, v' = p − x − 2 v."""
+    equations = Equations(x={"p": 5.0, "x": 0.0, "v": 0.0}, f=lambda s: [speed, s["v"], s["p"] - s["x"] - 2.0 * s["v"]])
+    return trim(Plant(equations), floating=["p"])
+
+
+def test_a_floating_state_may_creep_but_not_carry_the_others_along() -> None:
+    """Behind p = speed · t, x follows as p − 2 speed and v = speed: v is off its rest by that much."""
+    assert floated(0.01).converged
+    carried = floated(7.0)
+    assert not carried.converged
+    assert any("v by 7 times its size" in note for note in carried.notes)
+
+
+def test_the_least_floating_derivatives_are_measured_alike_everywhere() -> None:
+    """a' = −a³, b' = 1 + b with a = b + 3 at rest: the least a'² + b'², each over its slope at the start."""
+    equations = Equations(
+        x={"a": 5.0, "b": 2.0, "x": 0.0},
+        f=lambda s: [-(s["a"] ** 3) / 75.0, 1.0 + s["b"], s["a"] - s["b"] - 3.0 - s["x"]],
+        nominal={"a": 1.0, "b": 1.0, "x": 1.0},
+    )
+    result = trim(Plant(equations), floating=["a", "b"], fix={"x": 0.0})
+    # With b = a − 3: d/da [(a³/75)² + (a − 2)²] = 6 a⁵/75² + 2 (a − 2) = 0.
+    a = result.point.x["a"]
+    assert 6.0 * a**5 / 75.0**2 + 2.0 * (a - 2.0) == pytest.approx(0.0, abs=1e-4)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.analysis.trim_balance import Balance
 from workbench.analysis.trim_continuous import ContinuousBalance
+from workbench.analysis.trim_drift import carried_along
 from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem, TrimSets, pose
 from workbench.analysis.trim_report import degenerate, directions, in_words, residual_table
@@ -183,7 +184,10 @@ class _Trim:
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
         solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
-        return self._result("equations", problem, solution, [note])
+        restless = carried_along(problem, solution) if solution.converged else ""
+        if restless and self.slowest:
+            solution = replace(solution, converged=False)
+        return self._result("equations", problem, solution, [note, restless])
 
     def _probe(self, problem: Problem) -> bool:
         if not problem.unknowns or exact_agrees(problem):

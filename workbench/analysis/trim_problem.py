@@ -64,7 +64,6 @@ class Equation:
         low, high: the wanted value twice, or an interval.
         unit: of the residual.
         nominal: magnitude of the residual where no unknown moves it.
-        declared: whether that magnitude is known, not assumed.
         required: False for a floating derivative.
     """
 
@@ -74,7 +73,6 @@ class Equation:
     high: float = 0.0
     unit: str | None = None
     nominal: float = 1.0
-    declared: bool = True
     required: bool = True
 
     def residual(self, value: float) -> float:
@@ -174,7 +172,6 @@ def _rate(balance: Balance, state: Slot, row: int, sets: TrimSets) -> Equation:
         row=row,
         unit=balance.rate_unit(state),
         nominal=state.nominal,
-        declared=state.known,
         required=state.name not in sets.floating,
     )
 

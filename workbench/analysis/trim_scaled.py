@@ -23,7 +23,6 @@ class Scaled:
         low, high: shape (k,), bounds of w.
         hard: number of required equations.
         nominals: shape (e,), nominal value of each residual, per second for a derivative.
-        declared: shape (e,), whether the model or the user declares it.
     """
 
     def __init__(self, problem: Problem, *, exact: bool) -> None:
@@ -34,7 +33,6 @@ class Scaled:
         self.hard = len(problem.equations)
         self._equations = (*problem.equations, *problem.floating)
         self.nominals = np.array([e.nominal for e in self._equations])
-        self.declared = np.array([e.declared for e in self._equations], dtype=bool)
         self._rows = [e.row for e in self._equations]
         self._exact = exact
 

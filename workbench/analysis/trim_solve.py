@@ -184,6 +184,7 @@ class _Search:
         """Return the step to F = 0, and within what that leaves open to the least G, then home, within the bounds."""
         jacobian = self._jacobian(w)
         scales = self.scaled.scales(jacobian)
+        scales[self.hard :] = self.soft  # what is made small is the same everywhere
         residuals, jacobian = self.scaled.residuals(w) / scales, jacobian / scales[:, None]
         cut = [slice(0, self.hard), slice(self.hard, None)] if slowest else [slice(0, self.hard)]
         movable = np.ones(len(w))

@@ -18,7 +18,7 @@ _WIDER = 10.0  # than the differences of the Jacobian: how far around a point th
 _NARROWER = (1.0, 1e-3, 1e-6)  # parts of that, where the model cannot be evaluated there
 _SCATTER = (2.0, 5.0, 11.0)  # rounding errors of the unknowns by which a point is moved to see the noise
 _NOISE = 8.0  # times the scatter seen: what cannot be told from zero
-_ROUNDING = 1e-13  # nominal values per second: where no unknown changes an equation and no nominal value is declared
+_ROUNDING = 16.0 * np.finfo(np.float64).eps  # of the terms of an equation that no unknown changes
 _SHARP = 1.3  # at twice the distance from where it vanishes, an equation is larger by this factor at least
 _HARDLY = 100.0  # times the noise: what can hardly be told from zero
 _EDGE = 1e-4  # that distance
@@ -224,12 +224,12 @@ class Judge:
     # -- where nothing changes an equation ------------------------------------------------------
 
     def _idle(self, weights: Floats, left: float) -> bool:
-        """Whether a combination counts as zero that no unknown changes, neither here nor at the start."""
-        declared = np.where(self._scaled.declared, self._tolerance, _ROUNDING)
-        if left > float(np.abs(weights) @ (declared * self._scaled.nominals)):
-            return False
-        held = float(np.abs(weights @ self._scaled.held_change()).sum())
-        return held == 0.0 or left <= self._tolerance * held
+        """Whether a combination is zero to rounding that no unknown changes, neither here nor at the start.
+
+        Its terms are as large as what is held makes them, and of the nominal value.
+        """
+        terms = np.abs(self._scaled.held_change()).sum(axis=1) + self._scaled.nominals
+        return bool(left <= _ROUNDING * float(np.abs(weights) @ terms))
 
     def _edge(self, begin: Floats, w: Floats, weights: Floats, level: float) -> bool:
         """Whether a combination becomes zero at an edge on the way from `begin`; False: it fades away."""
