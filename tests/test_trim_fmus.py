@@ -73,7 +73,7 @@ def test_pressures_that_must_move_let_nothing_rest(rudder: wb.DescribedModel) ->
 
 
 def test_the_family_is_pinned_by_an_output(rudder: wb.DescribedModel) -> None:
-    """Its required equations hold, but the valve is open: the pressures change by 3e8 Pa/s, and the piston cannot rest."""
+    """The required equations hold, but the valve is open: pressures change by 3e8 Pa/s, and the piston cannot rest."""
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], fix={"del": 1.0})
     assert max(abs(r.scaled) for r in result.residuals if r.required) < 1e-8
     assert not result.converged
