@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.analysis.identify import identify as identify_data
 from workbench.cli import build as build_command
 from workbench.cli.app import run
+from workbench.errors import InputError
 
 
 def test_info_tells_all_in_json(capsys: pytest.CaptureFixture[str]) -> None:
@@ -166,3 +168,15 @@ def test_build_makes_an_fmu_that_info_reads(tmp_path: Path, capsys: pytest.Captu
     assert len(result["platforms"]) == 5
     assert run(["info", str(out), "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["fmi_version"] == "3.0"
+
+
+def test_messages_name_options_as_they_are_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is `max_order` in Python is --max-order here; the same word in quotes is the name of a variable."""
+    data = tmp_path / "data.csv"
+    data.write_text("time [s],u,y\n" + "".join(f"{k},{k % 2},{k % 3}\n" for k in range(60)), encoding="utf-8")
+    assert run(["identify", str(data), "--input", "u", "--output", "y", "--max-order", "0"]) == 2
+    assert capsys.readouterr().err == "workbench: --max-order must be 1 or more, not 0\n"
+    assert run(["identify", str(data), "--input", "max_order", "--output", "y"]) == 2
+    assert "there is no column 'max_order'" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"^max_order must be 1 or more"):
+        identify_data(data, inputs=["u"], outputs=["y"], max_order=0)

@@ -26,7 +26,7 @@ from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
-from workbench.cli.program import program
+from workbench.cli.program import options_of, program
 from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
@@ -110,9 +110,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         arguments: in place of the process's own.
     """
     notes.drop()
-    asked.keep(arguments)
     words = sys.argv[1:] if arguments is None else arguments
-    command = program(app, next((w for w in words if not w.startswith("-")), None))
+    name = next((w for w in words if not w.startswith("-")), None)
+    command = program(app, name)
+    asked.keep(arguments, options_of(command, name))
     try:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
     except typer.TyperException as error:
@@ -120,7 +121,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         message = one_line(error.format_message())
         return _complain(message) if message else BAD_INPUT
     except WorkbenchError as error:
-        return _complain(str(error))
+        return _complain(asked.spoken(str(error)))
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # the version of typer decides whether it is raised or returned
     if code == INTERRUPTED:

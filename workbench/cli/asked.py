@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-__all__ = ["command_line", "keep", "was_given"]
+__all__ = ["command_line", "keep", "spoken", "was_given"]
 
 _arguments: list[str] = []  # of the one command that a process runs
+_options: dict[str, str] = {}  # of that command: name in Python → on the command line
+_NAME = re.compile(r"(?<![\w.'\"/=-])[a-z]+(?:_[a-z]+)+(?![\w.(])")  # not in quotes: those are names of variables
 
 
-def keep(arguments: Sequence[str] | None) -> None:
-    """Keep the arguments of the command that is about to run.
+def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = None) -> None:
+    """Keep the arguments of the command that is about to run, and what its options are called.
 
     Args:
         arguments: None: the process's own.
+        options: name in Python → on the command line.
     """
     _arguments[:] = sys.argv[1:] if arguments is None else arguments
+    _options.clear()
+    _options.update(options or {})
+
+
+def spoken(message: str) -> str:
+    """Return a message of the library with the command's options as one types them: `max_order` is --max-order.
+
+    Args:
+        message: one line.
+    """
+    return _NAME.sub(lambda found: _options.get(found[0], found[0]), message)
 
 
 def command_line() -> str:

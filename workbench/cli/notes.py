@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import sys
 
+from workbench.cli.asked import spoken
+
 __all__ = ["drop", "flush", "note", "said"]
 
 _waiting: list[str] = []  # of the one command that a process runs
@@ -28,7 +30,7 @@ def said() -> tuple[str, ...]:
 def flush() -> None:
     """Write what was kept to standard error."""
     for text in _waiting:
-        sys.stderr.write(f"note: {text}\n")
+        sys.stderr.write(f"note: {spoken(text)}\n")
     _waiting.clear()
 
 

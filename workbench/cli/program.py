@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-__all__ = ["Lazily", "program"]
+__all__ = ["Lazily", "options_of", "program"]
 
 
 def program(app: typer.Typer, name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
@@ -26,6 +26,18 @@ def program(app: typer.Typer, name: str | None) -> Any:  # noqa: ANN401 - typer'
     alone = copy.copy(app)
     alone.registered_commands = wanted
     return typer.main.get_group(alone)
+
+
+def options_of(command: Any, name: str | None) -> dict[str, str]:  # noqa: ANN401 - see `program`
+    """Return what the options of a command are called: name in Python → on the command line.
+
+    Args:
+        command: the program.
+        name: of its command; None: there is none.
+    """
+    known = getattr(command, "commands", {}).get(name)
+    options = [p for p in known.params if p.opts[0].startswith("--")] if known else []
+    return {str(option.name): str(option.opts[0]) for option in options}
 
 
 class Lazily(Mapping[str, Any]):

@@ -148,4 +148,4 @@ def _stability(found: Delivered, settings: Settings) -> str:
     size = radius(found.A)
     if size < 1.0:
         return ""
-    return f"the model is not stable (|pole| = {size:.6g}); if the system is, take a lower order or stable=True"
+    return f"the model is not stable (|pole| = {size:.6g}); if the system is, take a lower order, or the option stable"

@@ -40,7 +40,7 @@ class Fit:
         if not np.isfinite(self.rms):
             return (
                 "the model is unstable and has no finite output over these data; take the automatic order, "
-                "another order or method, or stable=True (--stable)"
+                "another order or method, or the option stable"
             )
         return "the measured output does not move"
 
