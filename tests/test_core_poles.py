@@ -13,7 +13,14 @@ from scipy.linalg import block_diag
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.modes.modes import modes
 from workbench.cli.app import run
-from workbench.core.poles import continuous, damped_frequency_hz, damping_ratio, natural_frequency_hz, pole_rows
+from workbench.core.poles import (
+    continuous,
+    damped_frequency_hz,
+    damping_ratio,
+    natural_frequency_hz,
+    pole_keys,
+    pole_rows,
+)
 from workbench.system.connect import connect
 
 PORTS = '[inputs]\nu = "plant.u"\n[outputs]\ny = "plant.y"\n'
@@ -151,3 +158,15 @@ def test_the_page_names_the_oscillation_with_the_least_damping_ratio(tmp_path: P
     assert run(["lin", str(system), "--report", str(tmp_path / "page.html")]) == 0
     page = " ".join((tmp_path / "page.html").read_text(encoding="utf-8").split())
     assert "The oscillation damped least is at 10 Hz (natural), damping ratio 0.02." in page
+
+
+def test_a_slow_pole_is_not_at_rest_and_a_fast_discrete_one_is_not_a_delay() -> None:
+    """Only what rounding leaves counts as 0: a pole a million times slower than the fastest has a frequency."""
+    keys = pole_keys([-1.0, -1e-6, -1e-12], 0.0)
+    assert keys["damping"] == [1.0, 1.0, None]
+    assert keys["natural_frequency_hz"] == pytest.approx([1.0 / (2.0 * np.pi), 1e-6 / (2.0 * np.pi), 0.0], abs=1e-18)
+    keys = pole_keys([0.05, 1e-4, 1e-8], 0.1)  # ln(z)/dt; the last is over within a sample
+    expected = [float(-np.log(z)) / 0.1 / (2.0 * np.pi) for z in (0.05, 1e-4)]
+    assert keys["natural_frequency_hz"][:2] == pytest.approx(expected, rel=1e-12)
+    assert keys["damping"] == [1.0, 1.0, None]
+    assert [row.natural for row in pole_rows([1e-8, 0.05], 0.1)][-1] == "delay"
