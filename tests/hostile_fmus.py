@@ -7,13 +7,46 @@ see tests/c/hostile.
 
 from __future__ import annotations
 
+import os
+import time
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
 
 from tests.stub_fmus import stub_library
 from workbench.build.pack import pack
 from workbench.toolchain import host_only
+from workbench.workers import pool
+
+
+def lose_patience_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a time limit be over as soon as an FMU hangs, and not before, however slow the machine is.
+
+    The limit itself can be generous then; with one job at a time it is that of the FMU that hangs.
+
+    Args:
+        folder: where the FMU tells.
+        monkeypatch: of the test.
+    """
+    tells, clock = folder / "tells", time.monotonic
+    monkeypatch.setenv("HOSTILE_TELLS", str(tells))
+
+    def hangs() -> bool:
+        text = tells.read_text(encoding="ascii") if tells.exists() else ""
+        return text.endswith("\n") and _lives(int(text))
+
+    monkeypatch.setattr(pool, "time", SimpleNamespace(monotonic=lambda: clock() + (1e6 if hangs() else 0.0)))
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

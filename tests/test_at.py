@@ -11,31 +11,10 @@ import pytest
 
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.three_lags import three_lags
 from workbench.cli.app import run
 from workbench.core.operating_point import OperatingPoint
 from workbench.system.master.model import MasterModel
-
-LAGS = """
-name = "three lags"
-[components]
-e = {sum = "+-"}
-k = {gain = 20.0}
-s = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"k.u" = "e.y"
-"s.u" = "k.y"
-"a.u" = "s.y"
-"b.u" = "a.y"
-"c.u" = "b.y"
-"e.u2" = "c.y"
-[inputs]
-r = "e.u1"
-[outputs]
-y = "c.y"
-"""
 
 MASTER = """
 name = "two in step"
@@ -108,7 +87,7 @@ def test_every_command_begins_at_the_point_and_says_so(name: str, rudder: Path, 
 @pytest.fixture(scope="module")
 def lags(folder: Path) -> Path:
     path = folder / "lags.toml"
-    path.write_text(LAGS, encoding="utf-8")
+    path.write_text(three_lags(20.0), encoding="utf-8")
     return path
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from tests.hostile_fmus import build_hostile
+from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
 from workbench.analysis.check import CHECKS, VERDICTS
@@ -150,7 +150,7 @@ def test_mass_damper_is_first_order_and_diverges_at_its_natural_step() -> None:
     assert not card.passed
     assert {c.name for c in card.checks if c.interface == "me" and c.verdict in ("watch", "broken")} == set()
     # This tool's first step begins at 0, wherever the run begins; and it integrates with the input of the step's begin.
-    assert card.line("start-time", "cs").verdict == "watch"
+    assert card.line("start-time", "cs").verdict == "broken"
     assert card.line("inputs", "cs").verdict == "watch"
     assert card.line("validation", "file").numbers["problems"]
     # Divergence is told once: the other checks take shorter steps.
@@ -200,10 +200,11 @@ def test_a_crash_is_a_line_and_the_other_checks_go_on(tmp_path: Path) -> None:
     assert [c.verdict for c in card.checks] == ["broken", "good", "good"]  # on a tenth of the run: it aborts later
 
 
-def test_a_hang_is_a_line(tmp_path: Path) -> None:
-    limits = Workers(timeout=2.0)
+def test_a_hang_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lose_patience_at_once(tmp_path, monkeypatch)
+    limits = Workers(timeout=200.0, jobs=1)
     card = wb.check(build_hostile(tmp_path, "hang"), interface="cs", only=["runs", "reset"], workers=limits)
-    assert card.line("runs", "cs").evidence.startswith("time limit: not finished after 2 s")
+    assert card.line("runs", "cs").evidence.startswith("time limit: not finished after 200 s")
     assert "--timeout" in card.line("runs", "cs").consequence
 
 

@@ -190,7 +190,7 @@ def test_inputs_of_the_call_are_left_alone() -> None:
         ({"method": "exactly"}, "did you mean exact"),
         ({"x0": {"p9": 1.0}}, "no 'p9'"),
         ({"u0": {"del": 1.0}}, "no 'del'"),
-        ({"dx": [1.0]}, "1 widths for 8 names"),
+        ({"dx": [1.0]}, "1 widths for 8 variables; give one for all"),
         ({"du": -1.0}, "must be positive"),
         ({"method": "exact", "du": 1.0}, "takes no widths"),
         ({"method": "kalman-bertram"}, "no time events"),

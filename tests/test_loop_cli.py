@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.loop_models import saturation_gain
+from tests.three_lags import three_lags
 from workbench.cli import app as program
 from workbench.cli.app import run
 from workbench.cli.loop import loop
@@ -17,33 +18,11 @@ from workbench.cli.loop import loop
 if "loop" not in [c.name for c in program.app.registered_commands]:
     program.app.command("loop")(loop)
 
-SYSTEM = """
-name = "three lags"
-[components]
-e = {sum = "+-"}
-k = {gain = 6.0}
-s = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"k.u" = "e.y"
-"s.u" = "k.y"
-"a.u" = "s.y"
-"b.u" = "a.y"
-"c.u" = "b.y"
-"e.u2" = "c.y"
-[inputs]
-r = "e.u1"
-[outputs]
-y = "c.y"
-"""
-
 
 @pytest.fixture
 def system(tmp_path: Path) -> str:
     path = tmp_path / "lags.toml"
-    path.write_text(SYSTEM)
+    path.write_text(three_lags(6.0))
     return str(path)
 
 

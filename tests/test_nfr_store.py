@@ -16,7 +16,7 @@ import pytest
 
 import workbench as wb
 from tests.fakes import FakeModel, SampledSession, lag
-from tests.hostile_fmus import build_hostile
+from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.programs import start, wait_for
 from workbench.analysis.nfr import NfrSweep, nfr
 from workbench.analysis.nfr_result import NfrResult
@@ -132,20 +132,23 @@ def test_averaged_points_of_an_earlier_result_are_measured_again_with_more_perio
 
 
 @pytest.mark.skipif(os.name == "nt", reason="messages name signals")
-def test_failed_points_of_a_store_are_measured_again(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_failed_points_of_a_store_are_measured_again(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lose_patience_at_once(tmp_path, monkeypatch)
     fmu = str(build_hostile(tmp_path, "hang"))
     command = ["nfr", fmu, "--input", "u", "--output", "y", "--amplitude", "1", "--freq", "1,25", "--no-drift-check"]
-    command += ["--store", str(tmp_path / "store"), "--max-periods", "4", "--json", "-"]
+    command += ["--store", str(tmp_path / "store"), "--max-periods", "4", "--jobs", "1", "--json", "-"]
 
     def again(*options: str) -> str:
         assert run([*command, *options]) == 1
         captured = capfd.readouterr()
         return f"{json.loads(captured.out)['failed'][0]['reason']}; {captured.err}"
 
-    assert "not finished after 1 s" in again("--timeout", "1")
-    assert "2 of 2 points were measured before" in again("--timeout", "1")
-    assert "1 of 2 points were measured before" in again("--timeout", "1.1")  # another limit: it may finish now
-    assert "1 of 2 points were measured before" in again("--timeout", "1.1", "--redo", "failed")
+    assert "not finished after 200 s" in again("--timeout", "200")
+    assert "2 of 2 points were measured before" in again("--timeout", "200")
+    assert "1 of 2 points were measured before" in again("--timeout", "201")  # another limit: it may finish now
+    assert "1 of 2 points were measured before" in again("--timeout", "201", "--redo", "failed")
 
 
 def test_two_sweeps_share_a_store(tmp_path: Path) -> None:

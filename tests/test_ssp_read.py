@@ -207,7 +207,7 @@ PARTS = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("i
         ),
         (
             minimal(PARTS + connections(wire("a.y", "b.u", inner='<ssc:LinearTransformation factor="x"/>'))),
-            "connection a.y → b.u: factor='x' is no number",
+            "connection a.y → b.u: factor='x' is not a number",
         ),
         (minimal(elements(component("a"), component("a"))), "two elements are called 'a'; rename one"),
         (minimal(elements(component("c"))), "component 'c': the file 'resources/c.fmu' is missing in the package"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.hostile_fmus import build_hostile
+from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from workbench.cli.app import run
 from workbench.workers import Workers
 from workbench.workers.limits import memory_limit_works
@@ -24,17 +24,18 @@ MESSAGES = {
     "segfault": "the FMU crashed: segmentation fault (SIGSEGV)",
     "abort": "the FMU aborted its process (SIGABRT)",
     "exit": "the FMU ended its process (exit code 3)",
-    "hang": "time limit: not finished after 1.5 s; --timeout sets it",
+    "hang": "time limit: not finished after 200 s; --timeout sets it",
 }
 
 
 @pytest.mark.parametrize("interface", ["me", "cs"])
 @pytest.mark.parametrize("name", MESSAGES)
 def test_a_bad_point_fails_and_the_sweep_goes_on(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, interface: str
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str, interface: str
 ) -> None:
     fmu = str(build_hostile(tmp_path, name))
-    limit = ["--timeout", "1.5"] if name == "hang" else []
+    lose_patience_at_once(tmp_path, monkeypatch)
+    limit = ["--timeout", "200", "--jobs", "1"]
     assert run(["nfr", fmu, *SWEEP, "--interface", interface, "--no-drift-check", *limit]) == 1
     found = json.loads(capfd.readouterr().out)
     assert found["failed"] == [{"frequency_hz": 1.0, "amplitude": 1.0, "reason": MESSAGES[name]}]
@@ -85,9 +86,11 @@ def test_after_a_crash_a_carried_sweep_goes_on_behind_the_bad_point(tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_simulate_tells_a_crash_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str) -> None:
-    limit = ["--timeout", "1.5"] if name == "hang" else []
-    assert run(["simulate", str(build_hostile(tmp_path, name)), "--stop", "1", *limit]) == 2
+def test_simulate_tells_a_crash_in_one_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    lose_patience_at_once(tmp_path, monkeypatch)
+    assert run(["simulate", str(build_hostile(tmp_path, name)), "--stop", "1", "--timeout", "200"]) == 2
     lines = [line for line in capfd.readouterr().err.splitlines() if not line.startswith("note: ")]
     assert lines == [f"workbench: {MESSAGES[name]}"]
 
@@ -103,3 +106,4 @@ def test_simulate_keeps_what_came_before_an_error(tmp_path: Path, capfd: pytest.
     # The step of its default experiment, until it fails.
     assert [float(row.split(",")[0]) for row in rows] == pytest.approx(np.arange(0.0, 0.505, 0.01))
     assert end.startswith("# ended at 0.5 s: ")
+    assert "(with interface me the workbench integrates in its place)" in end

@@ -10,7 +10,7 @@ __all__ = ["targets_page"]
 
 _INTRODUCTION = """# Published figures
 
-Every figure of the source report that the bundled FMUs are held against, with its tolerance, from the one file that
+Every figure of the source report that the bundled FMUs are compared with, with its tolerance, from the one file that
 tests, scripts and [`workbench reproduce`](commands/reproduce.md) read. *Printed*: a number of the source report;
 *described*: its words, the limits are our reading; *asked*: a bound of our own where the source report gives no number.
 Where digits are printed, the tolerance is half of the last one. What is measured today is not on this page: run

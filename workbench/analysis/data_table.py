@@ -54,7 +54,7 @@ def read_table(path: str | Path) -> DataTable:
     (m/s2, N.m, °C).
 
     Raises:
-        InputError: no such file, no numbers, a row of another length, a cell that is no number.
+        InputError: no such file, no numbers, a row of another length, a cell that is not a number.
     """
     path = Path(path)
     text, notes = _text(path)

@@ -273,7 +273,7 @@ def read_experiment(
             another spacing, the data are put on this grid: inputs held, outputs linear.
 
     Raises:
-        InputError: no such file or column, no table, no time, not equidistant, a cell that is no number.
+        InputError: no such file or column, no table, no time, not equidistant, a cell that is not a number.
     """
     table = read_table(path)
     name = Path(path).name

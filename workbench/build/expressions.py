@@ -386,7 +386,7 @@ def evaluate_operation(operation: str, operands: Sequence[float]) -> float:
 
 
 def evaluate(graph: ExpressionGraph, expression: int, leaf: Callable[[Node], float]) -> float:
-    """Return the value of `expression`; `leaf` gives the values of the leaves that are no numbers."""
+    """Return the value of `expression`; `leaf` gives the values of the leaves that are not numbers."""
     values: dict[int, float] = {}
     for number in graph.reachable([expression]):
         node = graph[number]

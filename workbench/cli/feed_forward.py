@@ -25,6 +25,7 @@ from workbench.cli.options import (
     numbers,
     open_model,
     pairs,
+    span,
 )
 from workbench.cli.table import table_of
 from workbench.errors import BuildError, InputError, suggest
@@ -139,7 +140,8 @@ def feed_forward(
     signals = {name: parse_signal(text) for name, text in pairs("--input", input).items()} if input else None
     if signals is None and (crude or figure == "simulated"):
         raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
-    fed_back, sizes, limits = _feedback(feedback), _orders(orders), _band(band)
+    fed_back, sizes = _feedback(feedback), _orders(orders)
+    limits = None if band is None else span("--band", band, above=0.0, example="0.1:5")
     loaded = open_model(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
@@ -223,15 +225,6 @@ def _orders(text: str | None) -> tuple[int, int] | None:
     if len(found) != 2 or any(x != int(x) for x in found):
         raise InputError(f"--orders: '{text}' is not of the form G,H with two whole numbers, as in 36,29")
     return int(found[0]), int(found[1])
-
-
-def _band(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    found = numbers("--band", text, separator=":")
-    if len(found) != 2 or not 0.0 < found[0] < found[1]:
-        raise InputError(f"--band: '{text}' is not of the form LO:HI with 0 < LO < HI, as in 0.1:5")
-    return found[0], found[1]
 
 
 def _show(result: FeedForwardResult, console: Console) -> None:

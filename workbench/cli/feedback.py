@@ -26,6 +26,7 @@ from workbench.cli.options import (
     numbers,
     open_model,
     pairs,
+    span,
 )
 from workbench.cli.table import table_of
 from workbench.errors import InputError
@@ -144,8 +145,8 @@ def feedback(
 
     out = Output("feedback", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     _check_kind(plot_kind, plot, settle=settle, run=gain is not None)
-    limits = _range("--gains", gains) if gains is not None else ALL
-    chosen = _range("--settle-gains", settle_gains) if settle_gains is not None else None
+    limits = span("--gains", gains, example="-2:0.5") if gains is not None else ALL
+    chosen = span("--settle-gains", settle_gains, example="-2:0.5") if settle_gains is not None else None
     levels = numbers("--thresholds", thresholds) if thresholds is not None else THRESHOLDS
     signals = {name: parse_signal(text) for name, text in pairs("--pulse", pulse).items()} if pulse else None
     loaded = open_model(
@@ -227,13 +228,6 @@ def _write_csv(result: FeedbackResult, target: str | TextIO) -> None:
         result.to_csv(target)
 
 
-def _range(option: str, text: str) -> tuple[float, float]:
-    limits = numbers(option, text, separator=":")
-    if len(limits) != 2 or not limits[0] < limits[1]:
-        raise InputError(f"{option}: '{text}' is not of the form LO:HI with LO < HI, as in -2:0.5")
-    return limits[0], limits[1]
-
-
 def _size(model: DescribedModel, option: str, text: str | None, target: str, *, per: str) -> float | None:
     """Return a limit in the target's unit; a number alone is in that unit."""
     from workbench.system.units import conversion, known_unit
@@ -246,7 +240,7 @@ def _size(model: DescribedModel, option: str, text: str | None, target: str, *, 
     except ValueError:
         value = None
     if found is None or value is None:
-        raise InputError(f"{option}: '{text}' is no number with a unit, as in 25deg{per}")
+        raise InputError(f"{option}: '{text}' is not a number with a unit, as in 25deg{per}")
     if not found[2]:
         return value
     own = next((v.unit for v in model.description.variables if v.name == target), None)

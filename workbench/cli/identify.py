@@ -88,7 +88,7 @@ def identify(
 ) -> int:
     """Identify a discrete linear model from recorded data, judge the data, and validate the model.
 
-    Without --validate the model is held against the data of the fit, which flatters it.
+    Without --validate the model is compared with the data of the fit, which flatters it.
 
     Example: `workbench identify rudder.csv --input delC --output del --validate rudder_validation.csv --report id.html`
     """

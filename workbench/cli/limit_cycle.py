@@ -26,6 +26,7 @@ from workbench.cli.options import (
     numbers,
     open_model,
     pairs,
+    span,
     workers,
 )
 from workbench.cli.table import table_of
@@ -112,8 +113,8 @@ def limit_cycle(
     from workbench.signals import parse_signal
 
     out = Output("limit-cycle", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
-    limits = _range("--band", band)
-    sizes = _range("--amplitude", amplitude) if amplitude is not None else None
+    limits = span("--band", band, above=0.0, example="0.1:10")
+    sizes = span("--amplitude", amplitude, above=0.0, example="0.1:10") if amplitude is not None else None
     ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
     where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(
@@ -148,13 +149,6 @@ def _write_csv(result: LimitCycleResult, target: str | TextIO) -> None:
         result.to_csv(target)
     except OSError as error:
         raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
-
-
-def _range(option: str, text: str) -> tuple[float, float]:
-    limits = numbers(option, text, separator=":")
-    if len(limits) != 2 or not 0.0 < limits[0] < limits[1]:
-        raise InputError(f"{option}: '{text}' is not of the form LO:HI with 0 < LO < HI, as in 0.1:10")
-    return limits[0], limits[1]
 
 
 def _limits(name: str, text: str) -> tuple[float, float]:

@@ -27,6 +27,7 @@ from workbench.cli.options import (
     Tolerance,
     numbers,
     open_model,
+    span,
     workers,
 )
 from workbench.endings import INTERRUPTED
@@ -116,7 +117,7 @@ def loop(
     out = Output("loop", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     amplitudes = numbers("--amplitude", amplitude) if amplitude is not None else None
     frequencies = numbers("--freq", freq) if freq is not None else None
-    limits = _band(band) if band is not None else None
+    limits = span("--band", band, above=0.0, rising=False, example="0.1:10 [Hz]") if band is not None else None
     where = workers(jobs=jobs, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     loaded = open_model(
         model,
@@ -160,13 +161,6 @@ def loop(
         note(f"{interrupted()}: points are missing")
         return INTERRUPTED
     return _POINTS_FAILED if any(c.failed for c in result.curves) else 0
-
-
-def _band(text: str) -> tuple[float, float]:
-    limits = numbers("--band", text, separator=":")
-    if len(limits) != 2:
-        raise InputError(f"--band: '{text}' is not of the form LO:HI, as in 0.1:10 [Hz]")
-    return limits[0], limits[1]
 
 
 def _asked(open_: str | None, at: Path | None, point: Path | None) -> tuple[str, Path | None]:

@@ -29,10 +29,11 @@ from workbench.cli.options import (
     Tolerance,
     numbers,
     open_model,
+    span,
     workers,
 )
 from workbench.endings import INTERRUPTED
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -108,7 +109,7 @@ def nfr(
     out = Output("nfr", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     frequencies = numbers("--freq", freq) if freq is not None else None
     amplitudes = numbers("--amplitude", amplitude)
-    limits = _band(band) if band is not None else None
+    limits = span("--band", band, above=0.0, rising=False, example="0.1:10 [Hz]") if band is not None else None
     where = workers(jobs=jobs, in_process=in_process, timeout=timeout, memory_limit=memory_limit, scheduler=scheduler)
     loaded = open_model(
         model,
@@ -189,13 +190,6 @@ def _page(result: NfrResult, *, offset: bool) -> Page:
     from workbench.report.nfr import nfr_page
 
     return nfr_page(result, offset=offset)
-
-
-def _band(text: str) -> tuple[float, float]:
-    limits = numbers("--band", text, separator=":")
-    if len(limits) != 2:
-        raise InputError(f"--band: '{text}' is not of the form LO:HI, as in 0.1:10 [Hz]")
-    return limits[0], limits[1]
 
 
 def _show(result: NfrResult, out: Output) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -184,9 +185,33 @@ def numbers(option: str, text: str, *, separator: str = ",") -> tuple[float, ...
     """Split "1,2.5,10" into numbers.
 
     Raises:
-        InputError: an item that is no number.
+        InputError: an item that is not a number.
     """
     return tuple(_number(option, None, item) for item in text.split(separator))
+
+
+def span(option: str, text: str, *, above: float = -math.inf, rising: bool = True, example: str) -> tuple[float, float]:
+    """Read LO:HI.
+
+    Args:
+        option: that was given.
+        text: its value.
+        above: what both must exceed.
+        rising: whether LO must lie below HI.
+        example: of such a value, for the message.
+
+    Raises:
+        InputError: another form, or limits that do not rise.
+    """
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:  # not two of them, or not numbers
+        low = high = math.nan
+    if not above < min(low, high) or (rising and not low < high):
+        least = "" if above == -math.inf else f"{above:g} < "
+        order = f" with {least}LO < HI" if rising else ""
+        raise InputError(f"{option}: '{text}' is not of the form LO:HI{order}, as in {example}")
+    return low, high
 
 
 def _number(option: str, name: str | None, text: str) -> float:

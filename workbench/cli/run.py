@@ -51,7 +51,7 @@ def run(
     ] = None,
     report: Report = None,
 ) -> int:
-    """Run a study: analyses over a grid of parameters, held against requirements. Exit code 1: one is not met.
+    """Run a study: analyses over a grid of parameters, compared with requirements. Exit code 1: one is not met.
 
     A study file names models, analyses (any command with its options) and requirements; `workbench run --example`
     prints one, `workbench run study:NAME --example` a bundled one. What an unchanged FMU with unchanged options already

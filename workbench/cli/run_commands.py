@@ -132,7 +132,7 @@ def run_study(
     jobs: int | None = None,
     timeout: float | None = None,
 ) -> StudyResult:
-    """Run a study: analyses over a grid of parameters, held against requirements.
+    """Run a study: analyses over a grid of parameters, compared with requirements.
 
     Args:
         study: file (.toml), or a bundled one, `study:NAME`.

@@ -29,7 +29,7 @@ __all__ = ["NEVER_BACK", "NO_EVENT", "DiscardError", "EventInfo", "Instance", "S
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
-_OTHER_WAY = " (the FMU offers interface me, too: there the workbench integrates)"
+_OTHER_WAY = " (with interface me the workbench integrates in its place)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
 

@@ -29,17 +29,17 @@ _signature = lru_cache(maxsize=256)(inspect.signature)
 
 
 def origin_of_call(
-    function: Callable[..., object], args: Iterable[Any], kwargs: Mapping[str, Any], *, seconds: float
+    function: Callable[..., object], args: Iterable[Any], by_name: Mapping[str, Any], *, seconds: float
 ) -> Origin:
     """Return the origin of what `function` returned.
 
     Args:
         function: that was called.
         args: its arguments.
-        kwargs: those by name.
+        by_name: its keyword arguments.
         seconds: that it took.
     """
-    given = _signature(function).bind(*args, **kwargs).arguments
+    given = _signature(function).bind(*args, **by_name).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
     models = [m for v in values for m in _models_in(v)]
     earlier = [found for v in values if (found := _earlier(v)) is not None]

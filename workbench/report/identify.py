@@ -148,11 +148,11 @@ def estimate_page(result: SubspaceEstimate) -> Page:
 
 
 def validation_page(result: Validation) -> Page:
-    """Return the page of a model held against data."""
+    """Return the page of a model compared with data."""
     fits = "; ".join(f.words for f in result.simulation.fits)
     poles = (result.plot_poles(), "Poles (crosses) and zeros (circles).")
     return Page(
-        title=f"Model held against {result.data.name}",
+        title=f"Model compared with {result.data.name}",
         lead=f"{fits}.",
         facts=data_facts(result.data),
         sections=[_of_validation("Outputs and residuals", result), Section("Poles and zeros", figures=[poles])],
@@ -187,7 +187,7 @@ def overlay_page(result: Overlay) -> Page:
     table = Table(("curve", "largest difference of gain [dB]", "of phase [deg]"), rows)
     return Page(
         title=f"Frequency responses of {result.name}: {result.input} → {result.output}",
-        lead=f"Held against {result.reference}.",
+        lead=f"Compared with {result.reference}.",
         facts={"half the sampling rate": f"{result.nyquist_hz:g} Hz"},
         sections=[_of_overlay(result), Section("Differences", tables=[table])],
         notes=result.notes,

@@ -151,7 +151,7 @@ def comparison_page(result: LinComparison) -> Page:
     methods = dict.fromkeys(v.method for v in result.verdicts)
     return Page(
         title=f"Linear models against measurement: {result.input} → {result.output}",
-        lead=f"{counted(len(result.results), 'linear model')} of the same operating point, held against the response "
+        lead=f"{counted(len(result.results), 'linear model')} of the same operating point, compared with the response "
         "to sines that was measured on the model itself.",
         facts={"agreement": "within 0.5 dB and 5° of the measured response"},
         sections=[

@@ -18,15 +18,14 @@ _SAME = 0.01  # of the gap that the start time makes
 _DISTURBED = 0.125
 _CLEAR = 1e-6  # relative: what differs by less says nothing
 
-_CONTINUOUS = ("Real", "Float64", "Float32")
-
 
 def begins_at_zero(open_session: Callable[[Setup], FmuSession], setup: Setup, step: float) -> bool:
     """Return whether a first step from t0 to t0 + h begins at 0 all the same.
 
     The solvers of some exports keep a clock of their own, which begins at 0 whatever start time they are told, and
-    integrate from there. Such a run begins with the values of one begun at 0, and has after one step those which that
-    one has after a step to t0 and another of h. A model that depends on time, but keeps to its start, has not.
+    integrate from there. Such a run begins with the states of one begun at 0, and has after one step those which that
+    one has after a step to t0 and another of h. A model that depends on time, but keeps to its start, has not. Without
+    declared states nothing can be said.
 
     Args:
         open_session: returns a session of co-simulation.
@@ -49,10 +48,10 @@ def begins_at_zero(open_session: Callable[[Setup], FmuSession], setup: Setup, st
 
 
 def _seen(open_session: Callable[[Setup], FmuSession], setup: Setup, times: Sequence[float]) -> Floats:
-    """Return what is seen at some times, each a step after the one before, shape (times, n)."""
-    names = [n for n, v in setup.variables.items() if v.causality in ("output", "local") and v.type in _CONTINUOUS]
+    """Return the states at some times, each a step after the one before, shape (times, n)."""
     rows = []
     with open_session(setup) as session:
+        names = [v.name for v in session.instance.description.states if v.name in setup.variables]
         signals = forced(session, _DISTURBED)  # one at rest would not tell
         for time in times:
             if time > session.time:

@@ -46,7 +46,7 @@ def _name(run: Run) -> str:
 
 
 def _name_of(questions: Sequence[Checked]) -> str:
-    """Return a name for requirements and the results that they are held against."""
+    """Return a name for requirements and the results that they are compared with."""
     asked = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
     return f"findings {hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()}"
 

@@ -1,4 +1,4 @@
-"""Run a study: what its store lacks is measured, then everything is held against the requirements."""
+"""Run a study: what its store lacks is measured, then everything is compared with the requirements."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def number(element: Element, attribute: str, default: float, where: str) -> floa
     try:
         return default if text is None else float(text)
     except ValueError:
-        raise InputError(f"{where}: {attribute}='{text}' is no number") from None
+        raise InputError(f"{where}: {attribute}='{text}' is not a number") from None
 
 
 def boolean(element: Element, attribute: str) -> bool:

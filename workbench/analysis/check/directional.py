@@ -110,7 +110,7 @@ def _count(place: Place, j: int, column: _Column, tally: _Tally) -> None:
     tally.judged += int(judged.sum())
     tally.skipped += int((~judged).sum())
     size = np.maximum(np.abs(exact), np.abs(slope))
-    # A derivative that is no number is as wrong as one can be.
+    # A derivative that is not a number is as wrong as one can be.
     gap = np.where(np.isfinite(exact), np.abs(exact - slope), np.inf)
     wrong = judged & ~(gap <= _AGREE * size + 4.0 * noise)
     tally.wrong += int(wrong.sum())

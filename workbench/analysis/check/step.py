@@ -143,7 +143,7 @@ def _change(coarse: Trajectory | None, fine: Trajectory | None) -> float:
 
 
 def _orders(changes: list[float]) -> list[float]:
-    """Return log2 of successive changes; NaN where one of them is below the floor or no number."""
+    """Return log2 of successive changes; NaN where one of them is below the floor or is not a number."""
     good = [c if _FLOOR < c < math.inf else math.nan for c in changes]
     return [math.log2(a / b) for a, b in pairwise(good)]
 

@@ -100,7 +100,7 @@ def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> De
         G: from the control input to the block's input; stable, or its unstable poles are kept.
         H: from the block's output, sign turned, to the block's input.
         settings: how.
-        judge: what the steps are held against.
+        judge: what the steps are compared with.
 
     Raises:
         InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is no proper filter.

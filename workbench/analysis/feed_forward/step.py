@@ -1,4 +1,4 @@
-"""One step on the way from H/G to a filter, held against H/G."""
+"""One step on the way from H/G to a filter, compared with H/G."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def identify(
 
     The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is taken off, the
     order is chosen from singular values or principal angles, the model is estimated by a subspace method, and its
-    simulation and one-step prediction are held against other data, if there are any.
+    simulation and one-step prediction are compared with other data, if there are any.
 
     Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags tell)
     and not for models whose gain depends on the amplitude, beyond the amplitude of the data.

@@ -32,8 +32,8 @@ class IdentifyResult(Reportable):
         estimate: the model, the order with its reason, singular values and principal angles.
         detrend: what was taken off before.
         settle: how much was cut off the beginning [s].
-        own: the model held against the data of the fit.
-        other: held against other data; None where there were none.
+        own: the model compared with the data of the fit.
+        other: compared with other data; None where there were none.
     """
 
     data: Experiment

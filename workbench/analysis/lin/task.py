@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,14 @@ def make_task(
     inputs: Sequence[str] | None,
     outputs: Sequence[str] | None,
     time: float | None,
-    **options: Any,  # noqa: ANN401  the other fields of LinTask, for `lin` alone
+    dx: Width = None,
+    du: Width = None,
+    periods: tuple[float, ...] | None = None,
+    btptol: float = 1e-6,
+    period: float | None = None,
+    points: int = 400,
+    order: int | None = None,
+    continuous: bool = False,
 ) -> LinTask:
     """Return the task that the options of `lin` describe.
 
@@ -89,8 +95,15 @@ def make_task(
         outputs=_chosen("outputs", outputs, model.outputs or model.states, (*model.outputs, *model.states)),
         values={**states, **forced},
         time=where.time if time is None else time,
+        dx=dx,
+        du=du,
+        periods=periods,
+        btptol=btptol,
+        period=period,
+        points=points,
+        order=order,
+        continuous=continuous,
         notes=notes,
-        **options,
     )
 
 
@@ -186,7 +199,10 @@ def width_for(widths: Width, names: Sequence[str], *, what: str) -> Floats:
     else:
         listed = [float(w) for w in widths]
         if len(listed) != len(names):
-            raise InputError(f"{what}: {len(listed)} widths for {len(names)} names: {', '.join(names[:8])}")
+            raise InputError(
+                f"{what}: {len(listed)} widths for {len(names)} variables; give one for all, widths by name, or one "
+                f"for each, in this order: {', '.join(names[:8])}"
+            )
     for name, width in zip(names, listed, strict=True):
         if width <= 0.0 or np.isinf(width):
             raise InputError(f"{what}: the width of {name} must be positive and finite, not {width:g}")

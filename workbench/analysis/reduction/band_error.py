@@ -48,7 +48,7 @@ def band_error(exact: LinearPart, reduced: LinearPart, band: tuple[float, float]
 
     Args:
         exact: the system.
-        reduced: the one held against it.
+        reduced: the one compared with it.
         band: lowest and highest frequency [Hz].
 
     Raises:

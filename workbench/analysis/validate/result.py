@@ -25,7 +25,7 @@ __all__ = ["Validation"]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Validation(Reportable):
-    """An identified model held against data.
+    """An identified model compared with data.
 
     Attributes:
         model: what was validated.

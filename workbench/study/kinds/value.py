@@ -18,7 +18,7 @@ class AnyValue(Limited):
 
     Attributes:
         path: such as "margins.gain_margin_db" or "limit_cycles[method=shooting].amplitude".
-        count: True: the number of items there is held against the limits, instead of the items.
+        count: True: the number of items there is compared with the limits, instead of the items.
         absolute: True: the sign does not count.
     """
 
@@ -83,7 +83,7 @@ def numbers_at(result: Result, path: str, name: str) -> list[tuple[str, float]]:
         if value is None:
             raise NotMeasured(f"there is no value at {path}{where}")
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{name}: {path}{where} is no number")
+            raise InputError(f"{name}: {path}{where} is not a number")
     if not items:
         raise NotMeasured(f"there is no value at {path}")
     return [(where, float(value)) for where, value in items]
