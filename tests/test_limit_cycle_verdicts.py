@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 
+from workbench.analysis.describing.base import Block
+from workbench.analysis.describing.describe import standard_block
+from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.peaks import told_mean
 from workbench.analysis.limit_cycle.result import LimitCycleResult
+from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.build import build_fmu
 from workbench.fmi.platforms import host
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
+from workbench.system.description import FunctionComponent
 from workbench.workers import Workers
 
 RELAY = """
@@ -28,6 +36,9 @@ equation
   y = if on then 1 else -1;
 end Relay;
 """
+
+
+THIRD = control.tf([1.0], [1.0, 3.0, 3.0, 1.0])
 
 
 def around(block: object, plant: control.TransferFunction, start: dict[str, float] | None = None) -> DescribedModel:
@@ -117,3 +128,37 @@ def test_van_der_pol_at_10_is_stable_and_has_its_period() -> None:
     for method in ("shooting", "simulation"):
         assert 1.0 / found[method].frequency_hz == pytest.approx(19.078370, rel=1e-6)
         assert found[method].stable
+
+
+def test_the_mean_of_a_symmetrical_cycle_is_0_not_rounding() -> None:
+    """A relay and 1/(s + 1)³: the cycle is odd, so its mean is 0 on every processor."""
+    plant = control.ss(THIRD)
+    loop = LinearPart(plant.A, plant.B[:, 0], plant.C[0], 0.0)
+    found = balance(loop, standard_block("relay"), frequency=math.sqrt(3.0) / (2.0 * math.pi), amplitude=0.16)
+    assert found is not None
+    assert found.v[0] == 0.0
+
+
+@pytest.mark.parametrize(("mean", "told"), [(1e-17, 0.0), (-3e-14, 0.0), (1e-9, 1e-9), (-0.2, -0.2)])
+def test_a_mean_is_told_where_rounding_does_not_hide_it(mean: float, told: float) -> None:
+    """Rounding of a sum of 4096 samples of amplitude 0.1 is 9.1e-14."""
+    assert told_mean(mean, amplitude=0.1, residual=0.0) == told
+    assert told_mean(mean, amplitude=0.1, residual=1e-10) == told
+
+
+def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 4e-15 Hz the equations hold as well, near the point of rest: that is not the cycle at 0.2757 Hz."""
+    module = importlib.import_module("workbench.analysis.limit_cycle.limit_cycle")
+
+    def slow(part: LinearPart, block: Block, *, frequency: float, amplitude: float, count: int) -> Cycle | None:
+        found = balance(part, block, frequency=frequency, amplitude=amplitude, count=count)
+        return None if found is None else replace(found, frequency=4e-15)
+
+    monkeypatch.setattr(module, "balance", slow)
+    relay = FunctionComponent(
+        name="block", function=lambda u: math.copysign(1.0, float(np.ravel(u)[0])), inputs=("u",), outputs=("y",)
+    )
+    with around(relay, THIRD) as system:
+        result = limit_cycle(system, block="block", band=(0.01, 10.0), workers=Workers(in_process=True))
+    assert min(c.frequency_hz for c in result.limit_cycles) > 0.2
+    assert any("leads out of the band, to 4e-15 Hz" in note for note in result.notes)

@@ -9,6 +9,7 @@ from scipy.optimize import root
 
 from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
 from workbench.analysis.describing.fourier import series
+from workbench.analysis.limit_cycle.peaks import told_mean
 from workbench.analysis.nyquist.linear_part import LinearPart
 
 __all__ = ["Balance", "Cycle", "balance", "states_of"]
@@ -86,7 +87,9 @@ class Balance:
     def cycle(self, z: Floats) -> Cycle:
         """Return the motion that unknowns stand for."""
         v, f = self.unpack(z)
-        return Cycle(f, v, self.block.answer(v, f, self.count), float(np.abs(self(z)).max()))
+        residual = float(np.abs(self(z)).max())
+        v[0] = told_mean(float(v[0].real), amplitude=float(abs(v[1])), residual=residual)
+        return Cycle(f, v, self.block.answer(v, f, self.count), residual)
 
 
 def _weighted(v: Complex, w: Complex, response: Complex) -> Complex:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.limit_cycle.peaks import half_range
+from workbench.analysis.limit_cycle.peaks import half_range, told_mean
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 
@@ -152,7 +152,7 @@ class _Shooting:
             states=states,
             multipliers=found,
             doubt=doubt,
-            mean=float(np.mean(v)),
+            mean=told_mean(float(np.mean(v)), amplitude=half_range(v), residual=residual),
             amplitude=half_range(v),
             fundamental=float(2.0 * np.abs(np.fft.rfft(v)[1]) / len(v)),
             residual=residual,
