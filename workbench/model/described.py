@@ -282,7 +282,8 @@ class DescribedModel(Model):
             return
         self._start_probed = True
         step = setup.step or self.description.experiment.step or STEP
-        if begins_at_zero(self._open, dataclasses.replace(setup, guesses={}, point={}, outputs={}), step):
+        free = dataclasses.replace(setup, guesses={}, point={}, outputs={})
+        if begins_at_zero(self._open, free, step, states=bool(self.states)):
             self.start_note = (
                 f"told to begin at {setup.start_time:g} s, the FMU begins at 0 all the same: its first step goes from "
                 f"there to {setup.start_time + step:g} s, so that this is no run from {setup.start_time:g} s; "
