@@ -292,6 +292,16 @@ def test_parabolas_between_the_samples_hold_to_an_eighth_of_the_rate() -> None:
     assert result.fundamental(s.imag / (2.0 * np.pi))[:, 0, 0] == pytest.approx(truth, rel=1e-2)
 
 
+def test_an_output_with_a_state_and_a_feedthrough_between_the_samples() -> None:
+    """y = x + 3 u, dx/dt = u − x: the last left limit of a period still has that period's input."""
+    text = "model Both input Real u(start = 0); output Real y; Real x(start = 0, fixed = true); "
+    text += "equation der(x) = u - x; y = x + 3 * u; end Both;"
+    with load(built(text, "Both"), "me") as model:
+        result = lin(model, method="response", period=0.1).result
+    s = 2j * np.pi * np.array([0.1, 1.0, 4.0])
+    assert result.fundamental(s.imag / (2.0 * np.pi))[:, 0, 0] == pytest.approx(3.0 + 1.0 / (1.0 + s), rel=1e-4)
+
+
 def test_a_co_simulation_that_follows_at_once_has_no_delay() -> None:
     """y = u: neither a state nor half a period, which was taken for a sampler's hold as nothing is left of a pulse."""
     with load(
