@@ -238,3 +238,15 @@ def test_a_line_of_units_is_read(tmp_path: Path, unit: str) -> None:
     (tmp_path / "x.csv").write_text(f"t;u;y\ns;{unit};V\n0;1;2\n1;2;3\n", encoding="utf-8")
     data = wb.read_experiment(tmp_path / "x.csv", inputs=["u"], outputs=["y"])
     assert data.units == {"u": unit.strip("[]") or None, "y": "V"}
+
+
+def test_an_order_at_the_limit_is_a_doubt() -> None:
+    """Three modes, and two orders allowed: the larger is taken, and may not be enough."""
+    random = np.random.default_rng(5)
+    u = random.standard_normal((1500, 1))
+    plant = Plant(np.diag([0.9, 0.5, -0.6]), np.ones((3, 1)), np.array([[1.0, 1.0, 1.0]]), np.zeros((1, 1)))
+    y = plant.output(u) + 0.01 * random.standard_normal((1500, 1))
+    few, enough = (estimate(u, y, DT, max_order=most) for most in (2, 6))
+    assert (few.order, enough.order) == (2, 3)
+    assert "order 2 is the largest considered: allow more, or doubt the data" in few.notes
+    assert not any("largest considered" in note for note in enough.notes)
