@@ -239,6 +239,40 @@ def test_an_output_that_moves_at_other_frequencies_only_is_not_dead() -> None:
     assert "not at the frequency of the input" in result.warnings[0]
 
 
+# -- chaos ----------------------------------------------------------------------------------------------------------
+
+
+def logistic(r: float, x: float, count: int) -> Floats:
+    found = np.empty(count)
+    for k in range(count):
+        found[k], x = x, r * x * (1.0 - x)
+    return found
+
+
+def is_chaotic(r: float) -> bool:
+    """Whether the Lyapunov exponent of the logistic map is clearly positive."""
+    return float(np.mean(np.log(np.abs(r * (1.0 - 2.0 * logistic(r, 0.3, 3000)))))) > 0.03
+
+
+def test_a_chaotic_response_is_seldom_settled() -> None:
+    # y = x(k)·sin and harmonics of it, x(k + 1) = r·x·(1 − x); each passes near an unstable periodic response at times.
+    random, settled, count = np.random.default_rng(1), 0, 0
+    for _ in range(80):
+        r = random.uniform(3.57, 4.0)
+        if not is_chaotic(r):
+            continue
+        x, count = logistic(r, random.uniform(0.1, 0.9), 20), count + 1
+        settling, response = Settling(errcrit=0.1, most=20), None
+        for value in x:
+            h = np.zeros(11)
+            h[1], h[4], h[6] = value, 0.3 * value**2, 0.1 * math.cos(3.0 * value)
+            response = response or settling.add(Period(h, 1.0 + 0j, 1.0))
+        settled += response is not None and response.outcome in (Outcome.RESOLVED, Outcome.SETTLED)
+    assert count > 50
+    # Some pass so close to a periodic response that 20 periods do not tell: 2 of 76, of all kinds of chaos about 1 %.
+    assert settled <= 0.04 * count
+
+
 # -- sampled models ------------------------------------------------------------------------------------------------
 
 DT = 0.1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workbench.analysis.harmonics import NOTHING, fundamental
 from workbench.analysis.nfr_beats import Beat
 from workbench.analysis.nfr_linear import Twin
-from workbench.analysis.transient import Limit, multipliers, weigh
+from workbench.analysis.transient import Limit, directions, multipliers, weigh
 from workbench.session.base import Floats
 
 __all__ = [
@@ -51,9 +51,6 @@ BELIEVED = 0.02
 
 # One older change checks a multiplier that nothing else does, and so many more where they are.
 _CHECKS = 2
-
-# Changes that differ in direction by less than this are one.
-_ONE = 1e-6
 
 # The mean of a transient that is known is known to this.
 _CLEAR = 1.2
@@ -145,10 +142,10 @@ def _cancelled(drive: float, size: float, evidence: Evidence) -> float:
 def _unchecked(limit: Limit) -> float:
     """Return what the weights leave of changes that they were not made from, where nothing else checks them.
 
-    Where all harmonics change in proportion, they are one harmonic only, and m modes explain any 2m changes.
+    Where all harmonics change in proportion, they are one number only, and one mode explains any two changes.
     """
     n, changes = limit.weights.size, limit.changes
-    if n == 1 or np.linalg.matrix_rank(changes[: 2 * n - 2], tol=_ONE * float(np.linalg.norm(changes[0]))) > 1:
+    if n == 1 or directions(changes[: 2 * n - 2]) > 1:
         return 0.0
     older = range(n - 1, min(n + _CHECKS, len(changes) - n + 1))
     if not older:

@@ -33,8 +33,8 @@ _MOST_KEPT = 2000
 _REASONS = {
     Outcome.DIVERGED: "grows without bound; the model is unstable under this input",
     Outcome.SCATTERED: (
-        "does not follow the input: its periods scatter more than they agree; wait longer (--max-periods), "
-        "raise the amplitude, or tighten --tolerance"
+        "does not follow the input: its periods differ by more than their mean. Probably a light or slow mode, or an "
+        "integrator, still moves: wait longer (--max-periods), or begin at rest (--at); or it moves by itself"
     ),
 }
 

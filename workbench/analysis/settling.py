@@ -21,7 +21,7 @@ from workbench.analysis.nfr_error import (
     quadrature,
     relative_to_true,
 )
-from workbench.analysis.transient import Limit, remove_transient
+from workbench.analysis.transient import Limit, directions, remove_transient
 from workbench.session.base import Floats
 
 __all__ = ["NO_EFFECT", "Outcome", "Response", "Settling"]
@@ -42,6 +42,12 @@ NO_EFFECT = "no effect"
 _ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"
 _SAMPLED = "sampling and forcing beat: each period sees other samples"
 _BEATS = "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than was waited for"
+
+# What a response at rest leaves of a change, in allowed defects.
+_AT_REST = 3.0
+
+# A rise below this part of what is at rest is noise.
+_TREMBLES = 0.03
 
 # What changes between repetitions of a subharmonic, this many times, is its error.
 _OF_CHANGE = 10.0
@@ -147,7 +153,7 @@ class Settling:
             limit = self._limit()
             if limit.defect <= max(self.errcrit / 100.0, _NOISE):
                 found = self._of_limit(limit, Outcome.RESOLVED)
-                if self._is_good(found):
+                if self._is_good(found) and self._is_calm(limit):
                     return found
             if self.evidence.beat is not None:
                 found = self._of_beats(limit)
@@ -155,7 +161,8 @@ class Settling:
                     return found
             if 2 * count > self.most and self._repeats() and not self._grows():
                 of_limit = self._of_limit(limit, Outcome.SETTLED)
-                found = min(of_limit, self._of_mean(limit, of_limit, Outcome.SETTLED), key=_error)
+                of_mean = self._of_mean(limit, of_limit, Outcome.SETTLED)
+                found = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=_error)
                 if self._is_good(found):
                     return found
         return self._last_resort() if count >= self.most else None
@@ -165,6 +172,22 @@ class Settling:
         if self._beats_unseen():
             return False
         return response.error <= self.errcrit / 10.0 and response.beyond <= _MOST_BEYOND
+
+    def _is_calm(self, limit: Limit) -> bool:
+        """Whether the newest periods repeat for longer than a wandering response might by accident.
+
+        A chaotic response passes close to a periodic one now and then, and repeats itself while it is there. What the
+        weights leave of the changes of a transient falls from each period to the next. How often it rose, so many
+        periods it must have rested; and two more where the harmonics change in proportion, so that one mode fits
+        any two changes.
+        """
+        n, changes = limit.weights.size, limit.changes
+        left = np.array([np.linalg.norm((limit.weights @ changes[i : i + n])[1:]) for i in range(len(changes) - n + 1)])
+        rest = _AT_REST * max(self.errcrit / 100.0, _NOISE) * abs(fundamental(limit.harmonics))
+        resting = int(np.argmin([*(left <= rest), False]))
+        rises = int(np.sum((left[:-1] > left[1:]) & (left[:-1] > _TREMBLES * rest)))
+        fitted = n if n > 1 and directions(changes[: 2 * n]) == 1 else 0
+        return resting >= fitted + rises
 
     def _beats_unseen(self) -> bool:
         """Whether the sampling beats more slowly than was seen: the periods then say nothing of their mean."""
@@ -193,6 +216,8 @@ class Settling:
         size = abs(fundamental(mean))
         spread = scatter / size if size > 0.0 else math.inf
         error = error_of_mean(limit, abs(self.periods[-1].drive), of_limit.error, self.evidence)
+        if outcome is Outcome.SETTLED and not self.evidence.sampled and spread > self.errcrit / 5.0:
+            error = math.inf
         return self._response(mean, Outcome.SCATTERED if spread > 1.0 else outcome, spread, error)
 
     def _last_resort(self) -> Response:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.session.base import Floats
 
-__all__ = ["Limit", "multipliers", "remove_transient", "weigh"]
+__all__ = ["Limit", "directions", "multipliers", "remove_transient", "weigh"]
 
 # Decaying modes that are looked for together: two pairs of complex poles.
 _MOST_MODES = 4
@@ -28,6 +28,9 @@ _SLACK = 1.3
 
 # Differences smaller than this part of the response do not steer the prediction.
 _RIDGE = 1e-6
+
+# Changes that differ in direction by less than this are one.
+_ONE = 1e-6
 
 # In-phase part of the fundamental of a ramp that rises by −1 in a period.
 _RAMP = 1.0 / math.pi
@@ -142,6 +145,8 @@ def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
         return
     shrinkage = _Shrinkage.of(changes)
     for modes in range(1, min(_MOST_MODES, len(changes) // 2, (periods.shape[1] - 1) // 2) + 1):
+        if modes > 1 and directions(changes[: 2 * modes]) < modes:
+            break
         polynomial = _prediction(changes, modes, _RIDGE * scale)
         unexplained = polynomial @ changes[: modes + 1]
         if shrinkage.agrees(polynomial, _size(unexplained) / newest):
@@ -149,6 +154,15 @@ def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
             # The same weights must cancel each of the last changes that the prediction was made from.
             left = [weights @ changes[i : i + modes + 1] for i in range(modes)]
             yield _defect(left, weights @ periods[: -modes - 2 : -1]), weights
+
+
+def directions(changes: Floats) -> int:
+    """Return in how many directions the harmonics change.
+
+    Modes differ in their harmonics, so that there are no more of them; one number alone, any 2m values of which m
+    modes explain, has one.
+    """
+    return int(np.linalg.matrix_rank(changes, tol=_ONE * float(np.linalg.norm(changes[0]))))
 
 
 def _defect(left: Sequence[Floats] | Floats, harmonics: Floats) -> float:
