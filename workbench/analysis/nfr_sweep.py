@@ -21,6 +21,7 @@ from workbench.analysis.zero_input import ZeroInput, doubt
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
+from workbench.model.placing import start_at
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.workers import InProcess, Job, Lost, Remark, Reply, Runner, Workers, choose, perform
@@ -80,7 +81,7 @@ class NfrSweep:
             positive_values("step", (step,), unit="s")
         if verify and model.recipe is None:
             raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
-        placed = model.placed(at)
+        placed, remarks = start_at(model, at)
         self._model, self._input, self._output = placed, input, output
         self._centre = 0.0 if placed.at is None else placed.at.u.get(input, 0.0)
         self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
@@ -91,7 +92,7 @@ class NfrSweep:
         self._carry, self._step, self._verify = carry, step, verify
         self._workers = _with_executor(workers or Workers(), executor)
         self._redo = check_redo(redo)
-        self._notes: list[str] = list(placed.notes[len(model.notes) :])
+        self._notes: list[str] = list(remarks)
         self._points: dict[Key, NfrPoint] = {}
         self._zero_input: ZeroInput | None = None
         self._standing: OperatingPoint | None = None

@@ -18,7 +18,7 @@ from workbench.errors import EndedError, InputError, SimulationError, article, s
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.placing import standing
+from workbench.model.placing import standing, start_at
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
@@ -137,8 +137,7 @@ def simulate(
             in finite time, and when. Unless `points` names them, rows are added that show how, ever more densely.
     """
     inputs = dict(inputs or {})
-    placed = model.placed(at)
-    model, remarks = placed, placed.notes[len(model.notes) :]
+    model, remarks = start_at(model, at)
     _check_inputs(model, inputs)
     names, instead = _names(model, outputs)
     start = model.start_time if start_time is None else start_time

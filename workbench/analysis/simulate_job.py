@@ -10,6 +10,7 @@ from workbench.analysis.simulate import SimulationResult, simulate
 from workbench.core.operating_point import At
 from workbench.errors import SimulationError
 from workbench.model import Model
+from workbench.model.placing import start_at
 from workbench.origin import with_origin
 from workbench.signals import Signal
 from workbench.workers import Job, Reply, Workers, choose, perform
@@ -44,12 +45,12 @@ def simulate_in_worker(model: Model, job: SimulateJob, *, workers: Workers, at: 
         InputError, FmuError: see `simulate`.
         SimulationError: likewise, and where the worker crashed or met a limit (without a time).
     """
-    placed = model.placed(at)
+    placed, remarks = start_at(model, at)
     runner, _ = choose(placed, workers)
     with runner:
         for event in runner.run(perform, deque([job])):
             if isinstance(event, Reply) and isinstance(event.value, SimulationResult):
-                return replace(event.value, notes=(*placed.notes[len(model.notes) :], *event.value.notes))
+                return replace(event.value, notes=(*remarks, *event.value.notes))
             if not isinstance(event, Reply):
                 raise SimulationError(event.reason)
     raise SimulationError("the worker gave no result")

@@ -21,7 +21,7 @@ from workbench.analysis.trim_solve import Solution
 from workbench.core.operating_point import At
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
-from workbench.model.placing import named
+from workbench.model.placing import named, start_at
 from workbench.origin import with_origin
 from workbench.session.point import Point
 from workbench.session.settle import STEP, STEP_PARTS, Settled
@@ -106,8 +106,7 @@ def trim(
     _check_positive(period=period, step=step, longest=longest, tolerance=tolerance)
     if family not in FAMILIES:
         raise InputError(f"family '{family}' is unknown; {suggest(family, FAMILIES)}")
-    placed = model.placed(at)
-    model, remarks = placed, placed.notes[len(model.notes) :]
+    model, remarks = start_at(model, at)
     begin = {} if model.at is None else {**model.at.x, **model.at.u}
     sets = TrimSets(
         free=tuple(free),

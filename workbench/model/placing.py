@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from workbench.model.base import Model
     from workbench.session.base import Session
 
-__all__ = ["find_point", "named", "standing"]
+__all__ = ["find_point", "named", "standing", "start_at"]
+
+_Model = TypeVar("_Model", bound="Model")
 
 _SHOWN = 8  # digits of a hash in a message
 _LISTED = 6  # names in a message
@@ -43,6 +45,20 @@ def find_point(model: Model, at: At | None) -> tuple[OperatingPoint | None, tupl
     _check_names(model, point, what)
     _check_bias(model, point, what)
     return point, (*notes, *_remarks(model, point, what))
+
+
+def start_at(model: _Model, at: At | None) -> tuple[_Model, tuple[str, ...]]:
+    """Return the model that starts at an operating point, and remarks on that point.
+
+    Args:
+        model: which.
+        at: see `Model.placed`, which makes it.
+
+    Raises:
+        InputError: see `Model.placed`.
+    """
+    placed = model.placed(at)
+    return placed, placed.notes[len(model.notes) :]
 
 
 def named(model: Model, point: OperatingPoint) -> OperatingPoint:

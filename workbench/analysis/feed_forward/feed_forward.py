@@ -23,7 +23,7 @@ from workbench.analysis.reduction.factored import right_of_axis
 from workbench.core.operating_point import At
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
-from workbench.model.placing import standing
+from workbench.model.placing import standing, start_at
 from workbench.origin import with_origin
 from workbench.signals import Signal
 
@@ -111,8 +111,8 @@ def feed_forward(
         sign=sign, band=band or (min(0.1, low_pass / 50.0), low_pass),
     )  # fmt: skip
     settings.check()
-    placed = model.placed(at)
-    model, remarks, point = placed, placed.notes[len(model.notes) :], placed.at
+    model, remarks = start_at(model, at)
+    point = model.at
     run = _run(model, inputs, outputs, closes_at, stop)
     time = model.start_time if time is None else time
     with one_thread():

@@ -130,8 +130,7 @@ def feedback(
     """
     settings = Settings(threshold=threshold, thresholds=tuple(thresholds), order=order, longest=longest)
     _check(gains, count, signals, start_after, gain)
-    placed = system.placed(at)
-    system, remarks = placed, placed.notes[len(system.notes) :]
+    system, remarks = placing.start_at(system, at)
     time = system.start_time if time is None else time
     with one_thread(), ExitStack() as keep:
         place = find_place(system, source, target)

@@ -37,7 +37,7 @@ from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import At
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
-from workbench.model.placing import named
+from workbench.model.placing import named, start_at
 from workbench.origin import with_origin
 from workbench.signals import Signal
 from workbench.workers import Workers
@@ -127,8 +127,7 @@ def limit_cycle(
     if harmonics < 1 or periods < 1:
         raise InputError("harmonics and periods must be 1 or more")
     names = _outputs(system, outputs)
-    placed = system.placed(at)
-    system, remarks = placed, placed.notes[len(system.notes) :]
+    system, remarks = start_at(system, at)
     time = system.start_time if time is None else time
     with ExitStack() as keep, one_thread():
         loop = cut(system, block, at=system.at, time=time, keep=keep)

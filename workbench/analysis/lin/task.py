@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -53,10 +53,6 @@ class LinTask:
     order: int | None = None
     continuous: bool = False
     notes: tuple[str, ...] = ()
-
-    def with_values(self, values: Mapping[str, float]) -> LinTask:
-        """Return the same task with some values replaced."""
-        return replace(self, values={**self.values, **values})
 
 
 def make_task(

@@ -14,6 +14,7 @@ from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
+from workbench.model.placing import start_at
 from workbench.origin import with_origin
 from workbench.signals import Signal
 from workbench.workers import Workers
@@ -76,8 +77,8 @@ def compare_motions(
     for name in at or {}:
         if name not in systems:
             raise InputError(f"compare: at: there is no '{name}'; {suggest(name, systems)}")
-    notes = {name: model.notes for name, model in systems.items()}
-    systems = {name: model.placed((at or {}).get(name)) for name, model in systems.items()}
+    placed = {name: start_at(model, (at or {}).get(name)) for name, model in systems.items()}
+    systems = {name: model for name, (model, _) in placed.items()}
     _check(systems, signals, windows, inputs or {})
     first = next(iter(systems.values()))
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
@@ -118,7 +119,7 @@ def compare_motions(
         inputs={n: str(s) for n, s in (inputs or {}).items()},
         stop=end,
         operating_points=points,
-        notes=tuple(f"{n}: {text}" for n, model in systems.items() for text in model.notes[len(notes[n]) :]),
+        notes=tuple(f"{n}: {text}" for n, (_, remarks) in placed.items() for text in remarks),
     )
 
 
