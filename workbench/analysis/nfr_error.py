@@ -22,6 +22,7 @@ __all__ = [
     "beyond",
     "error_of_limit",
     "error_of_mean",
+    "quadrature",
     "relative_to_true",
 ]
 

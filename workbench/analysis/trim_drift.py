@@ -39,7 +39,8 @@ def carried_along(problem: Problem, solution: Solution) -> str:
     sizes = np.array([_reach(x[s], problem.balance.states[s].nominal) for s in floating])
     part = _STEP * float(np.min(sizes / np.maximum(np.abs(here[floating]), 1e-300)))
     push = (problem.balance.evaluate(x + part * motion, u)[0] - here)[columns] / part
-    behind = _solved(slopes * reach / reach[:, None], _solved(slopes * reach / reach[:, None], push / reach))
+    scaled = slopes * reach / reach[:, None]
+    behind = _solved(scaled, _solved(scaled, push / reach))
     return _words(problem, rest, behind, floating, here) if np.isfinite(behind).all() else ""
 
 

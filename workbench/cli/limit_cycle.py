@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.analysis.limit_cycle.free_run import FreeRun
-    from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
+    from workbench.analysis.limit_cycle.result import LimitCycleResult, SimulatedCycle
 
 __all__ = ["limit_cycle"]
 
@@ -200,15 +200,10 @@ def _cycles(result: LimitCycleResult) -> Table:
     for c in result.limit_cycles:
         multiplier = "" if c.multiplier is None else f"{c.multiplier:.4g}"
         table.add_row(
-            _number(c), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
             f"{c.mean:.3g}", multiplier, _word(c.stable),
         )  # fmt: skip
     return table
-
-
-def _number(c: LimitCycle) -> str:
-    """Return the number of a crossing, counted from 1; "" for a cycle that a free run showed."""
-    return "" if c.crossing is None else str(c.crossing + 1)
 
 
 def _outputs(cycle: SimulatedCycle) -> Table:

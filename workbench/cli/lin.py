@@ -370,8 +370,7 @@ def _show_comparison(result: LinComparison, out: Output) -> None:
         table.add_column(heading, justify="right" if heading != "method" else "left")
     for v in result.verdicts:
         off = [f"{x:.{d}f}" if math.isfinite(x) else "-" for x, d in ((v.gain_db, 3), (v.phase_deg, 2))]
-        word = f"{v.word}, measured gain {v.measured_gain:.4g}" if v.gain_db == -math.inf else v.word
-        table.add_row(escape(v.method), f"{v.frequency_hz:.5g}", *off, word)
+        table.add_row(escape(v.method), f"{v.frequency_hz:.5g}", *off, v.words)
     console.print(table)
     for name, why in result.failed.items():
         console.print(f"not applicable: {name}: {why}", markup=False, soft_wrap=True)

@@ -66,11 +66,6 @@ def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     return found
 
 
-def _number(c: LimitCycle) -> str:
-    """Return the number of a crossing, counted from 1; "" for a cycle that a free run showed."""
-    return "" if c.crossing is None else str(c.crossing + 1)
-
-
 def _cycle_words(c: LimitCycle, unit: str | None) -> str:
     size = f"{c.amplitude:.4g} {unit or ''}".strip()
     place = "free run" if c.crossing is None else f"crossing {c.crossing + 1}"
@@ -103,7 +98,7 @@ def _cycles(result: LimitCycleResult) -> Section:
     )  # fmt: skip
     rows = [
         (
-            _number(c), c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
+            c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
             f"{c.mean:.3g}", number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
         )
         for c in result.limit_cycles

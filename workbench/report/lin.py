@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 
@@ -185,12 +184,7 @@ def _verdict_table(result: LinComparison) -> Section:
 
 
 def _row(v: Agreement) -> tuple[str, ...]:
-    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), _word(v))
-
-
-def _word(v: Agreement) -> str:
-    """Return the verdict, with the measured gain where the linear one is 0 and no ratio says it."""
-    return f"{v.word}, measured gain {v.measured_gain:.4g}" if v.gain_db == -math.inf else v.word
+    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), v.words)
 
 
 def _inapplicable(result: LinComparison) -> list[Section]:

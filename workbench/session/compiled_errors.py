@@ -54,9 +54,8 @@ class Situation:
 
 def _status(now: Situation) -> Exception:
     instance = now.instance
-    end = (
-        instance.ended_at() if now.failure.status == DISCARD and now.function == instance.CALLS.get("do_step") else None
-    )
+    discarded = now.failure.status == DISCARD and now.function == instance.CALLS.get("do_step")
+    end = instance.ended_at() if discarded else None
     if end is not None:
         return EndedError(f"the FMU ended its run{instance.log.tail()}", time=end)
     try:

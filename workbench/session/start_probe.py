@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.errors import WorkbenchError
+from workbench.fmi.variable import FLOAT_TYPES
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.probe import forced
 
 __all__ = ["begins_at_zero"]
 
-_CONTINUOUS = ("Real", "Float64", "Float32")
 _SAME = 0.01  # of the gap that the start time makes
 _DISTURBED = 0.125
 _PARTS = np.arange(1, 9) / 8.0
@@ -58,7 +58,7 @@ def _seen(open_session: Callable[[Setup], FmuSession], setup: Setup, times: Sequ
     """Return what is seen at some times, each a step after the one before, shape (times, n)."""
     rows = []
     with open_session(setup) as session:
-        names = [n for n, v in setup.variables.items() if v.causality in ("output", "local") and v.type in _CONTINUOUS]
+        names = [n for n, v in setup.variables.items() if v.causality in ("output", "local") and v.type in FLOAT_TYPES]
         signals = forced(session, _DISTURBED)  # one at rest would not tell
         for time in times:
             if time > session.time:

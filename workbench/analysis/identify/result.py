@@ -75,9 +75,9 @@ class IdentifyResult(Reportable):
 
         If they were, the model is not that of the plant.
         """
-        return (
-            True if self._loops else {"poor": True, "unknown": None}.get(self.advice.finding("feedback").verdict, False)
-        )
+        if self._loops:
+            return True
+        return {"poor": True, "unknown": None}.get(self.advice.finding("feedback").verdict, False)
 
     @property
     def _loops(self) -> dict[str, ClosedLoop]:

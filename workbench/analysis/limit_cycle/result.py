@@ -51,6 +51,11 @@ class LimitCycle:
     residual: float | None = None
     states: Mapping[str, float] | None = None
 
+    @property
+    def number(self) -> str:
+        """Number of its crossing, counted from 1; "" for a cycle that a free run showed."""
+        return "" if self.crossing is None else str(self.crossing + 1)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, ready for JSON."""
         return {**vars(self), "states": dict(self.states or {})}

@@ -70,6 +70,11 @@ class Verdict:
             return "no linear effect"
         return "agrees" if self.agrees else "differs"
 
+    @property
+    def words(self) -> str:
+        """The verdict, with the measured gain where the linear one is 0 and no ratio says it."""
+        return f"{self.word}, measured gain {self.measured_gain:.4g}" if self.gain_db == -math.inf else self.word
+
 
 @dataclass(frozen=True, eq=False)
 class LinComparison(Reportable):

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from workbench.analysis.blas import one_thread
 from workbench.analysis.subspace.data import prepare
 from workbench.analysis.subspace.delays import advance, as_tuple
-from workbench.analysis.subspace.delivered import Delivered, deliver
+from workbench.analysis.subspace.delivered import Delivered, cost, deliver
 from workbench.analysis.subspace.finish import model_of
+from workbench.analysis.subspace.horizon import candidates, largest_order
 from workbench.analysis.subspace.matrices import radius
 from workbench.analysis.subspace.order import OrderChoice, check_order, choose_order
-from workbench.analysis.subspace.refine import best_trial
 from workbench.analysis.subspace.result import SubspaceEstimate
 from workbench.analysis.subspace.settings import (
     DEFAULT_METHOD,
@@ -24,7 +24,7 @@ from workbench.analysis.subspace.settings import (
     check_interval,
     check_order_wish,
 )
-from workbench.analysis.subspace.trial import Trial, first_trial
+from workbench.analysis.subspace.trial import Trial, first_trial, look
 from workbench.analysis.subspace.weightings import oblique_loss, principal_angles
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -94,7 +94,7 @@ def estimate(
     with one_thread():
         first = first_trial(data, settings)
         choice = _order(data, first, settings)
-        trial = best_trial(data, first, choice.order, settings)
+        trial = _best_trial(data, first, choice.order, settings)
         found = deliver(data, trial, choice.order, settings)
     notes = (
         *record.notes,
@@ -126,6 +126,24 @@ def _order(data: tuple[Floats, Floats], first: Trial, settings: Settings) -> Ord
         return choose_order(data, first, settings)
     check_order(settings.order, first.space)
     return OrderChoice(settings.order, "given", np.zeros(0))
+
+
+def _best_trial(record: tuple[Floats, Floats], first: Trial, order: int, settings: Settings) -> Trial:
+    """Return the horizon whose model of the given order simulates the record best."""
+    if first.fixed:
+        return first
+    size = len(record[0]), record[0].shape[1], record[1].shape[1]
+    others = [look(record, h, settings) for h in candidates(order, first.factor.horizon, size)]
+    usable = [t for t in (first, *others) if order <= min(t.space.rank, largest_order(t.factor.horizon, size[2]))]
+    if len(usable) < 2:
+        return first
+    return min(usable, key=lambda t: _merit(record, t, order, settings))
+
+
+def _merit(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> tuple[bool, float]:
+    """Return what is smaller for the better horizon: one with a stable model before one without, then the error."""
+    found = deliver(record, trial, order, settings)
+    return found.moved > 0 or radius(found.A) >= 1.0, cost(found.error)
 
 
 def _oblique(trial: Trial, method: str) -> str:
