@@ -181,7 +181,7 @@ def test_a_rest_with_a_resting_input_is_open_until_the_limits_are_known() -> Non
     experiment = data(u, y)
     assert verdict(experiment, "saturation") == "watch"
     assert advise(experiment, limits={"y": (-1.0, 5.0)}).finding("saturation").verdict == "poor"
-    with pytest.raises(InputError, match="no output of the data"):
+    with pytest.raises(InputError, match="not an output of the data"):
         advise(experiment, limits={"z": (0.0, 1.0)})
 
 

@@ -149,8 +149,8 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),
         (["--snapshot", "2,1"], "must rise"),
         (["--compare", "--amplitude", "-2"], "--amplitude: -2 is not a positive number"),
-        (["--amplitude", "2"], "--amplitude is of the measurement that --compare makes; add --compare"),
-        (["--freq", "2"], "--freq is of the measurement that --compare makes; add --compare"),
+        (["--amplitude", "2"], "--amplitude belongs to the measurement that --compare makes; add --compare"),
+        (["--freq", "2"], "--freq belongs to the measurement that --compare makes; add --compare"),
         (["--compare", "--freq", "0,1"], "--freq: 0 is not a positive number"),
         (["--inputs="], "Rudder: a linear model needs an input, and there is none"),
     ],
@@ -214,6 +214,6 @@ def test_the_command_shows_units_and_the_point_and_says_what_takes_its_place(
     assert "at delC = 2 deg, pS = 2.06e+07 Pa" in shown.out
     assert "as asked for" not in shown.err
     assert run(["lin", "fmu:Rudder", "--at", point, "--u0", "delC=5", "--json", str(tmp_path / "lin.json")]) == 0
-    told = "note: delC is 5 as asked for, not 2, as the operating point says: it may be no equilibrium"
+    told = "note: delC is 5 as asked for, not 2, as the operating point says: it may not be an equilibrium"
     assert told in capsys.readouterr().err.splitlines()
     assert json.loads((tmp_path / "lin.json").read_text(encoding="utf-8"))["u0"]["delC"] == 5.0

@@ -152,7 +152,8 @@ def test_other_parameters_are_told() -> None:
         assert find_point(slow, point)[1] == ()
         tau = next(p.start for p in lag.parameters if p.name == "tau")
         (note,) = find_point(lag, point)[1]
-        assert note == f"the operating point was found with tau = 2.0, but here tau = {tau}: it may be no equilibrium"
+        found = f"the operating point was found with tau = 2.0, but here tau = {tau}"
+        assert note == f"{found}: it may not be an equilibrium"
 
 
 def test_a_bias_that_contradicts_the_point_is_refused() -> None:

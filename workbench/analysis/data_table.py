@@ -35,7 +35,7 @@ class DataTable:
         names, units: of the columns; unit None where the file names none.
         values: shape (n, columns).
         notes: what had to be bent to read it.
-        remarks: lines that are no data.
+        remarks: lines of comment.
     """
 
     names: tuple[str, ...]

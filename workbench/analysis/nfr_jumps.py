@@ -1,4 +1,4 @@
-"""Where a nonlinear frequency response betrays that there is a second stable one."""
+"""Signs, in a nonlinear frequency response, that there is a second stable one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _LARGE, _STEEPER = 0.5, 4.0
 # A linear response does not jump; one this much distorted may.
 _DISTORTED = 0.005
 
-# Two measurements of one point differ by more than this and than so many times their errors: both are answers.
+# Two measurements of one point that differ by more than this, and by more than so many times their errors, are two
+# responses.
 _APART, _ERRORS = 0.05, 3.0
 
 

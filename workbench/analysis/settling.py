@@ -32,7 +32,10 @@ _NOISE = 1e-4
 # A response that was extrapolated to more than this many times what was reached was not measured at its amplitude.
 _MOST_BEYOND = 2.0
 
-_RESONANT = "it has not reached its amplitude: near a light resonance it still grows towards more than twice of it"
+_RESONANT = (
+    "it has not reached its amplitude: near a lightly damped resonance it still grows, to more than twice what was "
+    "reached"
+)
 _SLOW = "a transient dies away slowly"
 _RESTLESS = (
     "irregular: its periods differ, tend to none and do not repeat every 2 to 8 either (sampling beats, noise, "

@@ -16,11 +16,11 @@ _SHOWN = 4
 
 
 def carried_along(problem: Problem, solution: Solution) -> str:
-    """Return which states cannot rest as floating ones move; "": they can, or all but.
+    """Return which states cannot rest while floating ones move; "": they can, or very nearly.
 
     While the floating states f move, the others q follow: dq/dt = g(q, f) = 0 holds along q₀(f), which moves at
     q₁ = −(∂g/∂q)⁻¹ (∂g/∂f) df/dt, so they lag behind it by q₂ = (∂g/∂q)⁻¹ q₁. Where that is more than
-    a state is large (its value or its nominal value), this is no point at which the others rest.
+    the size of a state (its value or its nominal value), the others do not rest at this point.
 
     Source: P. Kokotović, H. Khalil, J. O'Reilly, Singular Perturbation Methods in Control, 1986, section 1.5.
     """

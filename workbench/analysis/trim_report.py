@@ -39,7 +39,7 @@ def _direction(problem: Problem, solution: Solution, column: Floats) -> NullDire
 
 
 def degenerate(problem: Problem, solution: Solution) -> str:
-    """Return a remark on directions in which the slopes vanish although there is no family; "": there is none."""
+    """Return a remark on directions in which the slopes vanish, but not along a family; "": there are none."""
     if not solution.flat.shape[1]:
         return ""
     ways = "; ".join(", ".join(_direction(problem, solution, c).components) for c in solution.flat.T[:_SHOWN])

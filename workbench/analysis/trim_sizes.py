@@ -1,4 +1,4 @@
-"""Sizes of unknowns that no nominal value and no start value tells: read off the model."""
+"""Sizes of unknowns that have neither a nominal value nor a start value: read off the model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROUNDS = 20
 
 
 def sized(problem: Problem) -> Problem:
-    """Return the problem with a nominal value from the model for each unknown that nobody tells one of.
+    """Return the problem with a nominal value from the model for each unknown that has none.
 
     It is the largest width, from 1 downwards, over which the equations are straight: their slope over it is that over
     a tenth of it. Where they are straight up to about 1, it is the first Gauss-Newton step if that is off from 1 by a

@@ -42,7 +42,7 @@ class Solution:
         ran_away: whether residuals fell only because the unknowns went ever further away.
         faded: whether an equation faded into rounding, so that a root and a run-away look alike.
         open: shape (k, d), directions of a family of solutions, in nominal values.
-        flat: shape (k, f), directions in which slopes vanish, but that are no family.
+        flat: shape (k, f), directions in which slopes vanish, but not along a family of solutions.
         iterations: Jacobians.
         chosen: whether the wanted member of a family was found; True where there is no family.
     """

@@ -310,7 +310,7 @@ class Judge:
     # -- families -------------------------------------------------------------------------------
 
     def directions(self, w: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
-        """Return the directions in which the slopes vanish, shape (k, d): families, and those that are none.
+        """Return the directions in which the slopes vanish, shape (k, d): families of equilibria, and the others.
 
         One moves along each a little and returns to the equations across it: on a family they hold again, else the
         equilibrium is degenerate (x' = −x³ at 0).

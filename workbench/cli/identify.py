@@ -157,7 +157,7 @@ def _ask(data: Path, options: Mapping[str, Any], out: Output) -> int:
 
 def _check_overlay(lin: Path | None, nfr: Path | None, bode: Path | None, amplitude: float | None) -> None:
     if bode is not None and lin is None and nfr is None:
-        raise InputError("--bode: give what to hold the model against, --lin, --nfr or both")
+        raise InputError("--bode: give what to compare the model with: --lin, --nfr or both")
     if amplitude is not None and nfr is None:
         raise InputError("--amplitude chooses one of --nfr, which is not given")
 

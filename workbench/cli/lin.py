@@ -131,7 +131,9 @@ def lin(
     if not compare:
         for option, given in (("--amplitude", amplitude), ("--freq", freq)):
             if given is not None:
-                raise InputError(f"{option} is of the measurement that --compare makes; add --compare, or leave it out")
+                raise InputError(
+                    f"{option} belongs to the measurement that --compare makes; add --compare, or leave it out"
+                )
     where: dict[str, Any] = {
         "at": at,
         "x0": _values("--x0", x0),

@@ -17,7 +17,7 @@ void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {
 #include <poll.h>
 #include <unistd.h>
 
-/* So often is looked whether the parent is another one [ms]. */
+/* Interval at which the parent is compared with the one of the beginning [ms]. */
 enum { PATIENCE = 1000 };
 
 void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {

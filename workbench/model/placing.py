@@ -189,7 +189,9 @@ def _remarks(model: Model, point: OperatingPoint, what: str) -> tuple[str, ...]:
     for name in {**point.parameters, **here}:
         then, now = point.parameters.get(name, usual.get(name)), here.get(name, usual.get(name))
         if not _same(then, now):
-            notes.append(f"{what} was found with {name} = {then}, but here {name} = {now}: it may be no equilibrium")
+            notes.append(
+                f"{what} was found with {name} = {then}, but here {name} = {now}: it may not be an equilibrium"
+            )
     for name, value in point.values.items():
         if name in given and name not in here and not _same(given[name], value):
             notes.append(f"{name} starts at {value:g}, as {what} says, not at {given[name]}, which was set")

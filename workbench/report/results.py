@@ -106,7 +106,7 @@ def _point(data: Mapping[str, Any]) -> dict[str, str]:
     """Return where the result was measured, in one line."""
     try:
         point = point_of_json(data)
-    except InputError:  # of a search that ran away there are no numbers
+    except InputError:  # a search that ran away leaves no finite numbers
         return {}
     return {} if point is None else {"operating point": point.words(_NAMED)}
 

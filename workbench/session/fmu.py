@@ -245,7 +245,7 @@ class FmuSession(Session):
             self.instance.access([self.setup.variables[n] for n in values]).write(list(values.values()))
 
     def _check_starts(self) -> None:
-        """Refuse start values that the FMU has not taken; those of guesses are its own affair."""
+        """Refuse start values that the FMU has not taken; guesses it may change."""
         setup = self.setup
         known = [setup.variables[n] for n in setup.start_values if n not in setup.guesses and n not in setup.signals]
         asked = [v for v in known if v.initial != "approx" and not self.instance.fed(v)]

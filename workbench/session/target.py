@@ -128,7 +128,7 @@ class Target:
         sizes: state or output → its magnitude, where it is known.
 
     Raises:
-        InputError: an unknown name, or a value that is none of its variable's.
+        InputError: an unknown name.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ def _check_names(values: Iterable[str], variables: Mapping[str, Variable], state
 
 
 def check_values(values: Mapping[str, float], variables: Mapping[str, Variable]) -> None:
-    """Refuse values that are none of their variables'.
+    """Refuse values that their variables cannot have.
 
     Raises:
         InputError: not finite, or not of the variable's type.

@@ -31,10 +31,10 @@ READY, ITEM, DONE, ERROR, MEMORY, BUG = "ready", "item", "done", "error", "memor
 
 Task = Callable[["Model", Any], Iterator[Any]]
 
-# So long a worker without a parent may take to clean up [s].
+# Longest time that a worker without a parent may take to clean up [s].
 _FAREWELL = 5.0
 
-# So often is looked whether the parent is another one [s].
+# Interval at which the worker looks whether its parent is still the same process [s].
 _PATIENCE = 1.0
 
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2

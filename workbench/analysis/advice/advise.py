@@ -69,7 +69,7 @@ def advise(
     """
     for name in limits or {}:
         if name not in experiment.output_names:
-            raise InputError(f"limits: '{name}' is no output of the data; {suggest(name, experiment.output_names)}")
+            raise InputError(f"limits: '{name}' is not an output of the data; {suggest(name, experiment.output_names)}")
     with one_thread():
         study = Study(experiment, order=order, limits=limits, feedthrough=feedthrough)
         return Advice(

@@ -6,10 +6,10 @@ independent of the whole input; then the correlations are normal whatever the in
 in the whole of what the inputs do not explain, one sample before: that is tested besides
 (L. Ljung, System Identification, 2nd ed., sections 13.4 and 16.6).
 
-Feedback without any noise cannot be seen so: there are no errors to react to. Nor can a reaction within the sample, as
-of a digital controller that turns y[k] into u[k] at once, where the noise is white: it looks like a direct feedthrough
-of the plant. Only who knows that the plant has none can tell, or an input that is fixed by its first values, as that of
-a shift register is; else the verdict is "unknown".
+Without noise feedback cannot be seen in this way: there are no errors to react to. Nor can a reaction within the
+sample, such as that of a digital controller that turns y[k] into u[k] at once, where the noise is white: it looks like
+a direct feedthrough of the plant. It is told from one only if the plant is known to have none, or if the input is fixed
+by its first values, as the sequence of a shift register is; else the verdict is "unknown".
 """
 
 from __future__ import annotations

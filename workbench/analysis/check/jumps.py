@@ -94,7 +94,8 @@ def _verdict(subject: Subject, found: _Answers) -> Finding:
     late = found.late(worst)
     numbers = {"gap": gap, "output": name, "steps_late": late.tolist(), "step": subject.step}
     if gap <= _GAP:
-        return Finding("good", f"a jump acts alike at {_PLACES} instants (within {100.0 * gap:.2g} %)", numbers=numbers)
+        text = f"a jump acts in the same way at {_PLACES} instants (within {100.0 * gap:.2g} %)"
+        return Finding("good", text, numbers=numbers)
     spread = int(np.ptp(late))
     when = f", up to {spread} steps ({spread * subject.step:.3g} s) later" if spread else ""
     text = f"the answer of {name} to the same jump differs by {100.0 * gap:.3g} % between {_PLACES} neighbouring steps"

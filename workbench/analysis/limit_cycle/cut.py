@@ -38,7 +38,7 @@ __all__ = ["Cut", "Ports", "cut", "driven_block", "find_ports", "only_block", "r
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
 _WHAT = "the block is taken about"
-_SAME = 1e-6  # of the largest output, of a block that answers alike on both ways
+_SAME = 1e-6  # of the largest output: the outputs on the way up and down are the same
 _ROUNDS = 8  # linearisations on the way to the middle of a loop
 _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
 

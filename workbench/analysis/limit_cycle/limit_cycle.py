@@ -279,7 +279,7 @@ class _Work:
                 return
 
     def _pushed(self, push: float) -> dict[str, float]:
-        """Return the states of the linear part that move the block's input by `push`, each by its size alike."""
+        """Return states of the linear part that move the block's input by `push`, each by the same part of its size."""
         names, c = self.loop.rest.state_names, self.loop.part.C
         nominal = {v.name: v.nominal for v in self.system.states}
         sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])

@@ -325,7 +325,7 @@ def _measure(
 def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | None) -> list[Verdict]:
     response = result.fundamental(grid)[:, 0, 0]
     real = np.full(len(grid), np.nan, dtype=np.complex128)
-    if measured is not None:  # what did not settle is no yardstick, unless nothing moved at all
+    if measured is not None:  # what did not settle is not compared with, unless nothing moved at all
         real = np.where(measured.averaged[0] & (measured.response[0] != 0.0), np.nan, measured.response[0])
     triples = zip(grid.tolist(), response.tolist(), real.tolist(), strict=True)
     return [_verdict(name, frequency, model, truth) for frequency, model, truth in triples]

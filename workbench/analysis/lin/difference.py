@@ -26,8 +26,8 @@ SECOND = 8.0  # the second width, over the first
 AGREE = 1e-3  # of an entry (and of its row, at the scales of the columns): differences beyond it are doubtful
 UNDECLARED = 1e-2  # least scale of a variable whose nominal value is not declared
 FAR = (0.1, 1.0, 10.0)  # of a variable's own size: how far one looks behind a zero
-MOVING = 1e-4  # of the scales of states and inputs: derivatives that so much of them makes are none
-STANDS = 1e-12  # of a state's scale [1/s]: the same where nothing moves a derivative
+MOVING = 1e-4  # of the scales of states and inputs: derivatives that so small a move would make count as 0
+STANDS = 1e-12  # of a state's scale [1/s]: the limit where no state and no input changes a derivative
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 

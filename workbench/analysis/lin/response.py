@@ -311,7 +311,7 @@ class _Setting:
         return replace(best, runs=runs)
 
     def _may_be(self, name: str, width: float, usual: float) -> bool:
-        """Whether an input may be moved by a width that nobody asked for."""
+        """Whether an input may be moved by a width that was not asked for."""
         variable = next(v for v in self.task.model.inputs if v.name == name)
         if not np.isnan(width_for(self.task.du, self.task.inputs, what="du")[self.task.inputs.index(name)]):
             return False

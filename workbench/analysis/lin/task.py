@@ -107,7 +107,7 @@ def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]
     """Say where x0 and u0 take the place of what the operating point says."""
     others = {name: value for name, value in given.items() if name in where.values and value != where.values[name]}
     words = (f"{name} is {value:g} as asked for, not {where.values[name]:g}" for name, value in others.items())
-    return (f"{', '.join(words)}, as the operating point says: it may be no equilibrium",) if others else ()
+    return (f"{', '.join(words)}, as the operating point says: it may not be an equilibrium",) if others else ()
 
 
 def _chosen(

@@ -92,7 +92,9 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
         )
     moving = _moving(result.point.dx, result.point.x) if result.dt == 0.0 else []
     if moving:
-        notes.append(f"the point is no equilibrium ({', '.join(moving[:3])} move); margins are those of this instant")
+        notes.append(
+            f"the point is not an equilibrium ({', '.join(moving[:3])} move); margins are those of this instant"
+        )
     if result.dt > 0.0 and not (cut.place.discrete or (result.intersample is not None and result.intersample.sampled)):
         notes.append(
             f"{cut.place.source} is continuous and acts between the samples too; opened there, L holds it over "
