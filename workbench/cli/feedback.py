@@ -105,7 +105,7 @@ def feedback(
     at: At = None,
     time: Annotated[
         float | None,
-        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else of --at, or 0."),
+        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else that of --at, or --start."),
     ] = None,
     method: Annotated[
         Literal["auto", "exact", "difference", "kalman-bertram", "response"],

@@ -82,7 +82,7 @@ def limit_cycle(
     at: At = None,
     time: Annotated[
         float | None,
-        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else of --at, or 0."),
+        typer.Option("--time", metavar="T", help="Session time of the analysis [s]; else that of --at, or --start."),
     ] = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
