@@ -288,6 +288,38 @@ def test_two_divergences_in_one_step() -> None:
     assert [c.value for c in criticals(family, [0.0, 0.5, 1.0])] == pytest.approx([0.55, 0.56], abs=1e-6)
 
 
+@pytest.mark.parametrize(("sign", "becomes"), [(1.0, "unstable"), (-1.0, "stable")])
+def test_a_second_real_pole_leaves_stability_in_the_step_in_which_it_meets_the_first(sign: float, becomes: str) -> None:
+    """q'' − 0.01 q' + v q = 0 has one unstable real pole below v = 0, two above; a pair from v = 2.5e-5 on."""
+
+    def family(v: float) -> Poles:
+        return second_order([[sign * v]], -0.01)
+
+    (found,) = criticals(family, [-1.0, -0.3, 0.4, 1.0])
+    assert found.value == pytest.approx(0.0, abs=1e-7)
+    assert (found.becomes, found.frequency_hz) == (becomes, 0.0)
+
+
+def test_every_change_of_the_number_of_unstable_poles_is_a_critical_value() -> None:
+    """Random families with stiffness and damping that depend on v, against a count of the poles on a fine grid."""
+    random = np.random.default_rng(16)
+    for _ in range(6):
+        size = int(random.integers(2, 5))
+        w = np.sort(10.0 ** random.uniform(0.0, 1.3, size))
+        coupling = 0.5 * w.mean() ** 2 * random.normal(size=(size, size))
+        still, moving = (np.diag(random.uniform(0.004, top, size) * w) for top in (0.1, 0.05))
+
+        def family(v: float, w: Floats = w, k: Floats = coupling, c: Floats = still, d: Floats = moving) -> Poles:
+            return second_order(np.diag(w**2) + v * v * k, c + v * d)
+
+        fine = np.linspace(0.0, 2.0, 1001)
+        counts = np.array([np.sum(np.where(p.real, 1, 2)[p.value.real > 0.0]) for p in map(family, fine)])
+        truth = fine[np.flatnonzero(np.diff(counts))]
+        found = np.sort([c.value for c in criticals(family, np.linspace(0.0, 2.0, 41).tolist())])
+        assert len(found) == len(truth)
+        assert np.all(np.abs(found - truth - 0.001) < 0.0011)
+
+
 @pytest.mark.parametrize(("sign", "flat"), [(1.0, 0.0), (1.0, 0.2), (-1.0, 0.0), (-1.0, 0.2)])
 def test_a_mode_that_only_touches_zero_has_no_critical_value(sign: float, flat: float) -> None:
     def family(p: float) -> Poles:
@@ -363,6 +395,13 @@ def test_a_third_party_fmu_over_its_mass() -> None:
 
 
 # -- the aircraft ----------------------------------------------------------------------------
+
+
+def test_modes_are_those_at_the_time_at_which_sessions_begin() -> None:
+    with load("fmu:Aircraft", start=2.0) as aircraft:
+        result = modes(aircraft, vary="airspeed", values=[200.0, 201.0])
+    assert result.operating_point is not None
+    assert result.operating_point.time == 2.0
 
 
 def test_the_critical_speeds_of_the_aircraft_do_not_depend_on_the_grid() -> None:

@@ -34,6 +34,44 @@ def test_relay_with_a_third_order_lag() -> None:
     assert (c.stable, c.unstable_below, c.unstable_above) == (True, 0, 2)
 
 
+def test_integrators_are_on_the_axis_in_any_coordinates() -> None:
+    """A chain of m integrators beside stable poles, and an unstable one or none, mixed by a random transformation."""
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        chain, stable, unstable = (int(random.integers(*ends)) for ends in ((1, 4), (0, 6), (0, 2)))
+        poles = [*(0.0 for _ in range(chain)), *(-(10.0 ** random.uniform(-1.0, 2.0, stable))), *([0.3] * unstable)]
+        size = len(poles)
+        plain = np.diag(poles) + np.diag([1.0] * (chain - 1) + [0.0] * (size - chain), 1)
+        mixed = np.linalg.qr(random.normal(size=(size, size)))[0] * 10.0 ** random.uniform(-0.5, 0.5, size)
+        part = LinearPart(mixed @ plain @ np.linalg.inv(mixed), np.ones(size), np.ones(size))
+        assert part.unstable(0.0) == unstable
+
+
+def test_the_count_of_unstable_poles_is_that_of_the_characteristic_polynomial() -> None:
+    """Random loops, integrators and dead times (Padé) among them: den + k·num at gains beside every crossing found."""
+    random = np.random.default_rng(7)
+    crossings = 0
+    for _ in range(12):
+        real = -(10.0 ** random.uniform(-1.0, 1.0, int(random.integers(1, 4))))
+        w, damping = 10.0 ** random.uniform(-0.5, 1.0), random.uniform(0.02, 0.9)
+        poles = [
+            *real,
+            w * complex(-damping, math.sqrt(1.0 - damping**2)),
+            w * complex(-damping, -math.sqrt(1.0 - damping**2)),
+        ]
+        poles[: int(random.integers(0, 2))] = [0.0] * int(random.integers(1, 3))
+        num, den = np.array([10.0 ** random.uniform(-1.0, 1.5)]), np.poly(poles).real
+        if random.random() < 0.3:
+            late, early = control.pade(10.0 ** random.uniform(-1.5, 0.0), 3)
+            num, den = np.polymul(num, late), np.polymul(den, early)
+        for c in nyquist(control.ss(control.tf(num, den)), band=(1e-4, 1e3)).crossings:
+            if c.gain > 0.0:
+                beside = [np.roots(np.polyadd(den, c.gain * (1.0 + e) * num)).real for e in (-1e-3, 1e-3)]
+                assert [int(np.sum(p > 1e-9)) for p in beside] == [c.unstable_below, c.unstable_above]
+                crossings += 1
+    assert crossings > 6
+
+
 def test_a_saturation_needs_more_than_the_critical_gain() -> None:
     (c,) = nyquist(loop(7.9), standard_block("saturation")).crossings
     assert c.amplitude is None

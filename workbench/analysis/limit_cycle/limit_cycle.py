@@ -241,16 +241,17 @@ class _Work:
             own, moved = block.states()
             states, sizes = {**states, **own}, {**sizes, **moved}
         shootable = self.loop.block is not None or len(states) > len(self.loop.rest.state_names)
+        before = len(self.notes)
         shot = shootable and self._shot(number, states, sizes, cycle.frequency, cycle.amplitude)
+        failed = self.notes[before:]
         last = self.found[-1]
         stable = c.stable if last.stable is None else last.stable
         if METHODS[3] not in self.methods or stable is False:
             return
         run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
         if run is not None and run.steady and shootable and not shot:
-            notes = list(self.notes)
             if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
-                self.notes = [n for n in notes if not (n.startswith(_named(number)) and "shooting" in n)]
+                self.notes = [n for n in self.notes if n not in failed]
 
     # -- where nothing is predicted ---------------------------------------------------------
 

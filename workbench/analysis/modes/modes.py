@@ -97,7 +97,7 @@ def modes(
     grid = _values(values, band, points)
     check_parameter(model, vary)
     point, remarks = find_point(model, at)
-    begin = point or OperatingPoint(x={}, u={})
+    begin = point or OperatingPoint(x={}, u={}, time=model.start_time)
     where = Where(
         x0={**begin.x, **begin.discrete, **(x0 or {})},
         u0={**begin.u, **(u0 or {})},
@@ -222,7 +222,7 @@ def critical_values(source: Source, found: Track, line: Mode, tolerance: float) 
         here, there = signs[k], signs[k + 1]
         if here is None or there is None:
             last = 0
-            if 1 in {here, there}:
+            if (here is None) != (there is None):
                 criticals += _on_real_axis(source, found, k, line.number, tolerance)
             continue
         last = here or last
@@ -238,16 +238,20 @@ def critical_values(source: Source, found: Track, line: Mode, tolerance: float) 
 
 
 def _on_real_axis(source: Source, found: Track, step: int, number: int, tolerance: float) -> list[Critical]:
-    """Return where a real pole becomes unstable within the step in which its pair has split (or the reverse).
+    """Return where a real pole changes its stability within the step in which its pair has split (or the reverse).
 
-    Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed.
+    Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed, as
+    far as it changes by more than the modes that exist on both sides account for.
     """
-    low, high = (f.value for f in found.frames[step : step + 2])
-    rising = found.frames[step].place(number - 1) is None
-    stable, unstable = (low, high) if rising else (high, low)
-    fewest = _unstable(source, stable)
-    if fewest is None or fewest >= (_unstable(source, unstable) or 0):
-        return []  # the pair was unstable before
+    ends = found.frames[step : step + 2]
+    low, high = (_unstable(source, f.value) for f in ends)
+    if low is None or high is None or low == high:
+        return []
+    rising, fewest = high > low, min(low, high)
+    left = high - low - _accounted_for(found, step)
+    if left == 0 or rising != (left > 0):
+        return []
+    stable, unstable = (f.value for f in (ends if rising else ends[::-1]))
     while abs(unstable - stable) > tolerance:
         middle = 0.5 * (stable + unstable)
         if (_unstable(source, middle) or 0) > fewest:
@@ -255,8 +259,18 @@ def _on_real_axis(source: Source, found: Track, step: int, number: int, toleranc
         else:
             stable = middle
     becomes = "unstable" if rising else "stable"
-    value = 0.5 * (stable + unstable)
+    value = float(0.5 * (stable + unstable))
     return [Critical(mode=number, value=value, frequency_hz=0.0, becomes=becomes, real=0.0)]
+
+
+def _accounted_for(found: Track, step: int) -> int:
+    """Return by how many unstable poles a step changes through modes that exist on both sides and change their sign."""
+    poles, uncertain = (x[step : step + 2] for x in found.table())
+    both = ~np.isnan(poles).any(axis=0)
+    growing = np.where(np.isnan(poles), 0.0, poles.real) > uncertain
+    weight = np.where(poles.imag == 0.0, 1, 2)
+    change = np.where(growing[1], weight[1], 0) - np.where(growing[0], weight[0], 0)
+    return int(np.sum(change[both & (growing[0] != growing[1])]))
 
 
 def _unstable(source: Source, value: float) -> int | None:

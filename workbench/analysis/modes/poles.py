@@ -20,6 +20,7 @@ __all__ = ["Complex", "Poles", "poles_of"]
 Complex = NDArray[np.complex128]
 
 _ROUNDING = 20.0
+_MOST_EQUAL = 4  # eigenvalues that may coincide, as those of a chain of integrators
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,10 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     with one_thread():
         balanced, scale = _balanced(a)
         value, left, right = (np.asarray(x, dtype=np.complex128) for x in eig(balanced, left=True, right=True))
-        uncertain = _uncertain(balanced, left, right, accuracy)
+        uncertain = _uncertain(balanced, value, left, right, accuracy)
         value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
-        left = left / np.einsum("ij,ij->j", left, right.conj())
+        along = np.einsum("ij,ij->j", left, right.conj())
+        left = left / np.where(along == 0.0, 1.0, along)
         for members in _clusters(value, uncertain):
             right[:, members], left[:, members] = _bases(balanced, value, members)
     shown, uncertain = _continuous(value, uncertain, dt)
@@ -90,12 +92,21 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     return Poles(shown[order], right[:, order], left[:, order], uncertain[order])
 
 
-def _uncertain(a: Floats, left: Complex, right: Complex, accuracy: float) -> Floats:
-    """Return how far each eigenvalue may be off: size of the error times condition, at most that of a double one."""
+def _uncertain(a: Floats, value: Complex, left: Complex, right: Complex, accuracy: float) -> Floats:
+    """Return how far each eigenvalue may be off: size of the error times condition.
+
+    Of m eigenvalues that an error ε may have split, each is off by ε^(1/m) of the size of A at most (7.2.2, there).
+    """
     size = max(float(np.linalg.norm(a)), np.finfo(float).tiny)
     relative = max(accuracy, _ROUNDING * np.finfo(float).eps)
-    along = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.sqrt(relative))
-    return np.asarray(relative * size / along, dtype=np.float64)
+    apart = np.sort(np.abs(value[:, None] - value), axis=1)
+    most = relative ** (1.0 / np.arange(1, _MOST_EQUAL + 1))  # for 1, 2, … that coincide
+    near = np.ones(len(value), dtype=np.intp)
+    for m in range(2, min(_MOST_EQUAL, len(value)) + 1):
+        near[apart[:, m - 1] <= size * most[m - 1]] = m
+    bound = size * np.maximum(most[near - 1], most[1])
+    along = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
+    return np.asarray(np.minimum(relative * size / along, bound), dtype=np.float64)
 
 
 def _clusters(value: Complex, uncertain: Floats) -> list[list[int]]:

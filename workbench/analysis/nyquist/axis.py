@@ -56,6 +56,9 @@ def _at(part: LinearPart, frequency: float) -> float:
 
 
 def _root(part: LinearPart, low: float, high: float) -> float:
+    ends = _at(part, low), _at(part, high)
+    if ends[0] * ends[1] >= 0.0:  # one of them is rounding, which another order of summation turned
+        return low if abs(ends[0]) <= abs(ends[1]) else high
     return float(brentq(lambda x: _at(part, x), low, high, xtol=1e-14 * high, rtol=1e-14))
 
 

@@ -11,12 +11,13 @@ from scipy.linalg import eig, schur
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.lin.result import LinResult
+from workbench.analysis.modes.poles import poles_of
 from workbench.errors import InputError
 
 __all__ = ["LinearPart"]
 
 # Poles so near the imaginary axis, relative to their size (or to 1 rad/s), count as on it.
-_ON_AXIS = 1e-8
+_ON_AXIS = 1e-7
 _INFINITE = 1e12  # generalised eigenvalues beyond the largest pole times this are none
 
 
@@ -105,10 +106,10 @@ class LinearPart:
             gain: N.
             frequency: at which a complex N holds [Hz].
         """
+        closed = self._closed(gain)
+        if closed is not None:
+            return np.linalg.eigvals(closed).astype(np.complex128)
         n, lead = len(self.A), gain.imag / (2.0 * math.pi * frequency)
-        if lead == 0.0 and abs(1.0 + gain.real * self.D) > 1e-12:
-            feedback = gain.real / (1.0 + gain.real * self.D)
-            return np.linalg.eigvals(self.A - feedback * np.outer(self.B, self.C)).astype(np.complex128)
         # Unknowns x, v, w: v = Cx + Dw, lead·dv/dt = −w − Re(N) v.
         a, e = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n + 2))
         a[:n, :n], a[:n, n + 1], e[:n, :n] = self.A, self.B, np.eye(n)
@@ -122,12 +123,27 @@ class LinearPart:
     def unstable(self, gain: complex, frequency: float = 1.0) -> int:
         """Return how many poles lie right of the imaginary axis with w = −N v.
 
+        Those that rounding may have moved there from the axis do not count: several integrators in a chain, whose poles
+        it moves by the root of its size.
+
         Args:
             gain: N.
             frequency: at which a complex N holds [Hz].
         """
-        poles = self.closed_poles(gain, frequency)
-        return int(np.sum(poles.real > _ON_AXIS * np.maximum(1.0, np.abs(poles))))
+        closed = self._closed(gain)
+        if closed is None:
+            found = self.closed_poles(gain, frequency)
+            return int(np.sum(found.real > _ON_AXIS * np.maximum(1.0, np.abs(found))))
+        poles = poles_of(closed)
+        right = poles.value.real > np.maximum(poles.uncertain, _ON_AXIS * np.maximum(1.0, np.abs(poles.value)))
+        return int(np.sum(np.where(poles.real, 1, 2)[right]))
+
+    def _closed(self, gain: complex) -> Floats | None:
+        """Return A with w = −N v, N real; None for a complex one, and where the loop has no solution, 1 + N D = 0."""
+        if gain.imag != 0.0 or abs(1.0 + gain.real * self.D) <= 1e-12:
+            return None
+        closed: Floats = self.A - gain.real / (1.0 + gain.real * self.D) * np.outer(self.B, self.C)
+        return closed
 
     def negated(self) -> LinearPart:
         """Return −L."""
