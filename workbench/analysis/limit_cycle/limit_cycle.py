@@ -249,9 +249,10 @@ class _Work:
         if METHODS[3] not in self.methods or stable is False:
             return
         run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
-        if run is not None and run.steady and shootable and not shot:
-            if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
-                self.notes = [n for n in self.notes if n not in failed]
+        if run is None or not run.steady or not shootable or shot:
+            return
+        if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
+            self.notes = [n for n in self.notes if n not in failed]
 
     # -- where nothing is predicted ---------------------------------------------------------
 
