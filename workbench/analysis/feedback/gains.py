@@ -18,6 +18,7 @@ from workbench.session.base import Floats
 __all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
 
 _SAME = 1e-9  # relative difference of two gains that are one
+_INSIDE = -5.0  # ln |z| of discrete poles that are far inside the unit circle
 _ZERO = 1e-10  # |G| below this part of its size elsewhere is a zero of G, which no finite gain belongs to
 _BESIDE = (0.6, 1.7)  # times the size of a pole
 _NEAR = 1e-5  # of the slowest pole: so near 0 a pole there would dominate G, if G had it
@@ -167,6 +168,7 @@ def _border_poles(plant: Plant) -> Floats:
     near = np.abs(value.real) <= _AXIS * size + uncertain
     found = np.where(value.imag > _AXIS + uncertain, value.imag, 0.0)
     if plant.dt > 0.0:
+        near &= value.real * plant.dt > _INSIDE  # the bound is one of |z|, and its logarithm near z = 0 wide
         found = np.where(found > math.pi / plant.dt - uncertain, math.pi / plant.dt, found)
     kept: list[float] = []
     for turn, apart in zip(found[near].tolist(), uncertain[near].tolist(), strict=True):

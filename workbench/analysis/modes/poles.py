@@ -148,4 +148,4 @@ def _continuous(value: Complex, uncertain: Floats, dt: float) -> tuple[Complex, 
     if dt == 0.0:
         return value, uncertain
     size = np.maximum(np.abs(value), VANISHED)
-    return continuous(value, dt), np.asarray(uncertain / size / dt, dtype=np.float64)
+    return continuous(value, dt), np.asarray(np.log1p(uncertain / size) / dt, dtype=np.float64)
