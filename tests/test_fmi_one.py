@@ -107,7 +107,7 @@ class FakeOne(FakeC):
         return 0
 
     def fmi1DoStep(self, _c: Any, t: float, h: float, _new: bytes) -> int:
-        return self.fmi2DoStep(_c, t, h, 1)
+        return self.fmi2DoStep(_c, t, h, 0)
 
     def fmi1Terminate(self, _c: Any) -> int:
         return 0
