@@ -17,6 +17,7 @@ from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats
 from workbench.session.point import Point
+from workbench.system.recipe import SystemRecipe
 
 __all__ = ["LinearPart", "Surroundings", "Twin", "surroundings"]
 
@@ -198,7 +199,7 @@ def _middle(model: Model, input: str) -> dict[str, float]:
     """Return the value about which the sine moves, where that is not the operating point's: 0, and the bias."""
     if model.at is not None and input in model.at.u:
         return {}
-    return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe) else 0.0}
+    return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe | SystemRecipe) else 0.0}
 
 
 def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Floats, float] | None:

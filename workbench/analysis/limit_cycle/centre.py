@@ -18,6 +18,7 @@ _SINGULAR = 1e-9  # of the largest singular value
 _DECADES = 12
 _PER_DECADE = 40
 _BISECTIONS = 200
+_ZERO = 1e-12  # of the size of the loop: a smaller input of the block is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,8 @@ def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> 
         if not low < middle < high:
             break
         low, high = (middle, high) if np.sign(distance(np.array([middle]))[0]) == sign[i] else (low, middle)
-    return 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+    middle = 0.5 * (low + high)
+    return 0.0 if low <= 0.0 <= high or abs(middle) <= _ZERO * size else middle
 
 
 def _rates(rest: LinResult) -> Floats:

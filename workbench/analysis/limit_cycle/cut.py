@@ -40,6 +40,7 @@ _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
 _WHAT = "the block is taken about"
 _SAME = 1e-6  # of the largest output: the outputs on the way up and down are the same
 _ROUNDS = 8  # linearisations on the way to the middle of a loop
+_BEYOND = 1e3  # times the largest input: past every threshold of a hysteresis
 _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
 
 
@@ -146,12 +147,16 @@ def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, tim
     rest = _linear_rest(model, ports, point, time, here[ports.w])
     function = _static(model, ports, time, keep)
     centre, output = here[ports.v], here[ports.w]
-    if function is not None and is_moving(rest):
-        middle, rest = _middle(model, ports, rest, function, (point, centre, output), time)
+    characteristic = function
+    if is_moving(rest) and function is None:
+        characteristic = _middle_line(model, ports, time, keep)
+    if is_moving(rest) and characteristic is not None:
+        middle, rest = _middle(model, ports, rest, characteristic, (point, centre, output), time)
         if middle is not None:
             centre, output = middle.v, middle.w
             place = f"{ports.v} = {centre:.4g}, {ports.w} = {output:.4g}"
-            why = "where the rest of the loop is at rest and the block's characteristic, its jumps filled in, is met"
+            line = "characteristic, its jumps filled in," if function is not None else "hysteresis, its middle line,"
+            why = f"where the rest of the loop is at rest and the block's {line} is met"
             notes = [f"the start is not at rest; {_WHAT} {place}, {why}"]
     block = None if function is None else _block(function, ports, centre, output)
     part = LinearPart.from_lin(rest, sign=-1.0)
@@ -294,6 +299,7 @@ def _with_system(
     *,
     inside: bool,
     more: Mapping[str, Value] | None = None,
+    bias: Mapping[str, float] | None = None,
 ) -> DescribedModel:
     """Open a changed system as the model was opened, with the start values of the component or those of the rest."""
     recipe = model.recipe
@@ -302,8 +308,8 @@ def _with_system(
     head = f"{component}."
     starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside} | dict(more or {})
     system = change(recipe.system)
-    bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
-    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}, at=None).open()
+    kept = {n: b for n, b in recipe.bias.items() if n in system.inputs} | {n: b for n, b in (bias or {}).items() if b}
+    return replace(recipe, system=system, start_values=starts, bias=kept, parts={}, at=None).open()
 
 
 # -- the block --------------------------------------------------------------------------------
@@ -313,13 +319,16 @@ def _component(system: SystemDescription, name: str) -> Component:
     return next(c for c in system.components if c.name == name)
 
 
-def only_block(model: DescribedModel, ports: Ports, starts: Mapping[str, Value] | None = None) -> DescribedModel:
+def only_block(
+    model: DescribedModel, ports: Ports, starts: Mapping[str, Value] | None = None, *, centre: float = 0.0
+) -> DescribedModel:
     """Return the block alone as a model with the input `v` and the output `w`; the caller closes it.
 
     Args:
         model: the system.
         ports: of the block.
         starts: parameters of the block in place of the system's, by full name.
+        centre: from which `v` is counted.
     """
 
     def alone(system: SystemDescription) -> SystemDescription:
@@ -331,16 +340,17 @@ def only_block(model: DescribedModel, ports: Ports, starts: Mapping[str, Value] 
             outputs={"w": ports.w},
         )
 
-    return _with_system(model, alone, ports.component, inside=True, more=starts)
+    return _with_system(model, alone, ports.component, inside=True, more=starts, bias={"v": centre})
 
 
-def driven_block(model: DescribedModel, ports: Ports, count: int) -> DescribedModel:
+def driven_block(model: DescribedModel, ports: Ports, count: int, *, centre: float) -> DescribedModel:
     """Return the block alone, driven by the sum of the inputs v0 … v(count), with the output `w`; the caller closes it.
 
     Args:
         model: the system.
         ports: of the block.
         count: number of inputs besides v0.
+        centre: from which the sum is counted.
     """
     unit = next((v.unit for v in model.description.variables if v.name == ports.v), None)
     name = f"{ports.component}_drive"
@@ -356,7 +366,7 @@ def driven_block(model: DescribedModel, ports: Ports, count: int) -> DescribedMo
             outputs={"w": ports.w},
         )  # fmt: skip
 
-    return _with_system(model, alone, ports.component, inside=True)
+    return _with_system(model, alone, ports.component, inside=True, bias={"v0": centre})
 
 
 def _static(
@@ -389,6 +399,32 @@ def _swept(alone: DescribedModel, time: float, keep: ExitStack) -> Callable[[Flo
         return np.asarray(record.values["w"][last], dtype=np.float64)
 
     return evaluate
+
+
+def _middle_line(
+    model: DescribedModel, ports: Ports, time: float, keep: ExitStack
+) -> Callable[[Floats], Floats] | None:
+    """Return the mean of the outputs on the way up and down, of a block whose only memory is a hysteresis.
+
+    A cycle goes up one branch and down the other, so this line is its characteristic as far as its mean goes.
+    None: the block has states of its own or samples.
+    """
+    alone = keep.enter_context(only_block(model, ports))
+    with alone.open_point(time=time) as point:
+        if point.memory or len(point.ticks(1, 1e300)) or _sees_states(point):
+            return None
+    function = _swept(alone, time, keep)
+
+    def middle(v: Floats) -> Floats:
+        order = np.argsort(v)
+        beyond = np.array([_BEYOND * max(1.0, float(np.abs(v).max(initial=0.0)))])
+        up = v[order]
+        found = function(np.concatenate([-beyond, up, beyond, up[::-1]]))
+        mean = np.empty_like(up)
+        mean[order] = 0.5 * (found[1 : len(up) + 1] + found[: len(up) + 1 : -1])
+        return mean
+
+    return middle
 
 
 def _remembers(function: Callable[[Floats], Floats]) -> bool:

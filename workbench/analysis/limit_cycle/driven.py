@@ -38,6 +38,8 @@ class DrivenBlock(Block):
         count: highest harmonic of the input.
         name: for tables.
         time: session time at which it begins [s].
+        centre: input of the block at the operating point; the model adds it.
+        rest: output there, from which outputs are counted.
 
     Attributes:
         settled: whether every answer repeated itself.
@@ -49,8 +51,10 @@ class DrivenBlock(Block):
     frequency_dependent = True
     accuracy = _ACCURACY
 
-    def __init__(self, model: DescribedModel, *, count: int, name: str, time: float) -> None:
-        self.name = name
+    def __init__(
+        self, model: DescribedModel, *, count: int, name: str, time: float, centre: float = 0.0, rest: float = 0.0
+    ) -> None:
+        self.name, self.centre, self._rest = name, centre, rest
         self.settled = True
         self._count, self._states = count, [v.name for v in model.states]
         self._session: Session = model.open_at(time=time, tolerance=_TOLERANCE)
@@ -63,6 +67,7 @@ class DrivenBlock(Block):
         for turn in range(_MOST):
             record = self._period(signals, begin + turn / frequency, begin + (turn + 1) / frequency)
             before, found = found, _coefficients(record, begin, frequency, count)
+            found[0] -= self._rest
             self._along = {n: record.values[n] for n in self._states}
             if before is not None and np.abs(found - before).max() <= _SETTLED * np.abs(found).max():
                 return found

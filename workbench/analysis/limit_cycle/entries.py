@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import groupby
+
 import numpy as np
 
 from workbench.analysis.describing.base import Complex
@@ -12,10 +15,14 @@ from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbit
 from workbench.model.described import DescribedModel
 
-__all__ = ["METHODS", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle"]
+__all__ = [
+    "METHODS", "contradictions", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle",
+]  # fmt: skip
 
 METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
 _SAME = 1e-4  # relative difference of two cycles that are one
+_ROUGH = 0.1  # relative error that a describing function may have
+_FINE = 0.02  # of harmonic balance with its first harmonics, of a simulation that is steady
 
 
 def same_cycle(other: LimitCycle, cycle: Cycle) -> bool:
@@ -105,3 +112,37 @@ def simulated_cycle(
         predicted_frequency_hz=frequency,
         predicted_amplitude=amplitude,
     )
+
+
+def contradictions(found: Sequence[LimitCycle], variable: str) -> list[str]:
+    """Return in words where the methods contradict each other about the cycle of one crossing.
+
+    Each is compared with the last that solves or runs the system itself, a steady simulation or a closed orbit.
+
+    Args:
+        found: the entries.
+        variable: whose amplitude and mean they have.
+    """
+    words = []
+    for number, entries in groupby((c for c in found if c.crossing is not None), key=lambda c: c.number):
+        rows = list(entries)
+        sure = [c for c in rows if c.method == METHODS[2] or (c.method == METHODS[3] and c.stable)]
+        for c in rows if sure else ():
+            apart = _apart(c, sure[-1])
+            if apart:
+                words.append(
+                    f"crossing {number}: {c.method} contradicts {sure[-1].method} about {variable}: {', '.join(apart)};"
+                    f" rely on {sure[-1].method}"
+                )
+    return words
+
+
+def _apart(c: LimitCycle, sure: LimitCycle) -> list[str]:
+    """Return what differs by more than the errors of both methods."""
+    error = _ROUGH if c.method == METHODS[0] else _FINE
+    values = {
+        "frequency": (c.frequency_hz, sure.frequency_hz, sure.frequency_hz),
+        "fundamental": (c.fundamental, sure.fundamental, sure.fundamental),
+        "mean": (c.mean, sure.mean, sure.fundamental),
+    }
+    return [f"{n} {a:.4g}, not {b:.4g}" for n, (a, b, size) in values.items() if abs(a - b) > error * size]

@@ -18,6 +18,7 @@ from workbench.analysis.limit_cycle.cut import Cut, cut, driven_block, only_bloc
 from workbench.analysis.limit_cycle.driven import DrivenBlock
 from workbench.analysis.limit_cycle.entries import (
     METHODS,
+    contradictions,
     from_orbit,
     from_run,
     largest_multiplier,
@@ -169,7 +170,7 @@ def _crossings(
             f"{system.name}: block {loop.ports.component} has a memory of its own and must be measured; "
             "give amplitudes (lowest, highest) and a band"
         )
-    with only_block(system, loop.ports) as alone:
+    with only_block(system, loop.ports, centre=loop.centre) as alone:
         return measured_crossings(
             alone, loop.part, amplitudes=amplitudes, band=band, name=loop.ports.component, workers=workers
         )
@@ -204,6 +205,7 @@ class _Work:
                 self._refine(number, crossing, crossing.amplitude)
         if not self.found and METHODS[3] in self.methods:
             self._observe()
+        self.notes += contradictions(self.found, self.loop.ports.v)
         model, ports = self.system, self.loop.ports
         return LimitCycleResult(
             model=model.name,
@@ -299,9 +301,12 @@ class _Work:
         if set(self.methods) <= {METHODS[0]}:
             return None
         if self.driven is None:
-            alone = self.keep.enter_context(driven_block(self.system, self.loop.ports, self.harmonics))
+            loop = self.loop
+            alone = self.keep.enter_context(driven_block(self.system, loop.ports, self.harmonics, centre=loop.centre))
             name = self.loop.ports.component
-            self.driven = DrivenBlock(alone, count=self.harmonics, name=name, time=self.time)
+            self.driven = DrivenBlock(
+                alone, count=self.harmonics, name=name, time=self.time, centre=loop.centre, rest=loop.output
+            )
             self.keep.callback(self.driven.close)
         return self.driven
 
