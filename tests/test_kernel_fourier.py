@@ -60,11 +60,30 @@ def test_a_session_sums_what_it_would_record(name: str, interface: str, u: str, 
             )
             assert session.time == 0.2
             later = session.advance(0.25, signals={u: sine}, record=[y])
-    period = measure_period(record, input=u, output=y, begin=0.0, frequency=5.0, orders=10)
+    nodes = points if interface == "me" else None
+    period = measure_period(record, input=u, output=y, begin=0.0, frequency=5.0, orders=10, points=nodes)
     assert found.values[y] == pytest.approx(period.harmonics, abs=1e-13)
     assert complex(found.inputs[u][1], found.inputs[u][2]) == pytest.approx(period.drive, abs=1e-13)
     assert found.largest[y] == period.size
     assert later.time[0] == 0.2
+
+
+def test_an_even_grid_with_jumps_is_summed_as_by_numpy() -> None:
+    random = np.random.default_rng(6)
+    points = 3.0 + 0.5 * np.arange(1, 41) / 40
+    # Jumps between the points, two of them in one interval, one at a point; and where nothing jumps.
+    events = np.repeat([3.003, 3.017, 3.018, 3.1, points[10], 3.4], 2)
+    time = np.sort(np.concatenate([[3.0], points[points != points[10]], events]))
+    y = 5.0 + np.sin(4.0 * np.pi * time) + 0.3 * random.standard_normal(time.size)
+    y[np.flatnonzero(time == 3.4)] = 1.0
+    record = Record(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
+    period = measure_period(record, input="u", output="y", begin=3.0, frequency=2.0, orders=4, points=points)
+    sums = NativeFourier(kernel(), [1, 2], begin=3.0, frequency=2.0, orders=4)
+    sums.aim(begin=3.0, frequency=2.0, known=(points, None), grid=True)
+    u, found = sums.of_rows(np.column_stack([time, record.inputs["u"], y]))
+    np.testing.assert_allclose(found, period.harmonics, rtol=1e-13, atol=1e-14)
+    assert complex(u[1], u[2]) == pytest.approx(1.0, abs=1e-14)
+    assert period.drive == pytest.approx(1.0, abs=1e-14)
 
 
 def test_a_basis_that_is_known_at_some_rows_gives_the_same() -> None:

@@ -34,7 +34,7 @@ class Rows(Session):
         points: Floats | None = None,
     ) -> Record:
         found = self._session.advance(until, signals=signals, record=record, points=points)
-        self.time = self._session.time
+        self.time, self.communication_step = self._session.time, self._session.communication_step
         return found
 
     def values(self, names: Sequence[str]) -> dict[str, float]:

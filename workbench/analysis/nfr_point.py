@@ -227,7 +227,13 @@ def _basis(rows: int, orders: int) -> Floats | None:
 def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
-        record, input=task.input, output=task.output, begin=sine.start, frequency=task.frequency, orders=orders
+        record,
+        input=task.input,
+        output=task.output,
+        begin=sine.start,
+        frequency=task.frequency,
+        orders=orders,
+        points=points if session.communication_step is None else None,
     )
     return period, float(np.max(np.diff(record.time)))
 

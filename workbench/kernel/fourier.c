@@ -12,16 +12,15 @@ static size_t width(const Fourier *fourier) {
 void fourier_clear(Fourier *fourier) {
     fourier->rows = fourier->next = 0;
     fourier->at = fourier->basis;
-    fourier->start = fourier->time = fourier->gap = fourier->longest = 0.0;
+    fourier->start = fourier->reached = fourier->time = fourier->gap = fourier->longest = 0.0;
     memset(fourier->weights, 0, width(fourier) * sizeof(double));
     memset(fourier->sums, 0, fourier->n * width(fourier) * sizeof(double));
     memset(fourier->largest, 0, fourier->n * sizeof(double));
 }
 
 /* 1, sin, cos, sin 2, cos 2, … by the addition theorems; each order from two of about half of it. */
-static void fill_basis(const Fourier *fourier, double t) {
+static void fill_basis(const Fourier *fourier, double t, double *basis) {
     const double angle = TWO_PI * fourier->frequency * (t - fourier->begin);
-    double *basis = fourier->basis;
     basis[0] = 1.0;
     basis[1] = sin(angle);
     basis[2] = cos(angle);
@@ -35,25 +34,29 @@ static void fill_basis(const Fourier *fourier, double t) {
     }
 }
 
-/* Most rows are at the caller's points. */
-static void find_basis(Fourier *fourier, double t) {
+/* Whether the caller knows of the time; most rows are there. */
+static bool find_time(Fourier *fourier, double t) {
     while (fourier->next < fourier->n_known && fourier->known_times[fourier->next] < t) {
         fourier->next++;
     }
-    if (fourier->next < fourier->n_known && fourier->known_times[fourier->next] == t) {
+    return fourier->next < fourier->n_known && fourier->known_times[fourier->next] == t;
+}
+
+static void find_basis(Fourier *fourier, double t, bool known) {
+    if (known && fourier->known) {
         fourier->at = fourier->known + fourier->next * width(fourier);
     } else {
-        fill_basis(fourier, t);
+        fill_basis(fourier, t, fourier->basis);
         fourier->at = fourier->basis;
     }
 }
 
 static void begin(Fourier *fourier, const double *row) {
-    fourier->start = row[0];
+    fourier->start = fourier->reached = row[0];
     for (size_t i = 0; i < fourier->n; i++) {
         fourier->first[i] = row[fourier->columns[i]];
     }
-    find_basis(fourier, row[0]);
+    find_basis(fourier, row[0], find_time(fourier, row[0]));
 }
 
 static inline void add_scaled(double *restrict sums, double factor, const double *restrict basis, size_t m) {
@@ -62,26 +65,75 @@ static inline void add_scaled(double *restrict sums, double factor, const double
     }
 }
 
-/* The last row's weight is known once the row behind it is: half the gaps on both sides. */
+/* The last node's weight is known once the node behind it is: half the gaps on both sides. */
 static void integrate(Fourier *fourier, double gap) {
     const size_t m = width(fourier);
     const double weight = 0.5 * (fourier->gap + gap);
     add_scaled(fourier->weights, weight, fourier->at, m);
     for (size_t i = 0; i < fourier->n; i++) {
-        add_scaled(fourier->sums + i * m, weight * fourier->last[i], fourier->at, m);
+        add_scaled(fourier->sums + i * m, weight * fourier->node[i], fourier->at, m);
+    }
+}
+
+/* The grid's step [s]. */
+static double step_of(const Fourier *fourier) {
+    return (fourier->known_times[fourier->n_known - 1] - fourier->start) / (double)fourier->n_known;
+}
+
+/* What a jump adds to the trapezoidal sums: `value` times the basis where it is, and `slope` times its derivative. */
+static void add_jump(const Fourier *fourier, double *sums, double value, double slope, const double *basis) {
+    sums[0] += value;
+    for (size_t k = 1; k <= fourier->orders; k++) {
+        const double turned = slope * TWO_PI * fourier->frequency * (double)k;
+        sums[2 * k - 1] += value * basis[2 * k - 1] + turned * basis[2 * k];
+        sums[2 * k] += value * basis[2 * k] - turned * basis[2 * k - 1];
+    }
+}
+
+/* Two rows with one time. At a node the sums have half of either value; only the second term is left. */
+static void integrate_jumps(Fourier *fourier, const double *row) {
+    const double t = row[0], h = step_of(fourier);
+    const bool between = t != fourier->reached;
+    const double ahead = between ? fourier->reached + 0.5 * h - t : 0.0;
+    const double slope = between ? 0.5 * (ahead * ahead - h * h / 12.0) : h * h / 12.0;
+    bool filled = !between;
+    for (size_t i = 0; i < fourier->n; i++) {
+        const double jump = row[fourier->columns[i]] - fourier->first[i] - fourier->last[i];
+        if (jump == 0.0) {
+            continue;
+        }
+        if (!filled) {
+            fill_basis(fourier, t, fourier->between);
+            filled = true;
+        }
+        add_jump(fourier, fourier->sums + i * width(fourier), jump * ahead, jump * slope,
+                 between ? fourier->between : fourier->at);
+    }
+}
+
+static void add_node(Fourier *fourier, const double *row, bool known) {
+    const double gap = row[0] - fourier->reached;
+    integrate(fourier, gap);
+    fourier->gap = gap;
+    fourier->reached = row[0];
+    if (gap > 0.0) {
+        find_basis(fourier, row[0], known);
     }
 }
 
 void fourier_add(Fourier *fourier, const double *row) {
+    bool node = true;
     if (fourier->rows == 0) {
         begin(fourier, row);
     } else {
-        const double gap = row[0] - fourier->time;
-        integrate(fourier, gap);
-        fourier->gap = gap;
-        fourier->longest = fmax(fourier->longest, gap);
-        if (gap > 0.0) {
-            find_basis(fourier, row[0]);
+        const bool known = find_time(fourier, row[0]);
+        node = !fourier->grid || known || row[0] == fourier->reached;
+        fourier->longest = fmax(fourier->longest, row[0] - fourier->time);
+        if (fourier->grid && row[0] == fourier->time) {
+            integrate_jumps(fourier, row);
+        }
+        if (node) {
+            add_node(fourier, row, known);
         }
     }
     for (size_t i = 0; i < fourier->n; i++) {
@@ -89,22 +141,31 @@ void fourier_add(Fourier *fourier, const double *row) {
         fourier->last[i] = y - fourier->first[i];
         fourier->largest[i] = fmax(fourier->largest[i], fabs(y));
     }
+    if (node) {
+        memcpy(fourier->node, fourier->last, fourier->n * sizeof(double));
+    }
     fourier->time = row[0];
     fourier->rows++;
 }
 
 void fourier_result(const Fourier *fourier, double *coefficients) {
     const size_t m = width(fourier);
-    const double span = fourier->time - fourier->start;
+    const double span = fourier->reached - fourier->start;
     const double weight = 0.5 * fourier->gap;
+    const double h = fourier->grid ? step_of(fourier) : 0.0;
     for (size_t i = 0; i < fourier->n; i++) {
         const double *sums = fourier->sums + i * m;
-        const double y = weight * fourier->last[i];
+        const double y = weight * fourier->node[i];
+        const double back = -fourier->node[i] * h * h / 12.0; /* from the last row to the first of the next period */
         const double mean = (sums[0] + y) / span;
         coefficients[i * m] = fourier->first[i] + mean;
         for (size_t k = 1; k < m; k++) {
             const double all = fourier->weights[k] + weight * fourier->at[k];
-            coefficients[i * m + k] = 2.0 * (sums[k] + y * fourier->at[k] - mean * all) / span;
+            coefficients[i * m + k] = sums[k] + y * fourier->at[k] - mean * all;
+        }
+        add_jump(fourier, coefficients + i * m, 0.0, back, fourier->at);
+        for (size_t k = 1; k < m; k++) {
+            coefficients[i * m + k] *= 2.0 / span;
         }
     }
 }

@@ -90,10 +90,11 @@ class NativeFourier:
         self._library = library
         n, width = len(columns), 1 + 2 * orders
         self._columns = c_array(ctypes.c_size_t, columns)
-        sizes = {"basis": width, "weights": width, "sums": n * width, "first": n, "last": n, "largest": n}
+        sizes = {"basis": width, "between": width, "weights": width, "sums": n * width}
+        sizes |= {"first": n, "node": n, "last": n, "largest": n}
         self._memory = {name: np.zeros(size) for name, size in sizes.items()}
         self._shape = (n, width)
-        self._known: tuple[Floats, Floats] | None = None
+        self._known: tuple[Floats, Floats | None] | None = None
         self.structure = Fourier(
             begin=begin,
             frequency=frequency,
@@ -104,20 +105,31 @@ class NativeFourier:
         )
         self.address = ctypes.addressof(self.structure)
 
-    def aim(self, *, begin: float, frequency: float, known: tuple[Floats, Floats] | None = None) -> None:
+    def aim(
+        self,
+        *,
+        begin: float,
+        frequency: float,
+        known: tuple[Floats, Floats | None] | None = None,
+        grid: bool = False,
+    ) -> None:
         """Take another begin [s] and frequency [Hz].
 
         Args:
             begin: time at which the phase is zero [s].
             frequency: [Hz].
-            known: rising times, shape (m,) [s], and 1, sin, cos, sin 2, … there, shape (m, 1 + 2 orders).
+            known: rising times, shape (m,) [s], and 1, sin, cos, sin 2, … there, shape (m, 1 + 2 orders), or None.
+            grid: whether the first row and these times are an even grid, and rows between them only tell of jumps.
         """
         structure = self.structure
         structure.begin, structure.frequency = begin, frequency
         self._known = known  # must live as long as the kernel looks at it
         structure.n_known = 0 if known is None else len(known[0])
+        structure.grid = grid and known is not None
         if known is not None:
-            structure.known_times, structure.known = (a.__array_interface__["data"][0] for a in known)
+            times, basis = known
+            structure.known_times = times.__array_interface__["data"][0]
+            structure.known = None if basis is None else basis.__array_interface__["data"][0]
 
     @property
     def gap(self) -> float:

@@ -10,6 +10,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class CompiledSession(FmuSession):
     """
 
     _loop: Loop | None = None
+    _communicates: ClassVar[bool]
     recording: Recording
 
     @property
@@ -103,7 +105,7 @@ class CompiledSession(FmuSession):
             until: see `advance`, as for the next three.
             signals: forced inputs.
             record: what is measured.
-            points: where, besides events, the trapezoids begin and end.
+            points: evenly spaced; where the trapezoids begin and end.
             begin: time at which the phase is zero [s].
             frequency: [Hz].
             orders: number of harmonics.
@@ -115,7 +117,7 @@ class CompiledSession(FmuSession):
         """
         n_inputs, n = len(signals), len(record)
         sums = self.loop.fourier(n_inputs + n, orders=orders)
-        sums.aim(begin=begin, frequency=frequency, known=_known(points, basis, orders))
+        sums.aim(begin=begin, frequency=frequency, known=_known(points, basis, orders), grid=not self._communicates)
         self.recording.keep, self.recording.sums = False, sums
         try:
             self.advance(until, signals=signals, record=record, points=points)
@@ -130,17 +132,22 @@ class CompiledSession(FmuSession):
         )
 
 
-def _known(points: Floats | None, basis: Floats | None, orders: int) -> tuple[Floats, Floats] | None:
-    """Return the times at which the basis is known, and its values there."""
-    if points is None or basis is None:
+def _known(points: Floats | None, basis: Floats | None, orders: int) -> tuple[Floats, Floats | None] | None:
+    """Return the points, and the basis there where it is known."""
+    if points is None:
         return None
+    times = np.ascontiguousarray(points, dtype=np.float64)
+    if basis is None:
+        return times, None
     if basis.shape != (len(points), 1 + 2 * orders):
         raise InputError(f"basis has shape {basis.shape}, not {(len(points), 1 + 2 * orders)}")
-    return np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(basis, dtype=np.float64)
+    return times, np.ascontiguousarray(basis, dtype=np.float64)
 
 
 class CompiledCsSession(CompiledSession, CsSession):
     """`CsSession` with its loop in compiled code."""
+
+    _communicates = True
 
     def _started(self, due: float) -> None:
         CsSession._started(self, due)  # noqa: SLF001  its own
@@ -166,6 +173,8 @@ class CompiledCsSession(CompiledSession, CsSession):
 
 class CompiledMeSession(CompiledSession, MeSession):
     """`MeSession` with its loop and its solver in compiled code."""
+
+    _communicates = False
 
     def _make_solver(self) -> None:
         name, tolerance = self.setup.solver, self._tolerance()
