@@ -14,6 +14,7 @@ import pytest
 
 import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
+from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
 from workbench.analysis.certificate import Certificate
 from workbench.analysis.harmonics import Period
@@ -232,6 +233,19 @@ def test_small_gains_are_responses(solver: str) -> None:
     assert (steep.status, tiny.status) == ((("settled", "settled"),), (("settled",),))
 
 
+@pytest.mark.parametrize("f", [10.0, 30.0])
+def test_a_transient_larger_than_the_response_is_named_and_in_the_error(f: float) -> None:
+    # 1/(s + 1)⁴ from rest: 20 periods are 2 s and less, and show a transient that is thousands of times the response.
+    a = np.diag(-np.ones(4)) + np.diag(np.ones(3), -1)
+    with plain(a.tolist(), [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]) as model:
+        found = quick(model, [f])
+    truth = (1.0 + 2j * math.pi * f) ** -4
+    true = abs(found.response[0, 0] / truth - 1.0)
+    assert found.status == (("averaged",),)
+    assert 10.0 < true <= found.error[0, 0]
+    assert "the transient that the sine begins with is larger than the response" in found.warnings[0]
+
+
 def test_an_output_that_moves_at_other_frequencies_only_is_not_dead() -> None:
     result = quick(FakeModel(lambda: StaticSession(lambda u: u * u)), [1.0])
     assert result.gain[0, 0] == 0.0
@@ -307,6 +321,22 @@ def test_a_sampled_model_is_measured_over_its_beats(pole: float) -> None:
     assert any("at or above 5 Hz, half the rate at which the model samples" in w for w in result.warnings)
     assert longer.status == (("settled",),)
     assert abs(longer.response[0, 0] / held_response(pole, 4.9) - 1.0) <= longer.error[0, 0]
+
+
+@pytest.mark.parametrize("f", [4.698, 4.707, 4.762, 4.8, 4.803])
+def test_the_slow_lag_behind_a_sampler_is_in_the_error(f: float) -> None:
+    # Twenty periods are four time constants of the lag, and once taken for a beat.
+    plant = SampledPlant(dt=DT, pole=0.9, order=1, before=0.0, behind=1.0)
+    _, found = trials_of(plant, f, max_periods=20)
+    assert found.true <= found.stated
+    assert found.status == "averaged" or found.true <= 0.01
+
+
+def test_sampled_models_between_lags_are_known_as_well_as_it_says() -> None:
+    # A few of what `scripts/coverage_sampled.py` measures on thousands.
+    found = list(trials(8, 2, frequencies=8))
+    assert good(found)
+    assert sum(t.status == "settled" for t in found) >= 0.6 * len(found)
 
 
 # -- responses that repeat in another rhythm, or not at all ----------------------------------------------------------

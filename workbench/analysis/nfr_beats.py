@@ -12,11 +12,14 @@ from workbench.session.base import Floats
 
 __all__ = ["Beat", "mean_over_beats", "repeats_every"]
 
-# Harmonics of the beat that are fitted, and the periods that takes at least.
-_MOST_HARMONICS, _FEWEST = 4, 6
+# Harmonics of the beat and decaying modes that are fitted, not to the first periods, where quick modes are alive.
+_MOST_HARMONICS, _MODES, _BEGIN = 4, 2, 2
 
-# A transient that changes the mean by so much in a third of the periods is left with less than this many times that.
-_MARGIN = 2.0
+# Multipliers of decaying modes: time constants of a quarter of a period to a hundred.
+_MULTIPLIERS = np.exp(-(10.0 ** np.linspace(-2.0, 0.6, 40)))
+
+# Decays that differ by less are one; so are columns of the fit.
+_DISTINCT, _RANK = 1e-12, 1e-9
 
 # Phases that differ by less are the same [rad].
 _SAME = 1e-6
@@ -71,41 +74,65 @@ class Beat:
 
 
 def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
-    """Return the mean of periods that beat with a sampler, and its error relative to its fundamental.
+    """Return the mean of periods that beat with a sampler and still settle, and its error relative to its fundamental.
 
-    Least squares of a constant and of harmonics of the known beat over the last two thirds of the periods; exact for
-    so many images, where a plain mean is only so over whole beats. The error is what one harmonic less would change,
-    twice what an earlier third of the periods would (a transient), and what the fit leaves, as it is
-    magnified. Infinite where less than one beat was seen.
+    Least squares of a constant, of harmonics of the known beat, and of two decaying modes μ^k, whose multipliers are
+    those of a grid that leave the least: a filter and a lag behind it may both be slower than a period. Exact
+    for so many images and modes, where a plain mean is only so over whole beats of a response at rest. The error is
+    the sum of what one mode less would change, one harmonic less, what the newest periods alone would change that
+    one mode less is fitted to, and what the fit leaves, as it is magnified. Infinite where less than one beat was seen.
 
     Args:
         periods: shape (K, 1 + 2·orders).
         beat: the rhythm.
+
+    Source: G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+    variables separate, SIAM Journal on Numerical Analysis 10 (1973), 413-432 (the amplitudes are eliminated).
     """
-    count = max(_FEWEST, 2 * len(periods) // 3)
-    earlier = len(periods) - max(1, count // 3)
-    if count > earlier or not beat.seen_in(count):
+    seen = periods[_BEGIN:]
+    newest = seen[max(1, len(seen) // 4) :]
+    harmonics = min(_MOST_HARMONICS, (len(newest) - 2 - _MODES) // 3)
+    if harmonics < 1 or not beat.seen_in(len(newest)):
         return periods[-1], math.inf
-    most = min(_MOST_HARMONICS, (count - 2) // 3)
-    newest, left = _fit(periods[-count:], beat.angles(most))
-    fewer, _ = _fit(periods[-count:], beat.angles(most - 1))
-    before, _ = _fit(periods[earlier - count : earlier], beat.angles(most))
-    size = abs(fundamental(newest))
+    angles, fewer = beat.angles(harmonics), beat.angles(harmonics - 1)
+    mean, left = _fit(seen, angles, _MODES)
+    size = abs(fundamental(mean))
     if size == 0.0:
         return periods[-1], math.inf
-    apart = abs(fundamental(newest - fewer)) + _MARGIN * abs(fundamental(newest - before))
-    return newest, (apart + left) / size
+    one, _ = _fit(seen, angles, _MODES - 1)
+    others = (one - mean, _fit(seen, fewer, _MODES)[0] - mean, _fit(newest, angles, _MODES - 1)[0] - one)
+    return mean, (sum(abs(fundamental(o)) for o in others) + left) / size
 
 
-def _fit(periods: Floats, angles: Sequence[float]) -> tuple[Floats, float]:
+def _fit(periods: Floats, angles: Sequence[float], modes: int) -> tuple[Floats, float]:
     """Return the constant, shape (1 + 2·orders,), and the error of its fundamental by what is left unexplained."""
     count = len(periods)
     phase = np.outer(np.arange(count), angles)
     basis = np.hstack([np.ones((count, 1)), np.cos(phase), np.sin(phase)])
-    inverse = np.linalg.pinv(basis, rcond=1e-9)
+    decays = _MULTIPLIERS ** np.arange(count)[:, None]
+    # What constant and beat do not explain, of the periods and of each decay.
+    projection = np.eye(count) - basis @ np.linalg.pinv(basis, rcond=_RANK)
+    chosen = _best(projection @ periods, projection @ decays, modes)
+    basis = np.hstack([basis, decays[:, chosen]])
+    inverse = np.linalg.pinv(basis, rcond=_RANK)
     solution = inverse @ periods
     left = np.linalg.norm((periods - basis @ solution)[:, 1:3]) / math.sqrt(max(1, count - basis.shape[1]))
     return solution[0], float(left * np.linalg.norm(inverse[0]))
+
+
+def _best(left: Floats, decays: Floats, modes: int) -> list[int]:
+    """Return which decays, so many together (1 or 2), leave the least of what is left."""
+    gram, parts = decays.T @ decays, decays.T @ left
+    square, both = np.diag(gram), parts @ parts.T
+    own = np.diag(both)
+    if modes == 1:
+        return [int(np.argmax(own / square))]
+    i, j = np.triu_indices(len(gram), 1)
+    determinant = square[i] * square[j] - gram[i, j] ** 2
+    explained = square[j] * own[i] + square[i] * own[j] - 2.0 * gram[i, j] * both[i, j]
+    apart = determinant > _DISTINCT * square[i] * square[j]
+    best = int(np.argmax(np.where(apart, explained / np.where(apart, determinant, 1.0), -1.0)))
+    return [int(i[best]), int(j[best])]
 
 
 def repeats_every(periods: Floats) -> int | None:

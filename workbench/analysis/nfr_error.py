@@ -20,6 +20,7 @@ __all__ = [
     "INTEGRATION",
     "Evidence",
     "beyond",
+    "buried",
     "error_of_limit",
     "error_of_mean",
     "quadrature",
@@ -215,7 +216,8 @@ def beyond(limit: Limit) -> float:
 def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) -> float:
     """Return the error of the mean of the last half of the periods, relative to the true response.
 
-    Where the linear model goes through the same periods, it is the mean of its transient. Else the smaller one of
+    Where the linear model goes through the same periods, it is the mean of its transient, which may be many times its
+    response. Else the smaller one of
     two: the distance from the extrapolated response, where that is known; and, for periods that wander about their
     mean (sampling beats, noise), what `_wandering` says.
 
@@ -231,16 +233,36 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
     if mean == 0.0 or len(half) < 2:
         return math.inf
     if evidence.twin is not None:
-        size = drive * abs(evidence.twin.response)
+        size, left = drive * abs(evidence.twin.response), _left(limit, drive, evidence.twin)
         apart = _apart(limit, drive, evidence.twin, len(half))
-        if apart <= _ALIKE * min(size, abs(mean)):
-            left = drive * abs(fundamental(np.mean(evidence.twin.free(len(z))[-len(half) :], axis=0)))
+        if size > 0.0 and apart <= _ALIKE * min(max(size, left), abs(mean)):
             return (_CLEAR * left + apart * len(half)) / size
     wandering = _wandering(z) + _cancelled(drive, abs(mean), evidence)
     extrapolated = fundamental(limit.harmonics)
     if error > BELIEVED or extrapolated == 0.0:
         return wandering
     return min(wandering, (abs(mean - extrapolated) / abs(extrapolated) + error) / (1.0 - error))
+
+
+def buried(limit: Limit, drive: float, evidence: Evidence) -> bool:
+    """Return whether the linear model goes through the periods, and what they show is its transient, not its response.
+
+    Args:
+        limit: what the periods tend to.
+        drive: amplitude of the forced input.
+        evidence: what else is known.
+    """
+    if evidence.twin is None:
+        return False
+    left, count = _left(limit, drive, evidence.twin), len(limit.periods)
+    alike = _apart(limit, drive, evidence.twin, count - count // 2) <= _ALIKE * left
+    return alike and left > drive * abs(evidence.twin.response)
+
+
+def _left(limit: Limit, drive: float, twin: Twin) -> float:
+    """Return the mean of the linear model's transient over the last half of the periods [unit of the output]."""
+    count = len(limit.periods)
+    return drive * abs(fundamental(np.mean(twin.free(count)[count // 2 :], axis=0)))
 
 
 def _wandering(z: NDArray[np.complex128]) -> float:

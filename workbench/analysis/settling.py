@@ -16,6 +16,7 @@ from workbench.analysis.nfr_error import (
     BELIEVED,
     Evidence,
     beyond,
+    buried,
     error_of_limit,
     error_of_mean,
     quadrature,
@@ -35,6 +36,10 @@ _MOST_BEYOND = 2.0
 _RESONANT = (
     "it has not reached its amplitude: near a lightly damped resonance it still grows, to more than twice what was "
     "reached"
+)
+_BURIED = (
+    "the transient that the sine begins with is larger than the response and dies away slowly: wait longer "
+    "(--max-periods), for some of the model's slowest time constants"
 )
 _SLOW = "a transient dies away slowly"
 _RESTLESS = (
@@ -272,6 +277,8 @@ class Settling:
         """Return why the periods have not settled."""
         if self.evidence.sampled:
             return _SAMPLED
+        if buried(limit, abs(self.periods[-1].drive), self.evidence) and of_limit.beyond <= 1.0:
+            return _BURIED
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
             return _RESONANT
         sizes = np.linalg.norm(limit.changes[:, 1:], axis=1)
