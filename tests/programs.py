@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -30,7 +31,14 @@ def start(arguments: Sequence[str], **environment: str) -> subprocess.Popen[str]
         text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         start_new_session=True,
+        preexec_fn=_listen,  # noqa: PLW1509 - one call, no locks
     )
+
+
+def _listen() -> None:
+    """Let a closed terminal end the process, also where the tests themselves run under nohup."""
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def wait_for(there: Callable[[], bool], process: subprocess.Popen[str]) -> None:

@@ -113,7 +113,7 @@ static int new_discrete_states(Fake *f, Info2 *info) {
 
 static int completed_step(Fake *f, int no_set, int *enter_event, int *terminate) {
     *enter_event = *terminate = 0;
-    return f && no_set == 1 ? 0 : 3;
+    return f && no_set == 0 ? 0 : 3;
 }
 
 static int get_real(Fake *f, const uint32_t *references, size_t n, double *values) {
@@ -167,7 +167,7 @@ static int do_step(Fake *f, double t, double h, bool no_set, bool *wants_event, 
     f->x = way < h && f->next > f->t ? 1.0 : f->x;
     *wants_event = *early = way < h;
     *terminate = false;
-    return no_set ? bad(f) : 3;
+    return no_set ? 3 : bad(f);
 }
 
 /* ---- a system of such FMUs ---- */
