@@ -15,8 +15,8 @@ __all__ = ["at_step", "checked", "refine", "rows_of_step"]
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
 
-# Change of the response (relative, complex) by halving the step that is accepted.
-_CHANGE = 0.005
+# Change of the response (relative, complex) by halving the step that is accepted, and as a part of errcrit if less.
+_CHANGE, _PART = 0.005, 0.05
 
 # With a method of first order, what is left after a halving is this many times what it changed, at most.
 _LEFT = 1.25
@@ -40,8 +40,8 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
 
     The first run has 200 steps per period (or the FMU's own step, if that is smaller), each further
     run half the step of the one before. A point's answer is taken when the response changes by at
-    most 0.5 % from one run to the next; where the output did not become periodic (see
-    `Settling`), by at most errcrit, since more is not known of it. The finer
+    most 0.5 % (below errcrit 0.1: by 0.05 errcrit) from one run to the next; where the output did not become
+    periodic (see `Settling`), by at most errcrit, since more is not known of it. The finer
     run is reported. With a method of first order inside the FMU the error left is about the change seen (1.08 times
     it for an explicit Euler method at a third of its resonance); 1.25 times the change is added to the point's.
 
@@ -167,7 +167,8 @@ def _cost(tasks: Sequence[PointTask], points: Sequence[NfrPoint]) -> int:
 def _agree(old: NfrPoint, new: NfrPoint, errcrit: float) -> bool:
     if old.response == new.response == 0.0:
         return True
-    return _apart(old, new) <= (_CHANGE if old.resolved and new.resolved else max(_CHANGE, errcrit))
+    least = min(_CHANGE, _PART * errcrit)
+    return _apart(old, new) <= (least if old.resolved and new.resolved else max(_CHANGE, errcrit))
 
 
 def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:
