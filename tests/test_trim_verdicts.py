@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
+import numpy as np
 import pytest
 
 from tests.trim_cases import Case, cases, judged
-from tests.trim_models import Equations, Function, Plant
+from tests.trim_models import Equations, Function, Plant, Values
 from workbench.analysis.trim import trim
 from workbench.analysis.trim_result import TrimResult
+from workbench.session.base import Floats
 
 
 def scalar(f: Function, start: float, *, interface: str = "me") -> TrimResult:
@@ -133,3 +136,41 @@ def test_the_least_floating_derivatives_are_measured_alike_everywhere() -> None:
     # With b = a − 3: d/da [(a³/75)² + (a − 2)²] = 6 a⁵/75² + 2 (a − 2) = 0.
     a = result.point.x["a"]
     assert 6.0 * a**5 / 75.0**2 + 2.0 * (a - 2.0) == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("start", [(1.0, 0.0, 0.0, 1.0), *itertools.product((0.0, 1.0, -0.7), repeat=4)][::5], ids=str)
+def test_two_masses_between_springs_rest_in_the_middle_alone(start: tuple[float, ...]) -> None:
+    """v1' = x2 − 2 x1, v2' = x1 − 2 x2, x1' = v1, x2' = v2; condition number 3: x = 0 is the only equilibrium.
+
+    Where a state starts at its rest, 0, nothing tells its size, least of all the rounding errors of a step.
+    """
+    names = ("v1", "v2", "x1", "x2")
+    equations = Equations(
+        x=dict(zip(names, start, strict=True)),
+        f=lambda s: [s["x2"] - 2.0 * s["x1"], s["x1"] - 2.0 * s["x2"], s["v1"], s["v2"]],
+    )
+    result = trim(Plant(equations))
+    assert result.message == "equilibrium found"
+    assert result.point.x == pytest.approx(dict.fromkeys(names, 0.0), abs=1e-12)
+
+
+def test_a_root_at_zero_is_not_measured_by_its_rounding() -> None:
+    """x' = A (x − r), A of whole numbers and regular, half of r is 0: one equilibrium, no direction is open."""
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(2, 6))
+        a = rng.integers(-3, 4, (n, n)) - 16.0 * np.eye(n)  # rows are dominated by their diagonal: regular
+        rest = np.where(rng.random(n) < 0.5, 0.0, rng.integers(-2, 3, n))
+        start = np.where(rng.random(n) < 0.6, 0.0, rng.integers(-2, 3, n) / 4.0)
+        result = linear(a, rest, start)
+        assert result.message == "equilibrium found"
+        assert list(result.point.x.values()) == pytest.approx(rest.tolist(), abs=1e-9)
+
+
+def linear(a: Floats, rest: Floats, start: Floats) -> TrimResult:
+    names = [f"x{i}" for i in range(len(rest))]
+
+    def f(v: Values) -> list[float]:
+        return list(a @ (np.array([v[n] for n in names]) - rest))
+
+    return trim(Plant(Equations(x=dict(zip(names, start.tolist(), strict=True)), f=f)))

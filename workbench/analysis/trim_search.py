@@ -10,7 +10,7 @@ from workbench.analysis.trim_balance import by_name
 from workbench.analysis.trim_map import MapBalance
 from workbench.analysis.trim_problem import Problem
 from workbench.analysis.trim_scaled import Scaled
-from workbench.analysis.trim_sizes import resized
+from workbench.analysis.trim_sizes import resized, told
 from workbench.analysis.trim_solve import Solution, solve
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
@@ -47,10 +47,11 @@ def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, e
 
 def _closer(problem: Problem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
+    clear = told(found.jacobian[: len(problem.equations)], found.values / found.nominal)
     sizes = {
         i: abs(x)
         for i, (k, x) in enumerate(zip(problem.unknowns, found.values.tolist(), strict=True))
-        if not k.slot.declared and 0.0 < abs(x) < SMALL * k.slot.nominal
+        if not k.slot.declared and clear[i] and abs(x) < SMALL * k.slot.nominal
     }
     if not sizes or found.open.shape[1] or found.flat.shape[1]:
         return found

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.trim_problem import Problem
 from workbench.session.base import Floats
 
-__all__ = ["resized", "sized"]
+__all__ = ["resized", "sized", "told"]
 
 _DECADES = 16
 _AGREES = 0.3  # of two slopes over widths ten times apart
@@ -17,6 +18,9 @@ _ROUNDING = 1e-14
 _FAR = 1e3  # a step is taken as size where it differs from 1 by more than this factor
 _NARROW = 0.03  # a width is taken as size below this
 _ROUNDS = 20
+_NEAR = 1e-3  # nominal values: width of the slopes of the first step
+_CLEARLY = 16.0  # times a rounding error
+_EPS = float(np.finfo(np.float64).eps)
 
 
 def sized(problem: Problem) -> Problem:
@@ -96,21 +100,56 @@ def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Float
     if not straight or not here.any():
         return {}
     nominal = np.array([k.slot.nominal for k in problem.unknowns]) * widths
-    near = 1e-3 * nominal
+    near = _NEAR * nominal
     slopes = [_slope(problem, here, i, near[i]) * nominal[i] for i in range(len(problem.unknowns))]
     jacobian = np.nan_to_num(np.column_stack(slopes))
+    back = _inverse(jacobian)
+    step = back @ -here
+    error = np.abs(back) @ _left_open(problem, here, jacobian, step, nominal)
+    return {i: float(abs(step[i]) * nominal[i]) for i in straight if abs(step[i]) > error[i]}
+
+
+def _left_open(problem: Problem, here: Floats, jacobian: Floats, step: Floats, nominal: Floats) -> Floats:
+    """Return what rounding leaves of the equations after a step, shape (e,): a size is not to be read off that.
+
+    The terms of an equation are known to rounding, its slopes to the rounding of their differences.
+
+    Args:
+        problem: what is solved.
+        here: shape (e,), residuals before the step.
+        jacobian: shape (e, k), differences over `_NEAR` nominal values.
+        step: shape (k,), in nominal values.
+        nominal: shape (k,).
+    """
+    start = np.array([k.start for k in problem.unknowns]) / nominal
+    terms = np.abs(here) + np.abs(jacobian) @ (np.abs(start) + np.abs(step))
+    return np.asarray(_EPS * terms * (1.0 + 2.0 * np.abs(step).sum() / _NEAR))
+
+
+def told(jacobian: Floats, values: Floats) -> NDArray[np.bool_]:
+    """Return which values of a root are more than the rounding errors of the equations' terms leave of a zero.
+
+    Args:
+        jacobian: shape (e, k), at the root.
+        values: shape (k,), there, in the units of its columns.
+    """
+    noise = _EPS * (np.abs(jacobian) @ np.abs(values))
+    return np.asarray(np.abs(values) > _CLEARLY * (np.abs(_inverse(jacobian)) @ noise))
+
+
+def _inverse(jacobian: Floats) -> Floats:
+    """Return the pseudo-inverse; its rank is seen with rows and columns of even size."""
     rows, columns = _even(jacobian)
     even = rows[:, None] * jacobian * columns
-    step = columns * np.linalg.lstsq(even, -here * rows, rcond=1e-7)[0] * nominal
-    return {i: float(abs(step[i])) for i in straight}
+    return np.asarray(columns[:, None] * np.linalg.pinv(even, rcond=1e-7) * rows)
 
 
 def _even(matrix: Floats) -> tuple[Floats, Floats]:
     """Return factors of rows and of columns that make the largest entry of each about 1."""
     rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
     for _ in range(_ROUNDS):
-        rows = rows * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=1))
-        columns = columns * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=0))
+        rows = rows * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=1, initial=0.0))
+        columns = columns * _towards_one(np.abs(rows[:, None] * matrix * columns).max(axis=0, initial=0.0))
     return rows, columns
 
 
