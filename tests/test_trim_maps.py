@@ -10,7 +10,9 @@ import pytest
 import workbench as wb
 from tests.trim_models import Equations, Plant
 from workbench.analysis.trim import trim
+from workbench.errors import SimulationError
 from workbench.session.settle import settle
+from workbench.session.target import NotReachedError
 
 
 def sampled() -> Plant:
@@ -184,3 +186,51 @@ def test_a_slow_sampler_is_not_at_rest_between_its_samples() -> None:
     assert result.converged
     assert result.method == "running"
     assert result.point.y["y"] == pytest.approx(2.0, rel=1e-5)
+
+
+# -- models that end their run, or put themselves elsewhere ----------------------------------
+
+
+def ending() -> Plant:
+    return Plant(Equations(outputs=("y",), g=lambda _: [1.0], ends=9.0), interface="cs")
+
+
+@pytest.mark.parametrize("begins", [0.0, 4.0])
+def test_a_run_that_the_model_ends_is_named_in_one_line(begins: float) -> None:
+    words = rf"ended its run \(at t = 9 s\) before it was seen at rest; longest below {9.0 - begins:g} s"
+    with pytest.raises(SimulationError, match=words):
+        trim(ending(), step=0.2, time=begins)
+
+
+def test_a_model_at_rest_is_seen_at_rest_before_it_ends_its_run() -> None:
+    result = trim(ending(), step=0.02, longest=8.0)
+    assert result.converged
+    assert result.point.y == {"y": 1.0}
+
+
+def test_no_run_to_its_end_leaves_no_point() -> None:
+    """x' = x² goes from 1 to infinity within a second: there is no number to report."""
+    plant = Plant(Equations(x={"x": 1.0}, f=lambda v: [v["x"] ** 2], settable=False), interface="cs")
+    with pytest.raises(SimulationError, match="no equilibrium found by running: "):
+        trim(plant)
+
+
+def logarithm(nominal: float) -> Plant:
+    """x' = −ln x, of which no session starts at x ≤ 0; at rest x = 1."""
+    equations = Equations(
+        x={"x": 5.0}, f=lambda v: [-math.log(v["x"])], takes=lambda v: v["x"] > 0.0, nominal={"x": nominal}
+    )
+    return Plant(equations, interface="cs", step=0.02)
+
+
+def test_a_point_that_the_model_does_not_take_is_no_error_of_the_user() -> None:
+    """Newton's method goes from 5 to 5 − 5 ln 5 = −3."""
+    result = trim(logarithm(1.0), step=0.02)
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_start_that_the_model_does_not_take_is_the_users() -> None:
+    """States are seen to be settable at −1 + 0.125 · 16."""
+    with pytest.raises(NotReachedError, match=r"cannot be started at \{'x': -1\.0"):
+        trim(logarithm(16.0), step=0.02, x0={"x": -1.0})

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError
+from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.session import Record, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
+from workbench.session.target import NotReachedError
 from workbench.signals import Signal
 
 Values = dict[str, float]
@@ -26,7 +27,10 @@ def nothing(_: Values) -> Sequence[float]:
 
 @dataclass
 class Equations:
-    """dx/dt = f, y = g, and every `period` memory = tick; each a function of all values by name."""
+    """dx/dt = f, y = g, and every `period` memory = tick; each a function of all values by name.
+
+    `takes` says which start values a session takes; it ends its run at `ends`.
+    """
 
     x: Values = field(default_factory=dict)
     u: Values = field(default_factory=dict)
@@ -41,6 +45,8 @@ class Equations:
     settable: bool = True
     whole: tuple[str, ...] = ()
     domain: Callable[[Values], bool] = lambda _: True
+    takes: Callable[[Values], bool] = lambda _: True
+    ends: float = np.inf
 
     def rates(self, values: Values) -> Floats:
         if not self.domain(values):
@@ -90,7 +96,10 @@ class Plant(Model):
         approach: bool = True,
     ) -> Session:
         self.runs.append(step)
-        return PlantSession(self, self.starts(values), time or 0.0, step)
+        starts = self.starts(values)
+        if not self.equations.takes(starts):
+            raise NotReachedError(f"{self.name}: cannot be started at {starts}")
+        return PlantSession(self, starts, time or 0.0, step)
 
     def open_point(self, *, time: float | None = None, values: Mapping[str, float] | None = None) -> Point:
         if self.interface != "me":
@@ -134,6 +143,8 @@ class PlantSession(Session):
                 self.now.update(zip(e.memory, e.tick(self.now), strict=True))
                 self.count += 1
             stop = min(end, self.count * period) if e.period else end
+            if stop > e.ends:
+                raise EndedError("the FMU ended its run", time=e.ends)
             for _ in range(max(1, round((stop - self.time) / self.step)) if e.x else 0):
                 dx = e.rates(self.now)
                 for name, slope in zip(e.x, dx.tolist(), strict=True):

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.analysis.trim_balance import Balance
 from workbench.analysis.trim_continuous import ContinuousBalance
@@ -24,7 +26,7 @@ from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named, start_at
 from workbench.origin import with_origin
 from workbench.session.point import Point
-from workbench.session.settle import STEP, STEP_PARTS, Settled
+from workbench.session.settle import STEP, STEP_PARTS
 
 __all__ = ["trim"]
 
@@ -98,7 +100,7 @@ def trim(
 
     Raises:
         InputError: an unknown name, a value out of its range, sets that exclude each other.
-        FmuError, SimulationError: the model cannot be started.
+        FmuError, SimulationError: the model cannot be started, or no run of the method "running" came to its end.
 
     Source: the source report, chapter 3.4 (its command lets derivatives float); residual table, counting and null
     directions are the workbench's own.
@@ -211,7 +213,9 @@ class _Trim:
         return self._fixed_point("period map", balance)
 
     def _fixed_point(self, method: str, balance: MapBalance) -> TrimResult:
-        problem = sized(pose(balance, self.sets))
+        posed = pose(balance, self.sets)
+        balance.begin(*posed.at(np.array([k.start for k in posed.unknowns])))
+        problem = sized(posed)
         loosest = max(self.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
         solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
@@ -264,7 +268,7 @@ class _Trim:
         return all(math.isclose(found[n], w, rel_tol=1e-9) for n, w in wanted.items())
 
     def _running(self, states: Sequence[Variable], values: Mapping[str, float], steps: Sequence[float]) -> TrimResult:
-        result: TrimResult | None = None
+        result, failed = None, ""
         for step in steps:
             balance = RunBalance(
                 self.model,
@@ -281,16 +285,17 @@ class _Trim:
                 self.model, problem, tolerance=max(self.tolerance, 1e-6), slowest=self.slowest, exact=False
             )
             end = balance.end(problem.at(solution.values)[1])
-            if not (isinstance(end, Settled) and end.settled):
+            if isinstance(end, str):
+                failed = end
+                continue
+            if not end.settled:
                 solution = replace(solution, converged=False)
-            why = f"step {step:g} s: {end}" if isinstance(end, str) else ""
-            if isinstance(end, Settled):
-                why = f"watched up to {end.time:g} s, communication step {step:g} s"
+            why = f"watched up to {end.time:g} s, communication step {step:g} s"
             result = self._result("running", problem, solution, [why])
-            if solution.converged or (isinstance(end, Settled) and end.settled):
+            if end.settled:
                 return result
         if result is None:
-            raise InputError("no communication step to run with")
+            raise SimulationError(f"{self.model.name}: no equilibrium found by running: {failed}")
         return result
 
     # -- end ------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats, Session
+from workbench.session.target import NotReachedError
 
 __all__ = ["MapBalance"]
 
@@ -61,9 +63,18 @@ class MapBalance(Balance):
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         try:
             after, y = self.run(states, inputs, periods=1)[-1]
-        except SimulationError:
+        except (SimulationError, NotReachedError):  # the model fails, or puts itself elsewhere
             return np.full(len(self.states), np.nan), np.full(len(self.outputs), np.nan)
         return after - states, y
+
+    def begin(self, states: Floats, inputs: Floats) -> None:
+        """Check that the model takes the values that the search begins with.
+
+        Raises:
+            NotReachedError: it does not.
+        """
+        with suppress(SimulationError), self._open(states, inputs):  # a failure shows itself in `evaluate`
+            pass
 
     def rounding(self, states: Floats) -> Floats:
         return np.asarray(np.spacing(np.abs(states)))

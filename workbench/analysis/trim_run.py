@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.analysis.trim_balance import Balance, Slot, by_name, slot_of
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import SimulationError
+from workbench.errors import EndedError, SimulationError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, Settled, settle
@@ -91,6 +91,9 @@ class RunBalance(Balance):
                     least=self.least,
                     tolerance=self._tolerance,
                 )
+        except EndedError as error:
+            lasted = (error.time or self.time) - self.time
+            return f"{error} before it was seen at rest; longest below {lasted:g} s looks at the part before that"
         except SimulationError as error:
             return str(error)
 
@@ -101,7 +104,7 @@ class RunBalance(Balance):
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         end = self.end(inputs)
         if isinstance(end, str):
-            end = Settled(self.time, np.full(len(self._watched), np.nan), np.zeros(0), np.zeros(0), settled=False)
+            raise SimulationError(end)
         return OperatingPoint(
             x=by_name(self._x, self._pick(end, self._x)),
             u=by_name(self.inputs, inputs),
