@@ -42,9 +42,11 @@ def check_page(page: str, folder: Path) -> None:
     """Run a page's examples in a folder, and compare."""
     text = text_of(page)
     if page in NEEDS_BUILD and importlib.util.find_spec("ziglang") is None:
-        pytest.skip("needs the extra build")
+        pytest.skip("the page builds an FMU, which needs ziglang: pip install 'fmi-workbench[build]'")
     if not provide(text, folder):
-        pytest.skip("needs the package gemseo-fmu and Linux on x86_64")
+        pytest.skip(
+            "the page runs OpenModelica's FMUs of the package gemseo-fmu, whose binaries are for Linux on x86_64 only"
+        )
     wrong = list(compare(run_page(text, folder)))
     for owner, picture in pictures_of(text):
         if owner != Path(page).stem or not (folder / picture).is_file():

@@ -12,7 +12,10 @@ from workbench.model.fmu_model import DRIVERS
 
 __all__ = ["each_driver", "needs_kernel"]
 
-needs_kernel = pytest.mark.skipif(bool(why_kernel_missing()), reason="the compiled kernel is not installed")
+needs_kernel = pytest.mark.skipif(
+    bool(why_kernel_missing()),
+    reason="the compiled kernel is not installed (pip install -e . compiles it); the Python driver runs",
+)
 
 
 @pytest.fixture(params=[pytest.param("compiled", marks=needs_kernel), "python"], autouse=True)

@@ -14,7 +14,7 @@ __all__ = ["gemseo_fmu", "needs_gemseo"]
 _RUNNABLE = sys.platform == "linux" and platform.machine() == "x86_64"
 _spec = importlib.util.find_spec("gemseo_fmu")
 needs_gemseo = pytest.mark.skipif(
-    _spec is None or not _RUNNABLE, reason="needs the package gemseo-fmu and Linux on x86_64"
+    _spec is None or not _RUNNABLE, reason="the FMUs of the package gemseo-fmu hold binaries for Linux on x86_64 only"
 )
 
 

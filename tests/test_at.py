@@ -51,7 +51,7 @@ def rudder(folder: Path) -> Path:
     return path
 
 
-def same(a: OperatingPoint, b: OperatingPoint) -> None:
+def assert_same(a: OperatingPoint, b: OperatingPoint) -> None:
     assert a.x == pytest.approx(b.x, rel=1e-9, abs=1e-9)
     assert a.u == pytest.approx(b.u)
     assert (a.model, a.model_sha256, a.time) == (b.model, b.model_sha256, b.time)
@@ -78,7 +78,7 @@ def test_every_command_begins_at_the_point_and_says_so(name: str, rudder: Path, 
     """And what it writes is a point again, the same."""
     first = folder / f"{name}.json"
     assert run([*COMMANDS[name], "--at", str(rudder), "--json", str(first)]) == 0
-    same(point_of(first), point_of(rudder))
+    assert_same(point_of(first), point_of(rudder))
 
 
 # -- systems -----------------------------------------------------------------------------------
@@ -103,7 +103,17 @@ def held(lags: Path) -> Path:
 SYSTEMS = {
     "simulate": ["--stop", "0.5", "--in-process"],
     "loop": ["--open", "k.y"],
-    "loop measured": ["--open", "k.y", "--amplitude", "0.1", "--freq", "0.5", "--how", "inject", "--in-process"],
+    "loop measured": [
+        "--open",
+        "k.y",
+        "--amplitude",
+        "0.1",
+        "--freq",
+        "0.5",
+        "--how",
+        "break",
+        "--in-process",
+    ],  # closed, it oscillates
     "limit-cycle": ["--block", "s", "--method", "describing function"],
     "feedback": ["--from", "y", "--to", "r"],
 }
@@ -112,8 +122,9 @@ SYSTEMS = {
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_command_for_systems_begins_at_the_point(name: str, lags: Path, held: Path) -> None:
     out = lags.with_name(f"lags {name}.json")
-    run([name.partition(" ")[0], str(lags), *SYSTEMS[name], "--at", str(held), "--json", str(out)])
-    same(point_of(out), point_of(held))
+    code = run([name.partition(" ")[0], str(lags), *SYSTEMS[name], "--at", str(held), "--json", str(out)])
+    assert code == 0
+    assert_same(point_of(out), point_of(held))
 
 
 def test_the_loop_is_opened_where_the_point_has_its_signal(lags: Path, held: Path) -> None:
@@ -177,7 +188,7 @@ def test_delays_are_measured_from_the_point(folder: Path) -> None:
 # -- the first sample --------------------------------------------------------------------------
 
 
-def firsts(model: wb.Model, point: OperatingPoint) -> None:
+def assert_first_sample(model: wb.Model, point: OperatingPoint) -> None:
     """The first sample of a run is the point."""
     names = [*point.x, *point.y] if model.interface == "me" else [*point.y]
     run_ = wb.simulate(model, stop=point.time + 1e-3, at=point, outputs=names, verify_step=False)
@@ -190,10 +201,10 @@ def firsts(model: wb.Model, point: OperatingPoint) -> None:
 def test_the_first_sample_is_the_point_where_initial_equations_are(interface: str) -> None:
     """SmallNonlinear with its own states elsewhere, and ElevatorLaw with discrete ones."""
     with wb.load("fmu:SmallNonlinear", interface) as model:
-        firsts(model, OperatingPoint(x={"x[1]": 0.3, "x[2]": -0.2}, u={"u": 0.05}))
+        assert_first_sample(model, OperatingPoint(x={"x[1]": 0.3, "x[2]": -0.2}, u={"u": 0.05}))
     with wb.load("fmu:ElevatorLaw", interface) as law:
         point = wb.trim(law, u0={"side_stick": -0.3}).point
-        firsts(law, point)
+        assert_first_sample(law, point)
 
 
 @needs_gemseo

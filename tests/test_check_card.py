@@ -192,7 +192,7 @@ def test_fmi_1_fmus_get_a_card(tmp_path: Path) -> None:
 # -- FMUs that take their process with them ----------------------------------------------------------
 
 
-@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that end a process, which these messages name")
 def test_a_crash_is_a_line_and_the_other_checks_go_on(tmp_path: Path) -> None:
     card = wb.check(build_hostile(tmp_path, "abort"), interface="me", only=["runs", "determinism", "snapshots"])
     assert "the FMU aborted its process (SIGABRT)" in card.line("runs", "me").evidence
@@ -208,7 +208,7 @@ def test_a_hang_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "--timeout" in card.line("runs", "cs").consequence
 
 
-@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that end a process, which these messages name")
 def test_an_fmu_that_dies_at_once_is_given_up(tmp_path: Path) -> None:
     card = wb.check(build_hostile(tmp_path, "segfault-at-start"), interface="me", skip=["validation"])
     verdicts = [c.verdict for c in card.checks]

@@ -22,7 +22,7 @@ from workbench.cli.output import Output
 from workbench.store import FILE_NAME
 
 if sys.platform == "win32":
-    pytest.skip("Windows has neither SIGTERM handlers of this kind nor SIGHUP", allow_module_level=True)
+    pytest.skip("signals of POSIX: Windows delivers neither SIGTERM nor SIGHUP to a handler", allow_module_level=True)
 import pty
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -300,5 +300,5 @@ def test_what_makes_no_sense_is_refused(options: dict[str, object], words: str) 
 
 
 def test_a_single_fmu_is_no_system() -> None:
-    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(wb.InputError, match="no system"):
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(wb.InputError, match="is not a system"):
         wb.feed_forward(model, block="a", target="a.u")

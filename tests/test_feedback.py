@@ -34,7 +34,7 @@ def found(system: Plant) -> tuple[tuple[Crossing, ...], tuple[tuple[float, float
     return every, stable_gains(intervals(system, [c.gain for c in every]), ALL)
 
 
-def check(system: Plant, expected: list[tuple[float, float]], at: list[tuple[float, float]]) -> None:
+def assert_stable(system: Plant, expected: list[tuple[float, float]], at: list[tuple[float, float]]) -> None:
     """Compare stable intervals and (gain, frequency) of all crossings with what they must be."""
     every, stable = found(system)
     assert np.array(stable).reshape(-1, 2) == pytest.approx(np.array(expected).reshape(-1, 2), rel=1e-9)
@@ -48,7 +48,7 @@ def check(system: Plant, expected: list[tuple[float, float]], at: list[tuple[flo
 def test_third_order_lag() -> None:
     """(s + 1)³ = g: Hurwitz gives −8 < g < 1; at −8 the poles are ±j√3."""
     lag = plant(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
-    check(lag, [(-8.0, 1.0)], [(-8.0, math.sqrt(3.0) / HZ), (1.0, 0.0)])
+    assert_stable(lag, [(-8.0, 1.0)], [(-8.0, math.sqrt(3.0) / HZ), (1.0, 0.0)])
     every, _ = found(lag)
     assert [(c.unstable_below, c.unstable_above) for c in every] == [(2, 0), (0, 1)]
     assert [c.real for c in every] == pytest.approx([-1.0 / 8.0, 1.0])
@@ -56,12 +56,12 @@ def test_third_order_lag() -> None:
 
 
 def test_unstable_first_order() -> None:
-    check(plant(control.tf([1.0], [1.0, -1.0])), [(-math.inf, -1.0)], [(-1.0, 0.0)])
+    assert_stable(plant(control.tf([1.0], [1.0, -1.0])), [(-math.inf, -1.0)], [(-1.0, 0.0)])
 
 
 def test_double_integrator_with_derivative() -> None:
     """(1 + 2s)/s²: s² − 2gs − g; both open-loop poles stand at 0."""
-    check(plant(control.tf([2.0, 1.0], [1.0, 0.0, 0.0])), [(-math.inf, 0.0)], [(0.0, 0.0)])
+    assert_stable(plant(control.tf([2.0, 1.0], [1.0, 0.0, 0.0])), [(-math.inf, 0.0)], [(0.0, 0.0)])
 
 
 def test_double_integrator_alone_is_never_stable() -> None:
@@ -80,23 +80,23 @@ def turned(system: Plant, seed: int = 0) -> Plant:
 def test_integrators_that_rounding_moved() -> None:
     """1/(z − 1): z = 1 + g. z/(z − 1)²: z² − (2 + g) z + 1, on the circle for −4 < g < 0."""
     single = plant(control.tf([1.0], [1.0, -1.0], 1.0))
-    check(turned(single), [(-2.0, 0.0)], [(-2.0, 0.5), (0.0, 0.0)])
+    assert_stable(turned(single), [(-2.0, 0.0)], [(-2.0, 0.5), (0.0, 0.0)])
     double = plant(control.tf([1.0, 0.0], [1.0, -2.0, 1.0], 1.0))
-    check(turned(double), [], [(-4.0, 0.5), (0.0, 0.0)])
-    check(turned(plant(control.tf([1.0], [1.0, 0.0, 0.0]))), [], [(0.0, 0.0)])
+    assert_stable(turned(double), [], [(-4.0, 0.5), (0.0, 0.0)])
+    assert_stable(turned(plant(control.tf([1.0], [1.0, 0.0, 0.0]))), [], [(0.0, 0.0)])
 
 
 def test_undamped_structure_in_any_coordinates() -> None:
     """1/(s² + 1) + 1/(s² + 4) is real for all ω; the one gain that counts is 1/G(0) = 0.8, where it diverges."""
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([1.0, 4.0]), np.zeros((2, 2))]])
     structure = Plant(A, np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 0.0]))
-    check(turned(structure), [], [(0.0, 1.0 / HZ), (0.0, 2.0 / HZ), (0.8, 0.0)])
+    assert_stable(turned(structure), [], [(0.0, 1.0 / HZ), (0.0, 2.0 / HZ), (0.8, 0.0)])
 
 
 def test_repeated_undamped_pair() -> None:
     """(s² + 2s + 3)/(s² + 1)²: a double pair on the border, and G(0) = 3."""
     double = plant(control.tf([1.0, 2.0, 3.0], np.polymul([1.0, 0.0, 1.0], [1.0, 0.0, 1.0])))
-    check(turned(double), [], [(0.0, 1.0 / HZ), (1.0 / 3.0, 0.0)])
+    assert_stable(turned(double), [], [(0.0, 1.0 / HZ), (1.0 / 3.0, 0.0)])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -104,7 +104,7 @@ def test_an_integrator_that_is_not_seen_hides_no_crossing(seed: int) -> None:
     """1/(s + 1) + 1/(s + 2) + 1/(s + 3) beside an integrator that y does not see: G(0) = 11/6."""
     one = np.ones(4)
     hidden = Plant(np.diag([0.0, -1.0, -2.0, -3.0]), one, np.array([0.0, 1.0, 1.0, 1.0]))
-    check(turned(hidden, seed), [], [(0.0, 0.0), (6.0 / 11.0, 0.0)])
+    assert_stable(turned(hidden, seed), [], [(0.0, 0.0), (6.0 / 11.0, 0.0)])
 
 
 def test_poles_that_cross_at_one_gain_have_the_same_sides() -> None:
@@ -115,18 +115,18 @@ def test_poles_that_cross_at_one_gain_have_the_same_sides() -> None:
 
 
 def test_undamped_oscillator_with_rate_feedback() -> None:
-    check(plant(control.tf([3.0, 0.0], [1.0, 0.0, 4.0])), [(-math.inf, 0.0)], [(0.0, 2.0 / HZ)])
+    assert_stable(plant(control.tf([3.0, 0.0], [1.0, 0.0, 4.0])), [(-math.inf, 0.0)], [(0.0, 2.0 / HZ)])
 
 
 @pytest.mark.parametrize("mu", [0.1, 1.0])
 def test_negative_damping_needs_more_than_itself(mu: float) -> None:
     """s² − (μ + g)s + 1."""
-    check(plant(control.tf([1.0, 0.0], [1.0, -mu, 1.0])), [(-math.inf, -mu)], [(-mu, 1.0 / HZ)])
+    assert_stable(plant(control.tf([1.0, 0.0], [1.0, -mu, 1.0])), [(-math.inf, -mu)], [(-mu, 1.0 / HZ)])
 
 
 def test_direct_part_and_a_pole_through_infinity() -> None:
     """(s + 2)/(s + 1): the pole is (2g − 1)/(1 − g), infinite at g = 1/D = 1."""
-    check(
+    assert_stable(
         plant(control.tf([1.0, 2.0], [1.0, 1.0])),
         [(-math.inf, 0.5), (1.0, math.inf)],
         [(0.5, 0.0), (1.0, math.inf)],
@@ -147,7 +147,7 @@ def test_direct_part_of_second_order() -> None:
 def test_sampled_lag(a: float, dt: float) -> None:
     """The pole is a + g."""
     lag = Plant(np.array([[a]]), np.ones(1), np.ones(1), 0.0, dt)
-    check(lag, [(-1.0 - a, 1.0 - a)], [(-1.0 - a, 0.5 / dt), (1.0 - a, 0.0)])
+    assert_stable(lag, [(-1.0 - a, 1.0 - a)], [(-1.0 - a, 0.5 / dt), (1.0 - a, 0.0)])
 
 
 def test_two_delays() -> None:

@@ -146,7 +146,9 @@ def test_fmi_3_scalars_and_arrays() -> None:
         except FmuError as error:
             if "libpython" not in str(error):
                 raise
-            pytest.skip(f"the FMU needs Python as a shared library: {error}")
+            pytest.skip(
+                f"this FMU is written in Python and loads libpython, which this Python was built without: {error}"
+            )
         with session:
             record = session.advance(0.2, signals=signals, record=["int32", "vector[2]", "boolean"])
     assert record.values["int32"][-1] == 5.0

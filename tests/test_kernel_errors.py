@@ -138,7 +138,10 @@ def test_the_exception_of_a_users_own_signal_comes_through(interface: str) -> No
             session.advance(1.0, signals={"u": Faulty(0.0)})
 
 
-@pytest.mark.skipif(not hasattr(signals_of_the_system, "pthread_kill"), reason="needs signals")
+@pytest.mark.skipif(
+    not hasattr(signals_of_the_system, "pthread_kill"),
+    reason="the kernel pauses for signals of POSIX, which this system does not have",
+)
 @pytest.mark.parametrize(("interface", "step"), [("me", None), ("cs", 1e-6)])
 def test_a_long_run_can_be_interrupted_from_the_keyboard(interface: str, step: float | None) -> None:
     with load("fmu:FirstOrderLag", interface, driver="compiled", step=step) as model, model.open_session() as session:

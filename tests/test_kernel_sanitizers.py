@@ -15,7 +15,9 @@ STRICT = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror
 WATCH = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
 WRAP = "-Wl,--wrap=calloc,--wrap=malloc,--wrap=realloc"
 
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="needs the system's compiler with its sanitizers")
+needs_compiler = pytest.mark.skipif(
+    COMPILER is None, reason="needs gcc: the compiler of the wheel ziglang has no address sanitizer for C programs"
+)
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:

@@ -27,7 +27,7 @@ from tests.kernel_bench import (
 from workbench.kernel import gear
 from workbench.kernel.gear import GEAR_FUNCTIONS, GearLibrary, gear_library, why_missing
 
-needs_gear = pytest.mark.skipif(bool(why_missing()), reason=why_missing() or "-")
+needs_gear = pytest.mark.skipif(bool(why_missing()), reason=f"FMPy's SUNDIALS cannot be loaded: {why_missing()}")
 both = pytest.mark.parametrize("solver", ["vkm", pytest.param("gear", marks=needs_gear)])
 Open = Callable[..., Bench]
 

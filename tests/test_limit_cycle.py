@@ -385,7 +385,7 @@ def test_mistakes_are_one_line(options: dict[str, Any], message: str) -> None:
 
 
 def test_no_system_no_loop() -> None:
-    with load("fmu:Saturation") as model, pytest.raises(InputError, match="no system"):
+    with load("fmu:Saturation") as model, pytest.raises(InputError, match="is not a system"):
         limit_cycle(model, block="x")
     with (
         connect({"block": np.sign, "plant": control.ss(LAG)}, [("plant.y", "block.u")]) as system,

@@ -19,7 +19,7 @@ def frequency_grid(
     Args:
         frequencies: explicit list [Hz], or None.
         band: lowest and highest frequency [Hz], or None; exactly one of the two is given.
-        ratio: of neighbouring frequencies of a band, above 1.
+        ratio: ratio of neighbouring frequencies in a band, above 1.
         falling: whether a falling order is kept as given; else the order is rising.
 
     Raises:

@@ -58,7 +58,7 @@ def system_of(model: DescribedModel) -> SystemDescription:
         InputError: no system.
     """
     if not isinstance(model, SystemModel):
-        raise InputError(f"{model.name}: this is no system; feed-forward needs a system file or workbench.connect")
+        raise InputError(f"{model.name}: this is not a system; feed-forward needs a system file or workbench.connect")
     return model.system
 
 
@@ -153,7 +153,7 @@ def reopen(model: DescribedModel, system: SystemDescription, *, without: str | N
     """
     recipe = model.recipe
     if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"{model.name}: this is no system")
+        raise InputError(f"{model.name}: this is not a system")
     starts = {n: v for n, v in recipe.start_values.items() if without is None or not n.startswith(f"{without}.")}
     bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
     at = None if recipe.at is None else _kept(recipe.at, system, without)

@@ -122,7 +122,7 @@ def find_ports(model: Model, component: str) -> Ports:
 
 def _system(model: Model) -> SystemDescription:
     if not isinstance(model, SystemModel):
-        raise InputError(f"{model.name}: this is no system; limit cycles need a system file or workbench.connect")
+        raise InputError(f"{model.name}: this is not a system; limit cycles need a system file or workbench.connect")
     return model.system
 
 
@@ -304,7 +304,7 @@ def _with_system(
     """Open a changed system as the model was opened, with the start values of the component or those of the rest."""
     recipe = model.recipe
     if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"{model.name}: this is no system")
+        raise InputError(f"{model.name}: this is not a system")
     head = f"{component}."
     starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside} | dict(more or {})
     system = change(recipe.system)

@@ -140,7 +140,7 @@ def lin_over(
         progress: called after each point with it, the number done and the number in all.
 
     Raises:
-        InputError: nothing to vary, unknown name, or a store for a model that is no file.
+        InputError: nothing to vary, unknown name, or a store for a model that is not a file.
         FmuError: the model cannot be opened.
     """
     grid = {name: tuple(float(v) for v in values) for name, values in over.items()}
@@ -169,7 +169,7 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
         if name not in known:
             raise InputError(f"over: '{name}' is no parameter, input or state; {suggest(name, known)}")
     if model.recipe is None and any(n in {p.name for p in model.parameters} for n in grid):
-        raise InputError(f"over: the parameters of {model.name} cannot be set, it is no file")
+        raise InputError(f"over: the parameters of {model.name} cannot be set, it is not a file")
 
 
 def _job(model: Model, varied: dict[str, float], method: str, settings: Mapping[str, Any]) -> _Job:
