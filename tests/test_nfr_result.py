@@ -171,7 +171,7 @@ def test_a_list_rises_unless_it_may_fall() -> None:
         ({"frequencies": None, "band": (1.0, 2.0), "ratio": 1.0 + 1e-9}, "take a larger one"),
         ({"amplitudes": 0.0}, "amplitude: 0 is not"),
         ({"amplitudes": [1.0, -2.0]}, "amplitude: -2 is not"),
-        ({"amplitudes": None}, "amplitude: none given"),
+        ({"amplitudes": None}, "amplitudes: none given"),
         ({"errcrit": 0.0}, "errcrit: 0"),
         ({"max_periods": 1}, "at least 2"),
         ({"step": 0.0}, "step: 0"),

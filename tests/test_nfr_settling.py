@@ -11,7 +11,8 @@ import pytest
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
 from workbench.analysis import transient
 from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr import NfrSweep, nfr
+from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_sweep import NfrSweep
 from workbench.analysis.settling import Outcome, Settling
 from workbench.analysis.transient import remove_transient
 from workbench.errors import SimulationError

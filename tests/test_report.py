@@ -139,7 +139,7 @@ def test_long_pages_have_contents_and_folded_parts(tmp_path: Path) -> None:
 
 def test_several_pictures_fit_into_one_page(tmp_path: Path) -> None:
     block = saturation(0.5, 2.0)
-    sections = [Section("S", figures=[(block.plot(), 'one "quoted" <word>'), (block.plot(), "two")])]
+    sections = [Section("S", figures=[(block.plot, 'one "quoted" <word>'), (block.plot, "two")])]
     write_page(page(sections=sections), tmp_path / "p.html")
     found = check_page_file(tmp_path / "p.html")
     labels = [e.attributes["aria-label"] for e in found.elements if e.tag == "svg"]

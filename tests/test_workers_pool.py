@@ -14,9 +14,10 @@ import pytest
 import workbench as wb
 from tests.programs import ended, start
 from tests.worker_tasks import obey
+from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.workers.child import READY
-from workbench.workers.limits import Limits, memory_limit_works
+from workbench.workers.limits import memory_limit_works
 from workbench.workers.pool import Pool
 from workbench.workers.process import WorkerProcess
 from workbench.workers.reasons import died

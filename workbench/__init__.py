@@ -53,9 +53,10 @@ if TYPE_CHECKING:
     from workbench.analysis.motions.compare import compare_motions
     from workbench.analysis.motions.measures import Measure
     from workbench.analysis.motions.result import Motion, MotionComparison, MotionFailed, MotionHistory
-    from workbench.analysis.nfr import NfrSweep, nfr
+    from workbench.analysis.nfr import Nfr, nfr
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
+    from workbench.analysis.nfr_sweep import NfrSweep
     from workbench.analysis.nyquist.linear_part import LinearPart
     from workbench.analysis.nyquist.nyquist import nyquist
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
@@ -165,6 +166,7 @@ __all__ = [
     "MotionFailed",
     "MotionHistory",
     "MultisineDesign",
+    "Nfr",
     "NfrPoint",
     "NfrResult",
     "NfrSweep",
@@ -299,7 +301,8 @@ _HOMES = {
     "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),
     "workbench.analysis.modes.modes": ("modes",),
     "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),
-    "workbench.analysis.nfr": ("NfrSweep", "nfr"),
+    "workbench.analysis.nfr": ("Nfr", "nfr"),
+    "workbench.analysis.nfr_sweep": ("NfrSweep",),
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
     "workbench.analysis.simulate": ("SimulationResult", "simulate"),

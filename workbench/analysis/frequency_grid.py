@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
+from workbench.core.forms import Numbers, several
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["frequency_grid", "geometric_band", "positive_values"]
 
 
 def frequency_grid(
-    frequencies: Sequence[float] | Floats | None, band: tuple[float, float] | None, ratio: float, *, falling: bool
+    frequencies: Numbers | None, band: tuple[float, float] | None, ratio: float, *, falling: bool
 ) -> tuple[float, ...]:
     """Return the frequencies in the order in which they are to be measured [Hz].
 
@@ -59,15 +58,13 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     return (*(low * factor**i for i in range(steps)), high)
 
 
-def positive_values(
-    name: str, values: Sequence[float] | Floats, *, unit: str, distinct: bool = True
-) -> tuple[float, ...]:
+def positive_values(name: str, values: Numbers, *, unit: str, distinct: bool = True) -> tuple[float, ...]:
     """Return `values` as floats after checking that there are some, all positive, none twice.
 
     Raises:
         InputError: otherwise; the message names `name` and the value.
     """
-    checked = tuple(float(v) for v in values)
+    checked = several(values)
     if not checked:
         raise InputError(f"{name}: none given; give at least one [{unit}]")
     for value in checked:

@@ -2,49 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Executor
-from pathlib import Path
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
 
-from workbench.analysis.nfr_point import NfrPoint
-from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.nfr_sweep import NfrSweep
-from workbench.core.operating_point import At
-from workbench.model import Model
-from workbench.origin import with_origin
-from workbench.session.base import Floats
-from workbench.workers import Workers
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Band, File, Names, Numbers
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.core.where import InWorkers
 
-__all__ = ["NfrSweep", "nfr"]
+if TYPE_CHECKING:
+    from workbench.analysis.nfr_result import NfrResult
 
-Progress = Callable[[NfrPoint, int, int], None]
+__all__ = ["Nfr", "nfr"]
 
 
-@with_origin()
-def nfr(
-    model: Model,
-    input: str,
-    output: str,
-    frequencies: Sequence[float] | Floats | None = None,
-    amplitudes: Sequence[float] | Floats | float | None = None,
-    *,
-    at: At | None = None,
-    band: tuple[float, float] | None = None,
-    ratio: float = 1.2,
-    errcrit: float = 0.1,
-    max_periods: int = 20,
-    carry: bool = False,
-    step: float | None = None,
-    verify: bool = False,
-    drift_check: bool = True,
-    workers: Workers | None = None,
-    executor: Executor | None = None,
-    store: str | Path | None = None,
-    redo: Collection[str] = (),
-    previous: NfrResult | None = None,
-    progress: Progress | None = None,
-) -> NfrResult:
-    """Measure the nonlinear frequency response of a model.
+class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
+    """Measure gain, phase and offset over frequency and amplitude (nonlinear frequency response).
 
     At each amplitude m and frequency f the input is m·sin(2πft) and the model is run one period at
     a time, each resumed from the last. With P = ∫ y sin dt and Q = ∫ y cos dt over a period the
@@ -69,37 +44,6 @@ def nfr(
     cycle of the model's own gives averaged points that mean little. Gain and phase are those of the first
     harmonic; the others are in the certificates.
 
-    Args:
-        model: the model; its other inputs keep their start values, or those of `at`.
-        input: name of the input to force.
-        output: name of the output (or of a state) to measure.
-        frequencies: [Hz], measured in rising order.
-        amplitudes: of the sine, one or several, [unit of the input], outer loop, rising order.
-        at: operating point: where each point begins, and about whose input the sine moves, the other inputs held at
-            theirs: a point, a result that has one, or the file of either; None: where the model starts, the sine
-            about 0 (and bias).
-        band: (lowest, highest) frequency [Hz] in place of `frequencies`.
-        ratio: of neighbouring frequencies in a band; the last one is the band's end itself.
-        errcrit: error criterion: change of phase [rad] and ten times the change of gain between periods.
-        max_periods: most periods at a point, at least 2.
-        carry: keep the state from one frequency to the next in one session per amplitude, the
-            input without a jump, in place of a fresh start at each point. Falling
-            frequencies (a falling list, or a band from the top) are then measured in that order.
-        step: communication step [s] to measure a co-simulation at, checked once with half of it; None:
-            found by halving. Without effect for model exchange.
-        verify: model exchange: measure each point once more with a hundredth of the tolerance, for its
-            certificate; co-simulation is always checked, by half the step.
-        drift_check: watch the model with zero input first and warn where it moves by itself.
-        workers: where the FMU runs and under which limits; None: in one worker process per core, where a
-            crash costs one point. A model that is no file runs in this process.
-        executor: any `concurrent.futures.Executor` in place of worker processes; it stays open.
-        store: folder that keeps every finished point; the same call again goes on where it was ended.
-            A carried amplitude is kept as a whole: begun and not finished, it is measured again.
-        redo: of "settled", "averaged", "failed": points of the store (or of `previous`) that ended so are measured
-            again, with the present errcrit and max_periods; the others are kept as they are.
-        previous: an earlier result, in place of a store or besides.
-        progress: called after each point with the point, the number done and the number in all.
-
     Returns:
         The response; points that failed are NaN and listed with their reasons.
 
@@ -109,28 +53,53 @@ def nfr(
 
     Source: the source report, chapter 4 and appendix 11.2; the carried variant chapter 4.3.
     """
-    sweep = NfrSweep(
-        model,
-        input,
-        output,
-        frequencies,
-        amplitudes,
-        at=at,
-        band=band,
-        ratio=ratio,
-        errcrit=errcrit,
-        max_periods=max_periods,
-        carry=carry,
-        step=step,
-        verify=verify,
-        drift_check=drift_check,
-        workers=workers,
-        executor=executor,
-        store=store,
-        redo=redo,
-        previous=previous,
+
+    command = "nfr"
+    algorithm = "workbench.analysis.nfr_sweep:run"
+    example = "workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png"
+    # Tighter than for a time history: the response may be a small part of a large output or transient.
+    tolerance = 1e-8
+
+    input: str = option("Input to force.", metavar="U")
+    output: str = option("Output (or state) to measure.", metavar="Y")
+    frequencies: Numbers | None = option(
+        "Frequencies, measured in rising order.", unit="Hz", flag="--freq", metavar="F,..", default=None
     )
-    for point in sweep.run():
-        if progress is not None:
-            progress(point, sweep.done, sweep.total)
-    return sweep.result()
+    amplitudes: Numbers | None = option(
+        "Amplitudes of the sine, in the unit of the input.",
+        flag="--amplitude",
+        metavar="A,..",
+        default=None,
+        needed="a nonlinear model's response depends on it",
+    )
+    _: KW_ONLY
+    band: Band | None = option("Lowest and highest frequency, in place of a list.", unit="Hz", default=None)
+    ratio: float = option("Ratio of neighbouring frequencies in a band.", default=1.2)
+    errcrit: float = option(
+        "A point has settled when phase [rad] and 10 x gain change by less in a period.", default=0.1, positive=True
+    )
+    max_periods: int = option(
+        "Average and mark a point that has not settled after so many periods.", default=20, least=2
+    )
+    carry: bool = option("Carry the state to the next frequency; frequencies may then fall (HI:LO).", default=False)
+    step: float | None = option(
+        "Communication step to measure a co-simulation at; else found by halving.",
+        unit="s",
+        default=None,
+        positive=True,
+    )
+    verify: bool = option("Measure model exchange once more with a hundredth of the tolerance.", default=False)
+    drift_check: bool = option("Watch the model with zero input first, and warn where it moves.", default=True)
+    store: File | None = option(
+        "Folder that keeps finished points; the same command goes on.", metavar="DIR", default=None
+    )
+    redo: Names = option(
+        "Points of the store to measure again: averaged, failed, settled.", metavar="STATUS,..", default=()
+    )
+    executor: Executor | None = option(
+        "Executor in place of worker processes; it stays open.", default=None, python=True
+    )
+    previous: NfrResult | None = option("Earlier result, in place of a store or besides.", default=None, python=True)
+
+
+nfr = function(Nfr)

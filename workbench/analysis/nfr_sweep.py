@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from workbench.analysis.frequency_grid import frequency_grid, positive_values
+from workbench.analysis.nfr import Nfr
 from workbench.analysis.nfr_job import PointsJob, StartJob, SurroundingsJob
 from workbench.analysis.nfr_jumps import disagreements
 from workbench.analysis.nfr_linear import Surroundings
@@ -17,19 +18,31 @@ from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import rows_of_step
 from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
+from workbench.analysis.request import with_options
 from workbench.analysis.zero_input import ZeroInput, doubt
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core import job as telling
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
 from workbench.model.placing import start_at
 from workbench.origin import with_origin
-from workbench.session.base import Floats
 from workbench.workers import InProcess, Job, Lost, Remark, Reply, Runner, Workers, choose, perform
 
-__all__ = ["NfrSweep"]
+__all__ = ["NfrSweep", "run"]
 
 
-class NfrSweep:
+def run(model: Model, asked: Nfr, job: telling.Job) -> NfrResult:
+    """Measure a nonlinear frequency response."""
+    sweep = Sweep(model, asked)
+    job.partial = lambda: sweep.result() if sweep.done else None
+    job.notes = sweep.notes
+    with job.ended_by(sweep.stop):
+        for point in sweep.run():
+            job.done(point, sweep.done, sweep.total)
+    return sweep.result()
+
+
+class Sweep:
     """A nonlinear frequency response that can be stopped: what was measured until then is not lost.
 
     ```python
@@ -41,82 +54,48 @@ class NfrSweep:
         result = sweep.result()      # points not reached are failed with that reason
     ```
 
-    Args:
-        model, input, output, frequencies, amplitudes, at, band, ratio, errcrit, max_periods, carry, step: see `nfr`.
-        verify, drift_check, workers, executor, store, redo, previous: see `nfr`.
-
     Raises:
         InputError: unknown variable, a value out of its range, a store that cannot be used.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        input: str,
-        output: str,
-        frequencies: Sequence[float] | Floats | None = None,
-        amplitudes: Sequence[float] | Floats | float | None = None,
-        *,
-        at: At | None = None,
-        band: tuple[float, float] | None = None,
-        ratio: float = 1.2,
-        errcrit: float = 0.1,
-        max_periods: int = 20,
-        carry: bool = False,
-        step: float | None = None,
-        verify: bool = False,
-        drift_check: bool = True,
-        workers: Workers | None = None,
-        executor: Executor | None = None,
-        store: str | Path | None = None,
-        redo: Collection[str] = (),
-        previous: NfrResult | None = None,
-    ) -> None:
-        _check_name("input", input, model.inputs, model)
-        _check_name("output", output, (*model.outputs, *model.states), model)
-        positive_values("errcrit", (errcrit,), unit="rad")
-        if max_periods < 2:
-            raise InputError(f"max periods: {max_periods} cannot show whether a response repeats; take at least 2")
-        if step is not None:
-            positive_values("step", (step,), unit="s")
-        if verify and model.recipe is None:
+    def __init__(self, model: Model, asked: Nfr) -> None:
+        _check_name("input", asked.input, model.inputs, model)
+        _check_name("output", asked.output, (*model.outputs, *model.states), model)
+        if asked.verify and model.recipe is None:
             raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
-        placed, remarks = start_at(model, at)
-        self._model, self._input, self._output = placed, input, output
-        self._centre = 0.0 if placed.at is None else placed.at.u.get(input, 0.0)
-        self._frequencies = frequency_grid(frequencies, band, ratio, falling=carry)
-        self._amplitudes = _amplitudes(amplitudes)
-        if step is not None and model.interface == "cs":
-            rows_of_step(max(self._frequencies), step)
-        self._errcrit, self._max_periods = errcrit, max_periods
-        self._carry, self._step, self._verify = carry, step, verify
-        self._workers = _with_executor(workers or Workers(), executor)
-        self._redo = check_redo(redo)
-        self._notes: list[str] = list(remarks)
+        placed, remarks = start_at(model, asked.at)
+        self._model, self._asked = placed, asked
+        self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
+        self._frequencies = frequency_grid(asked.frequencies, asked.band, asked.ratio, falling=asked.carry)
+        self._amplitudes = tuple(sorted(positive_values("amplitude", asked.amplitudes or (), unit="unit of the input")))
+        if asked.step is not None and model.interface == "cs":
+            rows_of_step(max(self._frequencies), asked.step)
+        self._workers = _with_executor(asked.place, asked.executor)
+        self._redo = check_redo(asked.redo)
+        self.notes: list[str] = list(remarks)
         self._points: dict[Key, NfrPoint] = {}
         self._zero_input: ZeroInput | None = None
         self._standing: OperatingPoint | None = None
-        self._watch = drift_check
         self._surroundings = Surroundings()
         self._runner: Runner | None = None
         self._stopped = False
-        self._store = None if store is None else self._open_store(store)
+        self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
-        self._recall(previous)
+        self._recall(asked.previous)
 
     # -- what is known already -------------------------------------------------------------
 
     def _open_store(self, folder: str | Path) -> NfrStore:
         settings = {
-            "input": self._input,
-            "output": self._output,
+            "input": self._asked.input,
+            "output": self._asked.output,
             "rows": ROWS,
-            "step": self._step,
-            "verify": self._verify,
+            "step": self._asked.step,
+            "verify": self._asked.verify,
             # A carried point depends on those before it.
-            "carry": list(self._frequencies) if self._carry else None,
+            "carry": list(self._frequencies) if self._asked.carry else None,
         }
-        effort = {"errcrit": self._errcrit, "max_periods": self._max_periods}
+        effort = {"errcrit": self._asked.errcrit, "max_periods": self._asked.max_periods}
         limits = self._workers.limits
         return NfrStore.open(folder, self._model, settings=settings, effort=effort, limits=limits)
 
@@ -129,7 +108,7 @@ class NfrSweep:
             self._check_previous(previous)
             self._before = from_result(previous, ())
             # A carried point depends on those before it, and the earlier result does not say which those were.
-            known |= {} if self._carry else from_result(previous, self._redo)
+            known |= {} if self._asked.carry else from_result(previous, self._redo)
             self._standing = previous.operating_point
         if self._store is not None:
             known |= self._store.finished(self._redo)
@@ -137,14 +116,14 @@ class NfrSweep:
             self._standing = self._store.standing() or self._standing
         for a in self._amplitudes:
             keys = [(a, f) for f in self._frequencies]
-            if not self._carry or all(k in known for k in keys):
+            if not self._asked.carry or all(k in known for k in keys):
                 self._points |= {k: known[k] for k in keys if k in known}
         if self._points:
-            self._notes.append(f"{len(self._points)} of {self.total} points were measured before and are kept")
+            self.notes.append(f"{len(self._points)} of {self.total} points were measured before and are kept")
 
     def _check_previous(self, previous: NfrResult) -> None:
         names = ("model", "interface", "solver", "input", "output")
-        here = (self._model.name, self._model.interface, self._model.solver, self._input, self._output)
+        here = (self._model.name, self._model.interface, self._model.solver, self._asked.input, self._asked.output)
         for name, mine in zip(names, here, strict=True):
             if getattr(previous, name) != mine:
                 raise InputError(f"previous: its {name} is {getattr(previous, name)}, not {mine}")
@@ -161,11 +140,6 @@ class NfrSweep:
         """Number of points that have a result, those kept from an earlier run included."""
         return len(self._points)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on how the sweep runs; complete after `run` has begun."""
-        return tuple(self._notes)
-
     def run(self) -> Iterator[NfrPoint]:
         """Measure point by point, in the order in which they are finished; may be run once.
 
@@ -180,7 +154,7 @@ class NfrSweep:
                 return
             runner, notes = choose(self._model, self._workers)
             self._runner = stack.enter_context(runner)
-            self._notes += notes
+            self.notes += notes
             if self._stopped:
                 runner.stop()
             self._look(runner)
@@ -192,10 +166,10 @@ class NfrSweep:
 
     def _look(self, runner: Runner) -> None:
         """Find out what the model shows of itself before anything is measured."""
-        job = SurroundingsJob(input=self._input, output=self._output)
+        job = SurroundingsJob(input=self._asked.input, output=self._asked.output)
         for event in runner.run(perform, deque([job])):
             if isinstance(event, Lost):
-                self._notes.append(f"the linear model could not be found, so errors are wider: {event.reason}")
+                self.notes.append(f"the linear model could not be found, so errors are wider: {event.reason}")
             else:
                 self._surroundings = event.value
 
@@ -206,27 +180,27 @@ class NfrSweep:
             self._runner.stop()
 
     def _jobs(self) -> Iterator[Job]:
-        watched = self._watch and self._zero_input is None
+        watched = self._asked.drift_check and self._zero_input is None
         if watched or self._standing is None:
             yield StartJob(task=self._task(min(self._frequencies), 0.0), watched=watched)
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies if (amplitude, f) not in self._points]
-            if self._carry and tasks:
+            if self._asked.carry and tasks:
                 yield self._points_job(tasks)
             elif tasks:
                 yield from (self._points_job([t]) for t in tasks)
 
     def _points_job(self, tasks: Sequence[PointTask]) -> PointsJob:
-        return PointsJob(tasks=tuple(tasks), carry=self._carry, step=self._step, verify=self._verify)
+        return PointsJob(tasks=tuple(tasks), carry=self._asked.carry, step=self._asked.step, verify=self._asked.verify)
 
     def _task(self, frequency: float, amplitude: float) -> PointTask:
         return PointTask(
-            input=self._input,
-            output=self._output,
+            input=self._asked.input,
+            output=self._asked.output,
             frequency=frequency,
             amplitude=amplitude,
-            errcrit=self._errcrit,
-            max_periods=self._max_periods,
+            errcrit=self._asked.errcrit,
+            max_periods=self._asked.max_periods,
             linear=self._surroundings.linear,
             rates=self._surroundings.rates,
             centre=self._centre,
@@ -246,7 +220,7 @@ class NfrSweep:
         elif isinstance(event.value, ZeroInput):
             self._keep_zero_input(event.value)
         elif isinstance(event.value, Remark):
-            self._notes.append(event.value.text)
+            self.notes.append(event.value.text)
         elif isinstance(event.value, NfrPoint):
             yield self._keep(event.value)
 
@@ -289,12 +263,12 @@ class NfrSweep:
     def result(self) -> NfrResult:
         """Return what was measured so far."""
         points = list(self._points.values())
-        warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._output)
+        warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
         warnings = [*disagreements(self._points, self._before), *filter(None, [warning])]
         return assemble(
             self._model,
-            input=self._input,
-            output=self._output,
+            input=self._asked.input,
+            output=self._asked.output,
             frequencies=self._frequencies,
             amplitudes=self._amplitudes,
             points=points,
@@ -319,8 +293,6 @@ def _check_name(what: str, name: str, variables: Sequence[Variable], model: Mode
     raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, [v.name for v in variables])}")
 
 
-def _amplitudes(amplitudes: Sequence[float] | Floats | float | None) -> tuple[float, ...]:
-    if amplitudes is None:
-        raise InputError("amplitude: none given; a nonlinear model's response depends on it")
-    values = [amplitudes] if isinstance(amplitudes, int | float) else amplitudes
-    return tuple(sorted(positive_values("amplitude", values, unit="unit of the input")))
+NfrSweep = with_options(
+    Nfr, Sweep, name="NfrSweep", words="Begin a sweep: `for point in sweep.run(): …`, then `sweep.result()`."
+)

@@ -2,180 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.options import (
-    At,
-    Bias,
-    Csv,
-    InProcess,
-    Interface,
-    Jobs,
-    Json,
-    MemoryLimit,
-    ModelName,
-    Plot,
-    Report,
-    Scheduler,
-    Set,
-    Solver,
-    Start,
-    Step,
-    Timeout,
-    Tolerance,
-    numbers,
-    open_model,
-    span,
-    workers,
-)
-from workbench.endings import INTERRUPTED
-from workbench.errors import WorkbenchError
+from workbench.analysis.nfr import Nfr
+from workbench.cli.derive import command
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from workbench.analysis.nfr import NfrSweep
     from workbench.analysis.nfr_result import NfrResult
     from workbench.cli.output import Output
     from workbench.report import Page
 
 __all__ = ["nfr"]
 
-# Tighter than for a time history: the response may be a small part of a large output or transient.
-_TOLERANCE = 1e-8
-
 _POINTS_FAILED = 1
 
 
-def nfr(
-    model: ModelName,
-    input: Annotated[str, typer.Option("--input", metavar="U", help="Input to force.")],
-    output: Annotated[str, typer.Option("--output", metavar="Y", help="Output (or state) to measure.")],
-    amplitude: Annotated[str, typer.Option("--amplitude", metavar="A,..", help="Amplitudes of the sine.")],
-    freq: Annotated[str | None, typer.Option("--freq", metavar="F,..", help="Frequencies [Hz].")] = None,
-    band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Band of frequencies [Hz].")] = None,
-    ratio: Annotated[float, typer.Option("--ratio", help="Of neighbouring frequencies in a band.")] = 1.2,
-    errcrit: Annotated[
-        float, typer.Option("--errcrit", help="Settled when phase [rad] and 10 x gain change by less in a period.")
-    ] = 0.1,
-    max_periods: Annotated[int, typer.Option("--max-periods", help="Average and mark a point after so many.")] = 20,
-    carry: Annotated[
-        bool, typer.Option("--carry", help="Carry the state to the next frequency; they may then fall (HI:LO).")
-    ] = False,
-    offset: Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")] = False,
-    at: At = None,
-    interface: Interface = "auto",
-    solver: Solver = "auto",
-    step: Step = None,
-    tolerance: Tolerance = None,
-    start: Start = None,
-    set_: Set = None,
-    bias: Bias = None,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Measure model exchange once more with a hundredth of the tolerance.")
-    ] = False,
-    drift_check: Annotated[
-        bool, typer.Option("--drift-check/--no-drift-check", help="Watch the model with zero input first.")
-    ] = True,
-    store: Annotated[
-        Path | None,
-        typer.Option("--store", metavar="DIR", help="Keep finished points there; the same command goes on."),
-    ] = None,
-    redo: Annotated[
-        str | None,
-        typer.Option("--redo", metavar="STATUS,..", help="Measure such points of the store again: averaged, failed."),
-    ] = None,
-    jobs: Jobs = None,
-    in_process: InProcess = False,
-    timeout: Timeout = None,
-    memory_limit: MemoryLimit = None,
-    scheduler: Scheduler = None,
-    json_path: Json = None,
-    csv_path: Csv = None,
-    plot: Plot = None,
-    report: Report = None,
-) -> int:
-    """Measure gain, phase and offset over frequency and amplitude (nonlinear frequency response).
-
-    Example: `workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png`
-    """
-    from workbench.analysis.nfr import NfrSweep
-    from workbench.cli.output import Output
-
-    out = Output("nfr", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
-    frequencies = numbers("--freq", freq) if freq is not None else None
-    amplitudes = numbers("--amplitude", amplitude)
-    limits = span("--band", band, above=0.0, rising=False, example="0.1:10 [Hz]") if band is not None else None
-    where = workers(jobs=jobs, in_process=in_process, timeout=timeout, memory_limit=memory_limit, scheduler=scheduler)
-    loaded = open_model(
-        model,
-        interface=interface,
-        solver=solver,
-        step=step,
-        tolerance=_TOLERANCE if tolerance is None else tolerance,
-        start=start,
-        set_=set_,
-        bias=bias,
-    )
-    with loaded:
-        sweep = NfrSweep(
-            loaded,
-            input,
-            output,
-            frequencies,
-            amplitudes,
-            at=at,
-            band=limits,
-            ratio=ratio,
-            errcrit=errcrit,
-            max_periods=max_periods,
-            carry=carry,
-            step=step,
-            verify=verify,
-            drift_check=drift_check,
-            workers=where,
-            store=store,
-            redo=[] if redo is None else [status.strip() for status in redo.split(",")],
-        )
-        return _run(sweep, out, offset=offset)
-
-
-def _run(sweep: NfrSweep, out: Output, *, offset: bool) -> int:
-    """Measure; whatever ends it, what was measured is written."""
-    from workbench.cli.interrupt import OnInterrupt, interrupted
-    from workbench.cli.notes import note
-    from workbench.cli.progress import Bar
-
-    stopped: BaseException | None = None
-    result: NfrResult | None = None
-    with OnInterrupt(sweep.stop) as wish:
-        with Bar(sweep.total) as bar:
-            try:
-                for point in sweep.run():
-                    bar.update(sweep.done, f"{point.amplitude:g} at {point.frequency:.4g} Hz")
-            except (KeyboardInterrupt, WorkbenchError) as error:
-                stopped = error
-        if sweep.done or stopped is None:
-            result = sweep.result()
-            _write(result, sweep.notes, out, offset=offset)
-    if wish.came or isinstance(stopped, KeyboardInterrupt):
-        note(f"{interrupted()} after {sweep.done} of {sweep.total} points")
-        return INTERRUPTED
-    if stopped is not None:
-        raise stopped
-    return _POINTS_FAILED if result is not None and result.failed else 0
-
-
-def _write(result: NfrResult, notes: Sequence[str], out: Output, *, offset: bool) -> None:
+def _present(result: NfrResult, out: Output, asked: Mapping[str, Any]) -> int:
     from workbench.cli.notes import flush, note
 
-    for text in (*notes, *result.warnings):
+    for text in result.warnings:
         note(text)
     flush()
+    offset = bool(asked["offset"])
     _show(result, out)
     out.write(
         result.to_dict(),
@@ -184,6 +37,11 @@ def _write(result: NfrResult, notes: Sequence[str], out: Output, *, offset: bool
         report=result,
         page=lambda: _page(result, offset=offset),
     )
+    return _POINTS_FAILED if result.failed else 0
+
+
+_OFFSET = Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")]
+nfr = command(Nfr, _present, extra={"offset": (_OFFSET, False)})
 
 
 def _page(result: NfrResult, *, offset: bool) -> Page:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from workbench.core.forms import FILE
+from workbench.core.option import Options, option
 from workbench.errors import InputError
 
-__all__ = ["At", "HasPoint", "OperatingPoint", "Stands", "point_in_json", "point_of_json"]
+__all__ = ["At", "AtPoint", "HasPoint", "OperatingPoint", "Stands", "point_in_json", "point_of_json"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
 _KEY = "operating_point"
@@ -154,6 +156,19 @@ class Stands(Protocol):
 
 # What `at` takes in every function: a point, a result that has one, or the file of either.
 At = OperatingPoint | HasPoint | Stands | str | Path
+
+
+class AtPoint(Options):
+    """The part of a request that says where its runs start."""
+
+    _: KW_ONLY
+    at: At | None = option(
+        "Operating point to be at: what trim --json wrote, or the JSON of any other result.",
+        metavar="POINT.JSON",
+        form=FILE,
+        group="Model",
+        default=None,
+    )
 
 
 def point_in_json(point: OperatingPoint | None) -> dict[str, Any]:

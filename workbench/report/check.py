@@ -60,7 +60,7 @@ def _pictures(card: HealthCard) -> Sequence[Section]:
     if not any(c.name in ("step", "memory") and c.numbers for c in card.checks):
         return ()
     words = "Change of the answer from each communication step to half of it, and resident memory over sessions."
-    return (Section("Convergence and memory", figures=[(card.plot(), words)]),)
+    return (Section("Convergence and memory", figures=[(card.plot, words)]),)
 
 
 def _questions() -> Section:

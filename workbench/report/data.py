@@ -36,7 +36,7 @@ def advice_page(advice: Advice) -> Page:
         lead=f"Judged: {advice.worst}.",
         facts={**data_facts(advice.experiment), "orders excited": orders},
         sections=[
-            Section("Data", figures=[(advice.plot(), "The data and what was found in them.")]),
+            Section("Data", figures=[(advice.plot, "The data and what was found in them.")]),
             Section("Findings", tables=[advice_table(advice)]),
         ],
         summary=[Verdict(f.verdict, f"{f.topic}: {f.evidence}") for f in advice.findings],
@@ -55,7 +55,7 @@ def density_page(result: SpectralDensity) -> Page:
         lead=f"{counted(len(result.columns), 'column')} up to {result.settings.nyquist_hz:g} Hz.",
         facts=_settings(result.settings),
         sections=[
-            Section("Densities", figures=[(result.plot(), "Density over frequency with its 95 % band.")]),
+            Section("Densities", figures=[(result.plot, "Density over frequency with its 95 % band.")]),
             Section("Bands", tables=[Table(("column", "within 3 dB of its peak up to [Hz]"), rows)]),
         ],
         kind="sdf",
@@ -72,9 +72,7 @@ def coherence_page(result: Coherence) -> Page:
             "inputs → outputs": f"{', '.join(result.input_names)} → {', '.join(result.output_names)}",
             **_settings(result.settings),
         },
-        sections=[
-            Section("Coherence", figures=[(result.plot(), "Multiple coherence of each output with all inputs.")])
-        ],
+        sections=[Section("Coherence", figures=[(result.plot, "Multiple coherence of each output with all inputs.")])],
         kind="coherence",
     )
 

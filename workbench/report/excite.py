@@ -24,7 +24,7 @@ def excite_page(result: ExciteResult) -> Page:
             **_correlation(result),
         },
         sections=[
-            Section("Data", figures=[(result.plot(), "Inputs, their spectra, and outputs.")]),
+            Section("Data", figures=[(result.plot, "Inputs, their spectra, and outputs.")]),
             Section("Ranges", tables=[_ranges(result)]),
         ],
         notes=result.notes,

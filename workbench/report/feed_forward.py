@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from workbench.analysis.feed_forward.result import FeedForwardResult
@@ -37,9 +39,9 @@ def feed_forward_page(result: FeedForwardResult) -> Page:
             "band": f"{result.band[0]:g} to {result.band[1]:g} Hz",
         },
         sections=[
-            Section("Overview", figures=[(result.plot(), "The design in one picture.")]),
+            Section("Overview", figures=[(result.plot, "The design in one picture.")]),
             _steps(result),
-            *(Section(t, figures=[(result.plot(figure=f), words)]) for f, (t, words) in _PICTURES.items()),
+            *(Section(t, figures=[(partial(result.plot, figure=f), words)]) for f, (t, words) in _PICTURES.items()),
             *_trials(result),
             Section("Poles of the filter", tables=[pole_table(result.part.poles.tolist(), 0.0)], folded=True),
         ],
@@ -90,7 +92,7 @@ def _trials(result: FeedForwardResult) -> list[Section]:
     return [
         Section(
             "Simulations",
-            figures=[(result.plot(figure="simulated"), "Time histories.")],
+            figures=[(partial(result.plot, figure="simulated"), "Time histories.")],
             tables=[Table(headings, rows, right=range(2, len(headings)))],
         )
     ]

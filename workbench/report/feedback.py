@@ -30,10 +30,10 @@ def feedback_page(result: FeedbackResult) -> Page:
             **({"nonlinear block": result.block} if result.block else {}),
         },
         sections=[
-            Section("Overview", figures=[(result.plot(), "Poles over the gain, Nyquist curve, and what is left.")]),
+            Section("Overview", figures=[(result.plot, "Poles over the gain, Nyquist curve, and what is left.")]),
             _stability(result),
-            Section("Root locus", figures=[(result.plot_root_locus(), "Poles over the gain.")]),
-            Section("Nyquist curve", figures=[(result.plot_nyquist(), "G(jω), and around its crossings.")]),
+            Section("Root locus", figures=[(result.plot_root_locus, "Poles over the gain.")]),
+            Section("Nyquist curve", figures=[(result.plot_nyquist, "G(jω), and around its crossings.")]),
             *_cycles(result),
             *([] if result.settling is None else [_settling(result.settling)]),
             *([] if result.run is None else [_run(result.run)]),
@@ -92,7 +92,7 @@ def _cycles(result: FeedbackResult) -> list[Section]:
     return [
         Section(
             f"Limit cycles that {result.block} leaves",
-            figures=[(result.plot_cycles(), "Nyquist curves seen by the nonlinear block.")],
+            figures=[(result.plot_cycles, "Nyquist curves seen by the nonlinear block.")],
             tables=[Table(headings, rows, right=(0, 1, 2))],
         )
     ]
@@ -114,7 +114,7 @@ def _settling(study: SettlingStudy) -> Section:
     return Section(
         "Settling",
         paragraphs=[f"Magnitude of {study.variable}, from closing on, against that before."],
-        figures=[(study.plot(), "Settling times over the gain.")],
+        figures=[(study.plot, "Settling times over the gain.")],
         tables=[
             Table(
                 ("settled to [%]", "best gain", "settles in [s]", "gains that did not settle"), optima, title="Optima"
@@ -132,7 +132,7 @@ def _gain(run: GainRun, levels: list[float]) -> tuple[str, ...]:
 
 def _run(run: FeedbackRun) -> Section:
     words = f"Gain {run.gain:g} closes at {run.closes_at:.6g} s."
-    return Section("Simulation", paragraphs=[words], figures=[(run.plot(), "The motion before and after closing.")])
+    return Section("Simulation", paragraphs=[words], figures=[(run.plot, "The motion before and after closing.")])
 
 
 # -- parts of it, each as a page of its own --------------------------------------------------------

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.analysis.identify import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
-from workbench.errors import InputError
 from workbench.report.data import advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table
@@ -68,9 +69,9 @@ def _estimated(found: SubspaceEstimate) -> dict[str, str]:
 def _of_data(result: IdentifyResult) -> Section:
     linear = coherence(result.data, segments=20)
     figures = [
-        (result.advice.plot(), "The data and what was found in them."),
-        (sdf(result.data).plot(), "Spectral density of inputs and outputs."),
-        (linear.plot(), "Coherence: 1 where the output follows the input linearly; 20 segments."),
+        (result.advice.plot, "The data and what was found in them."),
+        (sdf(result.data).plot, "Spectral density of inputs and outputs."),
+        (linear.plot, "Coherence: 1 where the output follows the input linearly; 20 segments."),
     ]
     return Section("Are the data good enough?", tables=[advice_table(result.advice)], figures=figures)
 
@@ -79,12 +80,12 @@ def _of_order(result: IdentifyResult) -> Section:
     return Section(
         "Order",
         paragraphs=[f"Order {result.order}: {result.estimate.order_reason}."],
-        figures=[(result.plot_order(), "A state matters where its bar stands out: large value, angle far from 90°.")],
+        figures=[(result.plot_order, "A state matters where its bar stands out: large value, angle far from 90°.")],
     )
 
 
 def _of_model(result: IdentifyResult) -> Section:
-    poles = (result.validation.plot_poles(), "Poles (crosses) and zeros (circles).")
+    poles = (result.validation.plot_poles, "Poles (crosses) and zeros (circles).")
     return Section("Model", tables=_poles(result.estimate), figures=[poles], parts=[_matrices(result.estimate)])
 
 
@@ -104,24 +105,24 @@ def _matrices(estimate: SubspaceEstimate) -> Section:
 
 def _of_validation(title: str, validation: Validation) -> Section:
     figures = [
-        (validation.plot(), "Measured, simulated (from the input alone) and predicted (one step ahead) output."),
+        (validation.plot, "Measured, simulated (from the input alone) and predicted (one step ahead) output."),
         *_residuals(validation, "prediction", "Errors of the one-step prediction with 95 % bands."),
         *_residuals(validation, "simulation", "Errors of the simulation with 95 % bands."),
     ]
     return Section(title, items=validation.words, figures=figures)
 
 
-def _residuals(validation: Validation, kind: str, words: str) -> list[tuple[Figure, str]]:
+def _residuals(validation: Validation, kind: str, words: str) -> list[tuple[Callable[[], Figure], str]]:
     """Return the picture of residuals, none where they are rounding: the verdicts say so."""
-    try:
-        return [(validation.plot_residuals(kind=kind), words)]
-    except InputError:
+    found = validation.residuals(kind)
+    if found.autocorrelation is None or found.cross is None:
         return []
+    return [(partial(validation.plot_residuals, kind=kind), words)]
 
 
 def _of_overlay(overlay: Overlay) -> Section:
     words = "Frequency responses as sines would show them."
-    return Section("Frequency response", items=overlay.words, figures=[(overlay.plot(), words)])
+    return Section("Frequency response", items=overlay.words, figures=[(overlay.plot, words)])
 
 
 # -- parts of an identification, each as a page of its own ------------------------------------------
@@ -150,7 +151,7 @@ def estimate_page(result: SubspaceEstimate) -> Page:
 def validation_page(result: Validation) -> Page:
     """Return the page of a model compared with data."""
     fits = "; ".join(f.words for f in result.simulation.fits)
-    poles = (result.plot_poles(), "Poles (crosses) and zeros (circles).")
+    poles = (result.plot_poles, "Poles (crosses) and zeros (circles).")
     return Page(
         title=f"Model compared with {result.data.name}",
         lead=f"{fits}.",
@@ -173,9 +174,7 @@ def bootstrap_page(result: PoleBootstrap) -> Page:
             "blocks": f"{result.block} samples, seed {result.seed}",
         },
         sections=[
-            Section(
-                "Regions", items=result.words, figures=[(result.plot(), "Poles of all replicates, and the regions.")]
-            )
+            Section("Regions", items=result.words, figures=[(result.plot, "Poles of all replicates, and the regions.")])
         ],
         kind="bootstrap",
     )

@@ -30,7 +30,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
         },
         sections=[
             Section(
-                "Crossings and motion", figures=[(result.plot(), "L(jω) with −1/N(A), the crossings, and the motion.")]
+                "Crossings and motion", figures=[(result.plot, "L(jω) with −1/N(A), the crossings, and the motion.")]
             ),
             _crossings(result.nyquist),
             _cycles(result),
@@ -146,7 +146,7 @@ def free_run_page(run: FreeRun) -> Page:
         lead=f"{run.words()}.",
         facts={"record": f"{run.time[0]:g} to {run.time[-1]:g} s, {counted(len(run.frequency_hz), 'period')}"},
         sections=[
-            Section("History", figures=[(run.plot(), "The signal; frequency and amplitude of each period.")]),
+            Section("History", figures=[(run.plot, "The signal; frequency and amplitude of each period.")]),
             _free_run(run),
         ],
         kind="limit-cycle",
@@ -174,7 +174,7 @@ def _branch(branch: Branch) -> Section:
     shown = f"{len(rows)} of {len(branch.points)} points; the data of this page hold all."
     return Section(
         f"Over {branch.parameter}",
-        figures=[(branch.plot(), "Amplitude and frequency; unstable parts dashed, folds marked.")],
+        figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed, folds marked.")],
         items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
         tables=[Table(headings, folds, title="Folds", right=range(5))] if folds else [],
         parts=[Section("Points", paragraphs=[shown], tables=[Table(headings, rows, right=range(5))], folded=True)],
@@ -198,7 +198,7 @@ def nyquist_page(result: NyquistResult) -> Page:
         lead=f"{counted(len(result.crossings), 'crossing')} from {low:g} to {high:g} Hz.",
         facts={"open loop": f"{counted(result.unstable_open, 'pole')} in the right half-plane"},
         sections=[
-            Section("Curve", figures=[(result.plot(), "L(jω), −1/N(A), and the crossings numbered.")]),
+            Section("Curve", figures=[(result.plot, "L(jω), −1/N(A), and the crossings numbered.")]),
             _crossings(result),
         ],
         kind="nyquist",
@@ -213,7 +213,7 @@ def describing_page(result: DescribingFunction) -> Page:
         lead=f"By {result.method}, at {sizes}{_frequencies(result)}.",
         facts={"depends on frequency": "yes" if result.frequency_dependent else "no"},
         sections=[
-            Section("N(A)", figures=[(result.plot(), "Gain and phase over the amplitude, −1/N in the plane.")]),
+            Section("N(A)", figures=[(result.plot, "Gain and phase over the amplitude, −1/N in the plane.")]),
             _describing_values(result),
         ],
         kind="describing function",

@@ -29,9 +29,7 @@ def lin_page(result: LinResult) -> Page:
         lead=" ".join([_kind(result), *_motion(result)]),
         facts=_facts(result),
         sections=[
-            Section(
-                "Response", figures=[(result.plot(), "Bode picture and step response, one column for each input.")]
-            ),
+            Section("Response", figures=[(result.plot, "Bode picture and step response, one column for each input.")]),
             *_parts(result),
         ],
         summary=_doubts(result),
@@ -116,7 +114,7 @@ def grid_page(grid: LinGrid) -> Page:
         facts={name: ", ".join(f"{v:g}" for v in values) for name, values in grid.over.items()},
         sections=[
             *(
-                [Section("Response", figures=[(grid.plot(), "First input to first output, one curve for each point.")])]
+                [Section("Response", figures=[(grid.plot, "First input to first output, one curve for each point.")])]
                 if good
                 else []
             ),
@@ -157,7 +155,7 @@ def comparison_page(result: LinComparison) -> Page:
             Section(
                 "Frequency responses",
                 items=result.words,
-                figures=[(result.plot(), "Curves: linear models; circles: measured with sines.")],
+                figures=[(result.plot, "Curves: linear models; circles: measured with sines.")],
             ),
             _verdict_table(result),
             *_inapplicable(result),
@@ -200,6 +198,6 @@ def step_check_page(result: StepCheck) -> Page:
         title=f"Step of {result.input}: linear model against the model",
         lead=f"After a step of {height} the linear {result.output} is off by {error} of its motion (rms).",
         facts={"input": result.input, "output": bracketed(result.output, result.unit), "height": height},
-        sections=[Section("Step response", figures=[(result.plot(), "Both responses to the same step.")])],
+        sections=[Section("Step response", figures=[(result.plot, "Both responses to the same step.")])],
         kind="step check",
     )

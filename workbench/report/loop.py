@@ -32,7 +32,7 @@ def loop_page(result: LoopResult) -> Page:
         },
         sections=[
             Section(
-                "Pictures", figures=[(result.plot(), "Loop transfer L as Bode and Nyquist pictures, and |S| and |T|.")]
+                "Pictures", figures=[(result.plot, "Loop transfer L as Bode and Nyquist pictures, and |S| and |T|.")]
             ),
             *_linear(result),
             *(_curve(c, place.unit) for c in result.curves),

@@ -30,7 +30,7 @@ def modes_page(result: ModesResult) -> Page:
             "critical values": f"to {result.tolerance:.2g} {result.unit or ''}".strip(),
         },
         sections=[
-            Section("Diagram", paragraphs=[_sentence(result.criterion)], figures=[(result.plot(), words)]),
+            Section("Diagram", paragraphs=[_sentence(result.criterion)], figures=[(result.plot, words)]),
             *(_configuration(result, s, parameter) for s in result.sets),
         ],
         summary=[v for s in result.sets for v in _verdicts(result, s)],

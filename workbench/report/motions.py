@@ -22,7 +22,7 @@ def motions_page(result: MotionComparison) -> Page:
             "runs": f"0 to {result.stop:g} s",
         },
         sections=[
-            Section("Peaks and records", figures=[(result.plot(), words)]),
+            Section("Peaks and records", figures=[(result.plot, words)]),
             *(_signal(result, s) for s in result.signals),
         ],
         summary=[Verdict("failed", f"{f.system}: {f.reason}") for f in result.failed],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
             "frequencies": _range(result),
         },
         sections=[
-            Section("Gain and phase", figures=[(result.plot(offset=offset), words)]),
+            Section("Gain and phase", figures=[(partial(result.plot, offset=offset), words)]),
             Section("Values", parts=[_values(result, i) for i in range(result.amplitude.size)], folded=True),
         ],
         summary=_verdicts(result),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,7 +71,7 @@ class Section:
         paragraphs: text, one paragraph each.
         items: lines of a list.
         tables: below the text.
-        figures: (picture, what it shows).
+        figures: (what draws the picture, what it shows); drawn when the page is written as HTML.
         verdicts: lines with coloured words, below the paragraphs, in the order given.
         code: command lines or code, one block each, below the text.
         parts: sections inside this one.
@@ -82,7 +82,7 @@ class Section:
     paragraphs: Sequence[str] = ()
     items: Sequence[str] = ()
     tables: Sequence[Table] = ()
-    figures: Sequence[tuple[Figure, str]] = ()
+    figures: Sequence[tuple[Callable[[], Figure], str]] = ()
     verdicts: Sequence[Verdict] = ()
     code: Sequence[str] = ()
     parts: Sequence[Section] = ()
@@ -152,7 +152,7 @@ def _render(page: Page) -> str:
 
 def _filled(section: Section, name: str) -> dict[str, Any]:
     """Return a section and those inside it with names, and with pictures as text."""
-    figures = [(svg_of(figure, f"{name}f{k}", words), words) for k, (figure, words) in enumerate(section.figures)]
+    figures = [(svg_of(draw(), f"{name}f{k}", words), words) for k, (draw, words) in enumerate(section.figures)]
     parts = [_filled(part, f"{name}p{k}") for k, part in enumerate(section.parts)]
     return {"section": section, "name": name, "figures": figures, "parts": parts}
 

@@ -17,7 +17,7 @@ def simulate_page(result: SimulationResult) -> Page:
         lead=f"{counted(len(result.signals), 'signal')} from {begin:g} to {end:g} s, {len(result.time)} instants.",
         facts={},
         sections=[
-            Section("Time history", figures=[(result.plot(), f"Signals of {result.model} over time.")]),
+            Section("Time history", figures=[(result.plot, f"Signals of {result.model} over time.")]),
             Section("Values", tables=[_values(result)]),
         ],
         notes=result.notes,

@@ -55,7 +55,7 @@ def _residuals(result: TrimResult) -> Section:
     rows = [(r.name, f"{r.value:.4g}", r.unit or "", f"{r.scaled:.2g}", _remark(r)) for r in result.residuals]
     table = Table(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
     words = "What each equation leaves over, in units of what one nominal change of the unknowns makes."
-    figures = [(result.plot(), words)] if result.residuals else []
+    figures = [(result.plot, words)] if result.residuals else []
     return Section("Residuals", figures=figures, tables=[table])
 
 

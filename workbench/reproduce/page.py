@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import IO, TYPE_CHECKING, cast
 
 from workbench.fmi.bundled import bundled_names, bundled_path
@@ -68,7 +69,9 @@ def _section(chapter: str, result: ReproduceResult) -> Section:
     return Section(
         f"{chapter} {TITLES.get(chapter, '')}".strip(),
         tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=1, right=())],
-        figures=[(_figure(d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter],
+        figures=[
+            (partial(_figure, d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter
+        ],
         parts=list(_remarks(outcomes)),
     )
 

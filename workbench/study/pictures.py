@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
@@ -27,15 +28,19 @@ def pictures(result: StudyResult) -> Iterator[Section]:
     Args:
         result: of the study.
     """
-    figures: list[tuple[Figure, str]] = []
+    figures: list[tuple[Callable[[], Figure], str]] = []
     for checked in sorted(result.checked, key=lambda c: c.finding.passed):
         outcome = result.runs.get(checked.runs[0])
         if len(figures) < _MOST and outcome is not None and outcome.result is not None:
             figure = _drawn(checked, outcome.result)
             if figure is not None:
-                figures.append((figure, f"{checked.name}: {said(checked.finding)}."))
+                figures.append((partial(_drawing, figure), f"{checked.name}: {said(checked.finding)}."))
     if figures:
         yield Section("Pictures", figures=figures)
+
+
+def _drawing(figure: Figure) -> Figure:
+    return figure
 
 
 def _drawn(checked: Checked, result: Result) -> Figure | None:

@@ -4,9 +4,9 @@ An analysis describes its work as a generator function of a model and a job (`Ta
 jobs to a `Runner`; which runner that is, this process, worker processes or any executor, `choose` decides.
 """
 
-from workbench.workers.choose import Workers, choose
+from workbench.core.where import DEFAULT_TIMEOUT, Limits, Workers
+from workbench.workers.choose import choose
 from workbench.workers.job import Job, Remark, perform
-from workbench.workers.limits import DEFAULT_TIMEOUT, Limits
 from workbench.workers.runner import InProcess, Lost, Reply, Runner
 
 __all__ = [

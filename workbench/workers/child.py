@@ -15,10 +15,11 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.kernel.library import kernel, why_kernel_missing
-from workbench.workers.limits import Limits, MemoryWatch
+from workbench.workers.limits import MemoryWatch
 
 if TYPE_CHECKING:
     from workbench.model.base import Model

@@ -4,62 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from workbench.core.where import Limits, Workers
 from workbench.errors import InputError
 from workbench.model.recipe import Recipe
-from workbench.workers.limits import DEFAULT_TIMEOUT, Limits, memory_limit_works
+from workbench.workers.limits import memory_limit_works
 from workbench.workers.pool import Pool
 from workbench.workers.runner import InProcess, Runner
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["Workers", "choose", "cores"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Workers:
-    """Where and under which limits an analysis runs its FMU.
-
-    Attributes:
-        jobs: most worker processes at a time; None: as many as cores.
-        in_process: run in this process, one after the other: for debugging, and for FMUs that are trusted.
-        timeout: longest time for one result [s]; None: any. For worker processes only.
-        memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
-        executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
-        scheduler: address of a Dask scheduler, in place of worker processes.
-
-    Raises:
-        InputError: fewer than one job, or two places at once.
-    """
-
-    jobs: int | None = None
-    in_process: bool = False
-    timeout: float | None = DEFAULT_TIMEOUT
-    memory_limit: float | None = None
-    executor: Executor | None = None
-    scheduler: str | None = None
-
-    @property
-    def limits(self) -> Limits:
-        """Time and memory limit together."""
-        return Limits(timeout=self.timeout, memory=self.memory_limit)
-
-    def __post_init__(self) -> None:
-        if self.jobs is not None and self.jobs < 1:
-            raise InputError(f"jobs: {self.jobs} is too few; take at least 1")
-        if self.in_process and (self.jobs or 1) > 1:
-            raise InputError(f"in process runs one point after the other; it cannot have {self.jobs} jobs")
-        places = {"in process": self.in_process, "an executor": self.executor, "a scheduler": self.scheduler}
-        asked = [name for name, wanted in places.items() if wanted]
-        if len(asked) > 1:
-            raise InputError(f"{' and '.join(asked)}: only one place can run the points")
-        limits = self.limits
-        if asked and limits != Limits():
-            raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
+__all__ = ["choose", "cores"]
 
 
 def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:

@@ -1,44 +1,17 @@
-"""What a worker may use: time for each result, and memory."""
+"""The memory limit of a worker process."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from workbench.errors import InputError
-
-__all__ = ["DEFAULT_TIMEOUT", "Limits", "MemoryWatch", "memory_limit_works"]
-
-# Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
-DEFAULT_TIMEOUT = 3600.0
+__all__ = ["MemoryWatch", "memory_limit_works"]
 
 _MB = 1_000_000
 
 # Allocations are refused beyond this multiple of the memory limit.
 _REFUSED = 1.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What one result may cost.
-
-    Attributes:
-        timeout: longest time without a result [s]; None or inf: any.
-        memory: how much the FMU may allocate, on top of the worker's own [MB]; None: any.
-
-    Raises:
-        InputError: a limit that is not positive.
-    """
-
-    timeout: float | None = DEFAULT_TIMEOUT
-    memory: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value, unit in (("timeout", self.timeout, "s"), ("memory limit", self.memory, "MB")):
-            if value is not None and not value > 0.0:
-                raise InputError(f"{name}: {value:g} {unit} is not a positive number")
 
 
 def memory_limit_works() -> bool:

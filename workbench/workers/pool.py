@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from multiprocessing.connection import wait
 from typing import Any
 
+from workbench.core.where import Limits
 from workbench.errors import WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers import reasons
 from workbench.workers.child import BUG, DONE, ERROR, ITEM, MEMORY, READY, Task
-from workbench.workers.limits import Limits
 from workbench.workers.process import WorkerProcess
 from workbench.workers.runner import Lost, Reply, Runner
 

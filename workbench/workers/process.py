@@ -18,10 +18,10 @@ from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
 
+from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task, work
-from workbench.workers.limits import Limits
 
 __all__ = ["WorkerProcess"]
 

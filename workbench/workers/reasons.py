@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 
-from workbench.workers.limits import Limits
+from workbench.core.where import Limits
 
 __all__ = ["died", "out_of_memory", "timed_out"]
 

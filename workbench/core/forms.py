@@ -1,0 +1,174 @@
+"""How the value of an option is written as text, and read again: one form for each kind of value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from workbench.core.names import split_names
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["FILE", "Band", "File", "Form", "Names", "Numbers", "Values", "number", "pairs", "several"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form:
+    """How values of one kind are written.
+
+    Attributes:
+        metavar: what `--help` shows in place of the value, such as "LO:HI".
+        read: the texts that were given for an option → its value; raises ValueError with what is wrong.
+        write: the value → texts, one for each time the option has to be given.
+        take: what Python or a TOML file holds → the value; raises ValueError with what is wrong.
+        repeated: whether the option can be given several times.
+    """
+
+    metavar: str
+    read: Callable[[Sequence[str]], Any]
+    write: Callable[[Any], list[str]]
+    take: Callable[[Any], Any]
+    repeated: bool = False
+
+
+def number(text: str) -> float:
+    """Read a number.
+
+    Raises:
+        ValueError: it is not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"'{text.strip()}' is not a number") from None
+
+
+def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
+    """Split repeated NAME=VALUE.
+
+    Args:
+        texts: as they were given.
+        sample: what the message shows.
+
+    Raises:
+        ValueError: no equals sign, no name, a name given twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ValueError(f"'{text}' is not of the form {sample}")
+        if name in found:
+            raise ValueError(f"'{name}' is given twice")
+        found[name] = value
+    return found
+
+
+# -- the forms ---------------------------------------------------------------------------------
+
+
+def _short(value: float) -> str:
+    """Return the shortest text that gives the number again."""
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+
+
+def _read_numbers(texts: Sequence[str]) -> tuple[float, ...]:
+    return tuple(number(item) for text in texts for item in text.split(","))
+
+
+def several(value: Numbers) -> tuple[float, ...]:
+    """Return one number, or several, as a tuple.
+
+    Args:
+        value: as Python or a TOML file has it.
+    """
+    items = [value] if isinstance(value, int | float) else value
+    return tuple(float(item) for item in items)
+
+
+_NUMBERS = Form(
+    metavar="A,..",
+    read=_read_numbers,
+    write=lambda value: [",".join(map(_short, value))],
+    take=several,
+)
+
+
+def _read_band(texts: Sequence[str]) -> tuple[float, float]:
+    parts = texts[-1].split(":")
+    if len(parts) != 2:
+        raise ValueError(f"'{texts[-1]}' is not of the form LO:HI, as in 0.1:10")
+    return number(parts[0]), number(parts[1])
+
+
+def _take_band(value: Any) -> tuple[float, float]:  # noqa: ANN401
+    low, high = value
+    return float(low), float(high)
+
+
+_BAND = Form(
+    metavar="LO:HI",
+    read=_read_band,
+    write=lambda value: [":".join(map(_short, value))],
+    take=_take_band,
+)
+
+
+def _take_names(value: Any) -> tuple[str, ...]:  # noqa: ANN401
+    return tuple(split_names(value)) if isinstance(value, str) else tuple(map(str, value))
+
+
+_NAMES = Form(
+    metavar="NAME,..",
+    read=lambda texts: tuple(name for text in texts for name in split_names(text)),
+    write=lambda value: [",".join(value)] if value else [],
+    take=_take_names,
+    repeated=True,
+)
+
+
+def _read_values(texts: Sequence[str]) -> dict[str, float]:
+    return {name: _named(name, text) for name, text in pairs(texts).items()}
+
+
+def _named(name: str, text: str) -> float:
+    try:
+        return number(text)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+_VALUES = Form(
+    metavar="NAME=VALUE",
+    read=_read_values,
+    write=lambda value: [f"{name}={_short(x)}" for name, x in value.items()],
+    take=lambda value: {str(name): float(x) for name, x in dict(value).items()},
+    repeated=True,
+)
+
+FILE = Form(
+    metavar="PATH",
+    read=lambda texts: Path(texts[-1]),
+    write=lambda value: [str(value)],
+    take=lambda value: value,
+)
+
+
+# -- types of options: what Python takes, and the form on the command line ----------------------
+
+if TYPE_CHECKING:
+    Numbers = Sequence[float] | NDArray[np.float64] | float
+    Band = tuple[float, float]
+    Names = Sequence[str]
+    Values = Mapping[str, float]
+    File = str | Path
+else:
+    Numbers = Annotated[object, _NUMBERS]
+    Band = Annotated[object, _BAND]
+    Names = Annotated[object, _NAMES]
+    Values = Annotated[object, _VALUES]
+    File = Annotated[object, FILE]

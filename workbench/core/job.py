@@ -1,0 +1,63 @@
+"""A request being run: what it tells while it runs, and how it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+__all__ = ["Job", "Progress"]
+
+Progress = Callable[[object, int, int], None]
+"""Is called with what was finished (a point, or words for it), how many are done, and how many there are in all."""
+
+
+class Job:
+    """What a running analysis tells, and whether it should stop.
+
+    Args:
+        progress: is told what is finished.
+
+    Attributes:
+        partial: returns the record of what is finished so far; None: there is nothing yet.
+        notes: remarks on how the analysis runs.
+        stopped: whether `stop` was called.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self._progress = progress
+        self._ends: list[Callable[[], None]] = []
+        self.partial: Callable[[], object] = lambda: None
+        self.notes: list[str] = []
+        self.stopped = False
+
+    def done(self, what: object, done: int, total: int) -> None:
+        """Tell that something is finished.
+
+        Args:
+            what: a point, or words for it.
+            done: number of points finished.
+            total: number of points in all, as far as it is known.
+        """
+        if self._progress is not None:
+            self._progress(what, done, total)
+
+    def stop(self) -> None:
+        """Let the analysis end soon; a signal handler may call it."""
+        self.stopped = True
+        for end in self._ends:
+            end()
+
+    @contextmanager
+    def ended_by(self, end: Callable[[], None]) -> Iterator[None]:
+        """Let `stop` call a function while this is entered.
+
+        Args:
+            end: ends the work soon; it is called at once where `stop` came before.
+        """
+        self._ends.append(end)
+        try:
+            if self.stopped:
+                end()
+            yield
+        finally:
+            self._ends.remove(end)

@@ -1,0 +1,98 @@
+"""Where an analysis runs its FMU, and under which limits."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import KW_ONLY, dataclass
+
+from workbench.core.option import Options, option
+from workbench.errors import InputError
+
+__all__ = ["DEFAULT_TIMEOUT", "InWorkers", "Limits", "Workers"]
+
+# Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
+DEFAULT_TIMEOUT = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What one result may cost.
+
+    Attributes:
+        timeout: longest time without a result [s]; None or inf: any.
+        memory: how much the FMU may allocate, on top of the worker's own [MB]; None: any.
+
+    Raises:
+        InputError: a limit that is not positive.
+    """
+
+    timeout: float | None = DEFAULT_TIMEOUT
+    memory: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, unit in (("timeout", self.timeout, "s"), ("memory limit", self.memory, "MB")):
+            if value is not None and not value > 0.0:
+                raise InputError(f"{name}: {value:g} {unit} is not a positive number")
+
+
+class Workers(Options):
+    """Where and under which limits an analysis runs its FMU.
+
+    Attributes:
+        jobs: most worker processes at a time; None: as many as cores.
+        in_process: run in this process, one after the other: for debugging, and for FMUs that are trusted.
+        timeout: longest time for one result [s]; None: any. For worker processes only.
+        memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
+        executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
+        scheduler: address of a Dask scheduler, in place of worker processes.
+
+    Raises:
+        InputError: fewer than one job, or two places at once.
+    """
+
+    _: KW_ONLY
+    jobs: int | None = option("Worker processes at a time; by default one per core.", metavar="N", default=None)
+    in_process: bool = option("Run the FMU in this process: for debugging; a crash ends everything.", default=False)
+    timeout: float | None = option(
+        "Longest time for one result [s]; 3600 unless set, inf for none.", metavar="S", default=DEFAULT_TIMEOUT
+    )
+    memory_limit: float | None = option("How much an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None)
+    scheduler: str | None = option("Run on an existing Dask cluster.", metavar="tcp://..", default=None)
+    executor: Executor | None = option(
+        "Executor in place of worker processes; it stays open.", default=None, python=True
+    )
+
+    @property
+    def limits(self) -> Limits:
+        """Time and memory limit together."""
+        return Limits(timeout=self.timeout, memory=self.memory_limit)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.jobs is not None and self.jobs < 1:
+            raise InputError(f"jobs: {self.jobs} is too few; take at least 1")
+        if self.in_process and (self.jobs or 1) > 1:
+            raise InputError(f"in process runs one point after the other; it cannot have {self.jobs} jobs")
+        places = {"in process": self.in_process, "an executor": self.executor, "a scheduler": self.scheduler}
+        asked = [name for name, wanted in places.items() if wanted]
+        if len(asked) > 1:
+            raise InputError(f"{' and '.join(asked)}: only one place can run the points")
+        limits = self.limits
+        if asked and limits != Limits():
+            raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
+
+
+class InWorkers(Options):
+    """The part of a request that says where its FMU runs."""
+
+    _: KW_ONLY
+    workers: Workers | None = option(
+        "Where the FMU runs and under which limits; else in one worker process per core, where a crash costs one "
+        "point. A model that is not a file runs in this process.",
+        default=None,
+    )
+
+    @property
+    def place(self) -> Workers:
+        """Where the FMU runs."""
+        return self.workers or Workers()
