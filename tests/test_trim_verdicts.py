@@ -48,6 +48,19 @@ def test_a_cubic_rests_at_its_flat_root(start: float) -> None:
     assert not result.null_directions
 
 
+@pytest.mark.parametrize("power", [4, 5, 6])
+@pytest.mark.parametrize("away", [1e-6, 1e-5, 1e-4])
+def test_a_flat_root_is_reached_from_within_the_width_of_the_differences(power: int, away: float) -> None:
+    result = scalar(lambda v: [-((v["x"] - 0.3) ** power)], 0.3 + away)
+    assert result.converged
+    assert result.point.x["x"] == pytest.approx(0.3, abs=1e-2 * away)
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-24])
+def test_a_flat_bottom_that_just_misses_zero_has_no_root(gap: float) -> None:
+    assert not scalar(lambda v: [(v["x"] - 0.3) ** 4 + gap], 0.3 + 1e-6).converged
+
+
 def test_a_flat_root_is_called_degenerate() -> None:
     result = trim(Plant(Equations(x={"x": 1.0, "v": 0.5}, f=lambda v: [v["v"], -(v["x"] ** 3) - v["v"]])))
     assert result.converged

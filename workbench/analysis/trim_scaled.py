@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.trim_problem import Problem
 from workbench.session.base import Floats
@@ -10,6 +11,10 @@ from workbench.session.base import Floats
 __all__ = ["Scaled"]
 
 HELD = 1e-3  # of what is held: by so much it is moved to see whether an equation reacts to it
+_BENT = 0.01  # second difference over first: over the usual width it is 1e-5 of what bends over one nominal value
+_NARROWER = 0.1  # of the width before
+_FALLS = 0.9  # slope over the one before: closer together, both serve
+_NARROWINGS = 12  # of ten each: from the usual width, 1e-5, to rounding
 
 
 class Scaled:
@@ -93,20 +98,38 @@ class Scaled:
     def _differences(self, w: Floats) -> Floats:
         """Return differences of all rates and outputs, central; one-sided at a bound or where the model fails."""
         balance = self.problem.balance
-        height = len(balance.states) + len(balance.outputs)
-        columns = [self._column(w, i, balance.precision ** (1.0 / 3.0)) for i in range(len(w))]
-        return np.column_stack(columns) if columns else np.zeros((height, 0))
+        here = self.problem.evaluate(w * self.nominal)
+        columns = [self._column(w, here, i, balance.precision ** (1.0 / 3.0)) for i in range(len(w))]
+        return np.column_stack(columns) if columns else np.zeros((len(here), 0))
 
-    def _column(self, w: Floats, i: int, width: float) -> Floats:
+    def _column(self, w: Floats, here: Floats, i: int, width: float) -> Floats:
+        """Return the slopes over `width`, and over less where they bend and thereby fall.
+
+        Near a root without slope, −(x − a)⁴, the differences reach farther than the root: too steep, and steps to it
+        come to a halt. Narrower differences of rounding errors would be steeper.
+        """
         h = width * max(1.0, abs(w[i]))
-        (above, upper), (below, lower) = (self._beside(w, i, step) for step in (h, -h))
-        return (upper - lower) / (above - below) if above != below else np.zeros_like(upper)
+        slopes, bent = self._slopes(w, here, i, h)
+        for _ in range(_NARROWINGS):
+            if not bent.any():
+                break
+            h *= _NARROWER
+            narrow, bends = self._slopes(w, here, i, h)
+            falls = bent & (narrow != 0.0) & (np.abs(narrow) < _FALLS * np.abs(slopes))
+            slopes, bent = np.where(falls, narrow, slopes), falls & bends
+        return slopes
 
-    def _beside(self, w: Floats, i: int, step: float) -> tuple[float, Floats]:
+    def _slopes(self, w: Floats, here: Floats, i: int, h: float) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return slopes from -h to h, and which of them are not those of a straight line."""
+        (above, upper), (below, lower) = (self._beside(w, here, i, step) for step in (h, -h))
+        if above == below:
+            return np.zeros_like(here), np.zeros(len(here), dtype=bool)
+        rise = upper - lower
+        return rise / (above - below), np.abs(upper - 2.0 * here + lower) > _BENT * np.abs(rise)
+
+    def _beside(self, w: Floats, here: Floats, i: int, step: float) -> tuple[float, Floats]:
         """Return where unknown `i` could be moved to, and the rates and outputs there."""
         moved = w.copy()
         moved[i] = min(max(w[i] + step, self.low[i]), self.high[i])
         values = self.problem.evaluate(moved * self.nominal)
-        if np.isfinite(values).all():
-            return float(moved[i]), values
-        return float(w[i]), self.problem.evaluate(w * self.nominal)
+        return (float(moved[i]), values) if np.isfinite(values).all() else (float(w[i]), here)

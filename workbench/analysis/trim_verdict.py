@@ -322,7 +322,9 @@ class Judge:
         scales, reach = self(w).scales[: self._hard], np.maximum(1.0, np.abs(w))
         hard = jacobian[: self._hard] * reach / scales[:, None]
         basis = readable(null_space(hard, size=_REGULAR)) * reach[:, None]
-        inverse = reach[:, None] * np.linalg.pinv(hard, rcond=RANK) if hard.size else np.zeros((len(w), self._hard))
+        u, sigma, vt = np.linalg.svd(hard, full_matrices=False)
+        keep = sigma > RANK * np.maximum(sigma.max(initial=0.0), _REGULAR)
+        inverse = reach[:, None] * ((vt[keep].T / sigma[keep]) @ u[:, keep].T)
         around = self._around(w)
         level = np.maximum(around.noise(np.eye(len(around.here)))[: self._hard] / scales, _ON_FAMILY)
         open_ = np.array([self._open(w, v, inverse, scales, level) for v in basis.T], dtype=bool)
