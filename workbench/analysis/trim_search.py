@@ -20,7 +20,7 @@ __all__ = ["exact_agrees", "search"]
 
 RUNS_S = (0.1, 1.0, 10.0, 100.0)  # [s] of continuous models
 RUNS_PERIODS = (8, 64, 512)
-AGREES = 1e-3
+AGREES = 1e-3  # of derivatives and differences: these are good to 1e-10 of a smooth equation
 SMALL = 1e-3  # of the size that was assumed
 
 

@@ -17,14 +17,14 @@ from workbench.session.base import Floats
 
 __all__ = ["Solution", "solve"]
 
-MAX_DESCENT = 200  # evaluations of the least squares, Jacobians not counted
-MAX_STEPS = 40  # within a family
-SMALLEST_PART = 1.0 / 1024.0
-MAX_BACK = 4
-STILL = 1e-10  # a step that ends the refinement, in nominal values
-NEARLY_STILL = 1e-4
-SLOWLY = (0.2, 0.95)  # ratio of one Gauss-Newton step to the one before it, near an equilibrium without slope
-ALIKE = 0.1  # difference of such ratios
+MAX_DESCENT = 200  # evaluations of the least squares, Jacobians not counted; a search that needs more is lost
+MAX_STEPS = 40  # of one walk: a regular root takes five to ten, one without slope three for each extrapolation
+SMALLEST_PART = 1.0 / 1024.0  # of a step: ten halvings
+MAX_BACK = 4  # corrections after a step along a family; each squares the error
+STILL = 1e-10  # a step that ends the refinement, in nominal values: slopes by differences are no better
+NEARLY_STILL = 1e-4  # the same, where rounding lets no step come nearer
+SLOWLY = (0.2, 0.95)  # ratio 1 − 1/p of one step to the one before it, p = 5/4 to 20
+ALIKE = 0.1  # part by which 1/(1 − r), the order p, may change from one ratio to the next
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

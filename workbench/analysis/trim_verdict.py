@@ -14,24 +14,27 @@ from workbench.session.base import Floats
 
 __all__ = ["Judge", "Verdict"]
 
+# Over the differences' own width curvature is as small as rounding; ten times as far it shows, 100 times as large.
 _WIDER = 10.0  # than the differences of the Jacobian: how far around a point the equations are looked at
-_NARROWER = (1.0, 1e-3, 1e-6)  # parts of that, where the model cannot be evaluated there
-_SCATTER = (2.0, 5.0, 11.0)  # rounding errors of the unknowns by which a point is moved to see the noise
+_NARROWER = (1.0, 1e-3, 1e-6)  # parts of that, where the model cannot be evaluated there (near the end of a √)
+_SCATTER = (2.0, 5.0, 11.0)  # ulps of the unknowns by which a point is moved to see the noise; no two round alike
+# Three samples of an even error are all below an eighth of its bound once in 8³ = 512 cases.
 _NOISE = 8.0  # times the scatter seen: what cannot be told from zero
-_ROUNDING = 16.0 * np.finfo(np.float64).eps  # of the terms of an equation that no unknown changes
+_ROUNDING = 16.0 * np.finfo(np.float64).eps  # of an equation's terms where no unknown changes it: 32 roundings
+# An edge gives 2, that of a square root 1.41; what fades by rounding (1 − tanh x, e^-x²) 1.01 at most over _EDGE.
 _SHARP = 1.3  # at twice the distance from where it vanishes, an equation is larger by this factor at least
-_HARDLY = 100.0  # times the noise: what can hardly be told from zero
-_EDGE = 1e-4  # that distance
-_BISECTIONS = 60
-_ALONG = 0.03  # nominal values by which one moves along a direction to see whether it is a family
-_RETURNS = 12  # corrections on the way back to the family
-_ON_FAMILY = 1e-12  # scaled residual
+_HARDLY = 100.0  # times the noise: what can hardly be told from zero; decides on words only ("there may be one")
+_EDGE = 1e-4  # that distance, in reaches; e^-x² at x = 6, where it has faded, changes by 0.7 % over it
+_BISECTIONS = 60  # more than the 53 bits of a double
+_ALONG = 0.03  # nominal values by which one moves along a direction to see whether it is a family; x³ is 3e-5 there
+_RETURNS = 12  # corrections on the way back to the family; each leaves a tenth, or less, where curvature is about 1
+_ON_FAMILY = 1e-12  # scaled residual: thousands of rounding errors, far below x³ at _ALONG
 _FURTHER = 3  # steps of Newton's method from a root without slope
-_CLOSER = 0.8  # the last of these over the first; 0.9³ towards a tenfold root
-_REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish: of an equation over its change around
+_CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfold root, 0.96 for e^-x² from 6, 1 for e^-x
+_REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
 _LARGE = 1e300  # stands for what cannot be evaluated
-_VERY_FAR = 1e6  # reaches: numbers so large that what was seen at the start may be lost in their rounding
-_FELL = 0.1  # of the residual at the start: a search that goes away while its residuals fall has run away
+_VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
+_FELL = 0.1  # of the residual at the start: a search that went away while this fell ran away; decides on words only
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
