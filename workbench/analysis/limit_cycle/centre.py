@@ -62,32 +62,43 @@ def centre_of(rest: LinResult, block: Callable[[Floats], Floats], v: float, w: f
         v: input of the block at that point.
         w: its output there.
     """
+    left, sigma, _ = np.linalg.svd(rest.A)
+    rank = int((sigma > _SINGULAR * sigma.max(initial=0.0)).sum())
+    if rank < len(sigma):
+        return _held(rest, block, v, w, left[:, rank:])
+    return _on_line(rest, block, v, w)
+
+
+def _held(rest: LinResult, block: Callable[[Floats], Floats], v: float, w: float, open_: Floats) -> Centre | None:
+    """Return the centre where integrators rest at one w alone; `open_`: the left null space of A, shape (n, i)."""
     a, b, c, d = rest.A, rest.B[:, 0], rest.C[0], float(rest.D[0, 0])
     drift = _rates(rest)
-    left, sigma, right = np.linalg.svd(a) if len(a) else (np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
-    rank = int((sigma > _SINGULAR * sigma.max(initial=0.0)).sum())
-    inverse = (right[:rank].T / sigma[:rank]) @ left[:, :rank].T if len(a) else np.zeros((0, 0))
-    if rank < len(a):
-        forced, free = left[:, rank:].T @ b, left[:, rank:].T @ drift
-        if not np.abs(forced).max() > 0.0:
-            return None
-        held = w - float(forced @ free) / float(forced @ forced)
-        at = _meeting(lambda x: block(x) - held, v, max(abs(v), 1.0))
-        if at is None:
-            return None
-        dw = held - w
-        wanted = np.append(-(drift + b * dw), at - v - d * dw)
-        moved = np.linalg.lstsq(np.vstack([a, c]), wanted, rcond=None)[0]
-        return Centre(_states(rest) + moved, at, held)
-    slope = d - float(c @ inverse @ b)
-    level = v - float(c @ inverse @ drift)
+    forced, free = open_.T @ b, open_.T @ drift
+    if not np.abs(forced).max() > 0.0:
+        return None
+    held = w - float(forced @ free) / float(forced @ forced)
+    at = _meeting(lambda x: block(x) - held, v, max(abs(v), 1.0))
+    if at is None:
+        return None
+    dw = held - w
+    wanted = np.append(-(drift + b * dw), at - v - d * dw)
+    moved = np.linalg.lstsq(np.vstack([a, c]), wanted, rcond=None)[0]
+    return Centre(_states(rest) + moved, at, held)
+
+
+def _on_line(rest: LinResult, block: Callable[[Floats], Floats], v: float, w: float) -> Centre | None:
+    """Return the centre where the linear part rests at every w: v is a straight line over it; see `centre_of`."""
+    per_w, per_drift = np.linalg.solve(rest.A, np.column_stack([rest.B[:, 0], _rates(rest)])).T
+    c, d = rest.C[0], float(rest.D[0, 0])
+    slope = d - float(c @ per_w)
+    level = v - float(c @ per_drift)
     probe = block(np.array([v, level, v + 1.0, v - 1.0]))
     size = max(abs(v), abs(level), abs(slope) * float(np.abs(probe - w).max()), 1e-9)
     at = _meeting(lambda x: x - level - slope * (block(x) - w), v, size)
     if at is None:
         return None
     dw = (at - level) / slope if slope else 0.0
-    return Centre(_states(rest) - inverse @ (drift + b * dw), at, w + dw)
+    return Centre(_states(rest) - per_drift - per_w * dw, at, w + dw)
 
 
 def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> float | None:
