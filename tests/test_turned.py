@@ -386,3 +386,46 @@ def test_no_false_alarm(solver: str, kind: Callable[[np.random.Generator], Legit
         with open_fake(case.model, solver) as session:
             y = session.advance(case.stop, signals={}, record=["y"]).values["y"][-1]
         assert math.isnan(case.truth) or y == pytest.approx(case.truth, rel=2e-6, abs=2e-6)
+
+
+RESTING = """
+model Pushed "stops at x = 1 at t = 1 where no force holds it, rests, and is pushed on"
+  input Real push(start = 0);
+  parameter Boolean itself = true;
+  Real x(start = 0, fixed = true);
+  Real v(start = 1, fixed = true);
+  output Real y = x;
+equation
+  der(x) = v;
+  der(v) = push + (if itself and time > 3 then 1 else 0);
+  when x > 1 then
+    reinit(v, 0);
+  end when;
+end Pushed;
+"""
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def pushed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pushed")
+    source = folder / "Pushed.mo"
+    source.write_text(RESTING)
+    build_fmu([source], out=folder / "Pushed.fmu", fmi=request.param, platforms=[HOST])
+    return folder / "Pushed.fmu"
+
+
+@pytest.mark.parametrize("interval", [0.01, 0.3, 0.7])
+@pytest.mark.parametrize("itself", [True, False])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_a_later_event_ends_the_watch(pushed: Path, interface: str, itself: bool, interval: float) -> None:
+    """From t = 3 on it is moved by 1, by itself or by its input: y = 1 + (t − 3)²/2 [Newton], at t = 5 it is 3.
+
+    An input jumps for Co-Simulation where a step begins, at most one interval late.
+    """
+    signals: dict[str, wb.Signal] = {} if itself else {"push": wb.Step(time=3.0, value=1.0)}
+    with wb.load(pushed, interface=interface, start_values={"itself": itself}) as model:
+        found = wb.simulate(model, stop=5.0, interval=interval, inputs=signals)
+    late = 0.0 if itself or interface == "me" else interval
+    assert 1.0 + 0.5 * (2.0 - late) ** 2 - 1e-3 <= found.signals["y"][-1] <= 3.0 + 1e-3
+    rest = found.signals["y"][(found.time > 1.0 + interval) & (found.time < 3.0)]
+    np.testing.assert_allclose(rest, 1.0, atol=1e-6)

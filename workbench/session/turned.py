@@ -148,6 +148,8 @@ def gone_through(time: float) -> SimulationError:
     """Return the error for an indicator that went on across its zero, though the event there turned or stopped it."""
     words = (
         "the event here turns back or stops what crosses its threshold, yet that goes on to the far side without"
-        " another event (as a ball that comes to rest falls through its floor); let the model rest there"
+        " another event (as a ball that comes to rest falls through its floor); let the model rest there, held by a"
+        " contact force; whether it is meant to pass cannot be told: if so, write the passage without restarting a"
+        " state (reinit)"
     )
     return SimulationError(words, time=time)

@@ -181,7 +181,8 @@ static Status guard_against_going_through(Instance *instance)
         return instance_fail(instance,
                              "the event at t = %.9g turns back or stops what crosses its threshold, yet that goes on "
                              "to the far side without another event (as a ball that comes to rest falls through its "
-                             "floor); let the model rest there",
+                             "floor); let the model rest there, held by a contact force; whether it is meant to pass "
+                             "cannot be told: if so, write the passage without restarting a state (reinit)",
                              turned->since);
     }
     return STATUS_OK;
@@ -279,6 +280,9 @@ static void conclude(Instance *instance, const Step *step)
     StepReport *report = step->report;
     double now = instance->solver->t;
     bool whole = now >= step->asked_end;
+    if (record->turned.watches != 0.0 && record->turned.known == 0.0) {
+        look_before_event(instance, step, false); /* inputs may jump here, and an event may be due */
+    }
     inputs_end(&instance->inputs);
     record->communication_point = whole ? step->asked_end : now;
     record->last_successful_time = record->communication_point;

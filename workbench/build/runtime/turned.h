@@ -13,7 +13,7 @@
 typedef struct {
     double since;   /* the event that turned the indicators under watch [s] */
     double ahead;   /* how far ahead the rates before an event were looked at [s] */
-    double known;   /* 1: these rates are known, and the event is under way */
+    double known;   /* 1: these rates are known: an event is under way, or may come where a step ended */
     double watches; /* 1: some indicator is under watch */
 } Turned;
 
