@@ -202,6 +202,17 @@ def test_a_run_that_the_model_ends_is_named_in_one_line(begins: float) -> None:
         trim(ending(), step=0.2, time=begins)
 
 
+def test_a_fixed_point_whose_run_the_model_ends_is_not_said_to_move() -> None:
+    """d = d holds at once; 9 s is less than is watched, so that nobody knows whether it stays."""
+    result = trim(
+        Plant(Equations(outputs=("y",), memory={"d": 1.0}, tick=lambda v: [v["d"]], g=lambda v: [v["d"]],
+                        period=1.0, ends=9.0))
+    )  # fmt: skip
+    assert not result.converged
+    assert "a run from there does not confirm it" in result.message
+    assert "whether the model stays there cannot be told from a run: the FMU ended its run (at t = 9 s)" in result.notes
+
+
 def test_a_model_at_rest_is_seen_at_rest_before_it_ends_its_run() -> None:
     result = trim(ending(), step=0.02, longest=8.0)
     assert result.converged

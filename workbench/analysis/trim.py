@@ -21,7 +21,7 @@ from workbench.analysis.trim_search import exact_agrees, search
 from workbench.analysis.trim_sizes import sized
 from workbench.analysis.trim_solve import Solution
 from workbench.core.operating_point import At
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import EndedError, InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named, start_at
 from workbench.origin import with_origin
@@ -230,6 +230,8 @@ class _Trim:
         nominal |= {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
         try:
             moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
+        except EndedError as error:
+            return f"whether the model stays there cannot be told from a run: {error}"
         except SimulationError as error:
             return f"the model fails when it runs on from there: {error}"
         if floating:

@@ -95,7 +95,7 @@ def _gone(bad: Sequence[Residual]) -> str:
 
 def _what_is_left(bad: Sequence[Residual]) -> str:
     if not bad:
-        return "nothing is left of the equations, but the model does not stay there"
+        return "the equations are satisfied, but a run from there does not confirm it (see the notes)"
     if any(r.value != r.value for r in bad):
         return "the model cannot be evaluated where the search begins"
     worst = sorted(bad, key=lambda r: -abs(r.scaled))[:_SHOWN]
