@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
-from tests.hybrid_fmus import Hybrid, open_fake
+from tests.hybrid_fmus import Hybrid, inside, open_fake
 from workbench.errors import SimulationError
 
 SOLVERS = ["vkm", "gear"]
@@ -142,3 +143,72 @@ def test_switching_that_only_is_quick_is_let_be(solver: str, places: np.ndarray)
     events = np.count_nonzero(np.diff(record.time) == 0.0)
     assert events == np.count_nonzero(places < 2.0)
     assert record.values["x"][-1] == pytest.approx(2.0, rel=1e-9)
+
+
+class Clock(Hybrid):
+    """Counts `ticks` time events, a millisecond apart, then none."""
+
+    states = ("x",)
+    ticks = 100
+
+    def start(self) -> None:
+        self.counted = 0
+
+    def derivatives(self) -> list[float]:
+        return [0.0]
+
+    def event(self) -> tuple[bool, float]:
+        if self.counted < self.ticks and self.t >= 1e-3 * (self.counted + 1):
+            self.counted += 1
+        return False, 1e-3 * (self.counted + 1) if self.counted < self.ticks else math.inf
+
+    def output(self) -> None:
+        self.v["y"] = float(self.counted)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_samples_are_progress_in_a_long_run(solver: str) -> None:
+    with open_fake(Clock, solver) as session:
+        assert session.advance(3e5, signals={}, record=["y"]).values["y"][-1] == Clock.ticks
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_many_switches_of_one_kind_go_at_the_same_instant(solver: str) -> None:
+    model = type("Switching", (Switching,), {"places": tuple(1.0 + 1e-12 * np.arange(200))})
+    with open_fake(model, solver) as session:
+        assert session.advance(2.0, signals={}, record=["y"]).values["y"][-1] == pytest.approx(2.0, rel=1e-9)
+        inner = inside(session)
+        assert isinstance(inner, Switching)
+        assert inner.waiting == [math.inf]
+
+
+class Lag(Hybrid):
+    """dx/dt = u − x, with a relation that never switches."""
+
+    states = ("x",)
+    inputs = ("u",)
+    nz = 1
+
+    def derivatives(self) -> list[float]:
+        return [self.v["u"] - self.v["x"]]
+
+    def indicators(self) -> list[float]:
+        return [self.v["x"] + 10.0]
+
+    def output(self) -> None:
+        self.v["y"] = self.v["x"]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_an_input_may_jump_faster_and_faster(solver: str) -> None:
+    """The input is 1 and 0 by turns, in pieces of which each is half as long as the one before."""
+    times = 1.0 - 0.5 ** np.arange(40)
+    values = (np.arange(40) + 1) % 2
+    truth = 0.0
+    for value, piece in zip(values, np.diff([*times, 2.0]), strict=True):
+        truth = value + (truth - value) * math.exp(-piece)
+    signal = wb.Table(times=tuple(times), values=tuple(values.astype(float)), interpolate="hold")
+    with open_fake(Lag, solver) as session:
+        assert session.advance(2.0, signals={"u": signal}, record=["y"]).values["y"][-1] == pytest.approx(
+            truth, rel=1e-4
+        )

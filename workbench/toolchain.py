@@ -178,9 +178,9 @@ def compile_kernel(folder: Path, platforms: Iterable[Platform]) -> Mapping[str, 
 
 
 def _digest(folder: Path) -> str:
-    """What a compiled kernel depends on: its sources and this file with the flags."""
+    """What a compiled kernel depends on: its sources, the header that it shares, and this file with the flags."""
     digest = hashlib.sha256()
-    for file in sorted([*folder.glob("*.[ch]"), Path(__file__)]):
+    for file in sorted([*folder.glob("*.[ch]"), *folder.parent.glob("build/runtime/event_rules.h"), Path(__file__)]):
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()
 

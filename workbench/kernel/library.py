@@ -15,7 +15,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES
 
 __all__ = ["KernelMissingError", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 7  # KERNEL_VERSION in kernel.h
+VERSION = 8  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 
 _RUN = [c_void_p, c_double, c_void_p, c_size_t, c_void_p, c_int32]

@@ -2,6 +2,7 @@
 #ifndef WORKBENCH_KERNEL_ME_H
 #define WORKBENCH_KERNEL_ME_H
 
+#include "../build/runtime/event_rules.h"
 #include "record.h"
 #include "solver.h"
 #include "system.h"
@@ -16,11 +17,8 @@ typedef struct {
     const double *most; /* [nx] bound of the scale */
     /* Where the session stands. */
     double time, next_time; /* [s] */
-    double last_event, cautious, span;
-    double counted, gaps[7]; /* of the events that count: the last one, and the gaps before it, latest first [s] */
-    double longest_pair;     /* of two gaps, since these began to shrink [s] */
-    double gathering;  /* where those gaps, as a geometric series, seem to end [s] */
-    int32_t crowd;     /* events in a row without time passing */
+    double cautious, span; /* how long the next step may be; the time scale [s] */
+    Flights flights;
     int32_t resumed; /* the run goes on after a pause */
     int32_t steps; /* since the last recorded point or event */
     int32_t told; /* some FMU wants to be told of completed steps */

@@ -4,13 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MAX_EVENT_ITERATIONS = 1000, ZENO_EVENTS = 20, GAPS = 7, RATIOS = 4 };
-static const double ZENO_GAP = 1e-8, DWINDLING_REST = 1e-6, DROWNING_REST = 1e-3; /* of the time scale */
+enum { MAX_EVENT_ITERATIONS = 1000 };
 static const double SHRINKING = 0.99; /* two gaps of less than this part of the two before are told from equal ones */
-static const double AHEAD = 1e-3; /* of the time scale: no rate of an indicator is looked at farther ahead */
-static const double DWINDLED = 1e-3;                        /* of the longest two gaps */
-static const double DROWNING = 0.1; /* a gap of less than this part of the one before: an indicator leaves its zero */
-static const double SAME_EVENT = 1e-3;                      /* a gap of less than this part of the one before is none */
 
 static Failure *failure_of(Me *me) {
     return &me->system->failure;
@@ -50,78 +45,33 @@ static void new_flight(Me *me, bool measured) {
 }
 
 void me_forget_events(Me *me) {
-    me->crowd = 0;
-    me->last_event = me->counted = -(double)INFINITY;
-    me->cautious = me->gathering = (double)INFINITY;
-    for (size_t i = 0; i < GAPS; i++) {
-        me->gaps[i] = (double)INFINITY;
-    }
+    flights_forget(&me->flights);
+    me->cautious = (double)INFINITY;
     new_flight(me, false);
     turned_forget(&me->turned);
 }
 
-/* The largest ratio of two gaps to the two before, of the last few; 1 or more: they do not shrink. Two, because a ball
- * may also have an event at the top of its flight. */
-static double shrinkage(const Me *me) {
-    const double *g = me->gaps;
-    double worst = 0.0;
-    for (size_t i = 0; i < RATIOS; i++) {
-        worst = fmax(worst, isfinite(g[i + 3]) ? (g[i] + g[i + 1]) / (g[i + 2] + g[i + 3]) : (double)INFINITY);
-    }
-    return worst;
-}
-
-static double longest_pair(const double *gaps) {
-    double longest = 0.0;
-    for (size_t i = 1; i < GAPS && isfinite(gaps[i]); i++) {
-        longest = fmax(longest, gaps[i - 1] + gaps[i]);
-    }
-    return longest;
-}
-
-/* Whether the gaps between events shrink so that infinitely many of them, as a geometric series, end right here, at
- * `*end` [s].
- *
- * Told before the events drown in rounding, or in the width of the indicators' zeros: from then on the next one is
- * missed, and a ball falls through. The end is that of the event before, which such a width does not touch. */
+/* Whether infinitely many state events end right here, at `*end` [s]. */
 static bool dwindles(Me *me, double *end) {
-    double *g = me->gaps;
-    const double gap = me->time - me->counted;
-    if (gap < SAME_EVENT * g[0] && isfinite(g[0])) {
-        return false; /* the indicator leaves its zero again */
-    }
-    me->counted = me->time;
-    memmove(g + 1, g, (GAPS - 1) * sizeof *g);
-    g[0] = gap;
-    const double pair = g[0] + g[1], ratio = shrinkage(me);
-    new_flight(me, isfinite(g[3]) && pair < SHRINKING * (g[2] + g[3]));
-    if (!(ratio < 1.0)) {
-        me->longest_pair = longest_pair(g);
-        me->gathering = (double)INFINITY;
+    if (!flights_count(&me->flights, me->time)) {
         return false;
     }
-    const double rest = pair * ratio / (1.0 - ratio);
-    const bool drowning = g[0] < DROWNING * g[1] && rest <= DROWNING_REST * me->span && isfinite(me->gathering);
-    *end = isfinite(me->gathering) ? me->gathering : me->time + rest;
-    me->gathering = me->time + rest;
-    return pair <= DWINDLED * me->longest_pair && (drowning || rest <= DWINDLING_REST * me->span);
+    const double *g = me->flights.gaps;
+    new_flight(me, isfinite(g[3]) && g[0] + g[1] < SHRINKING * (g[2] + g[3]));
+    return flights_dwindle(&me->flights, me->time, me->span, end);
 }
 
-/* Refuse to go on when events follow each other without time passing. */
-static bool guard_zeno(Me *me) {
-    const double gap = me->time - me->last_event;
-    const bool close = gap <= ZENO_GAP * me->span;
+/* Refuse to go on when events follow each other without end. */
+static bool guard_events(Me *me, bool located) {
+    double end = 0.0;
     if (me->system->nz) {
         /* The next event may follow as quickly as this one did: a long first step would jump over it. */
-        me->cautious = fmax(0.25 * gap, 64.0 * spacing(me->time));
+        me->cautious = fmax(0.25 * (me->time - me->flights.event), 64.0 * spacing(me->time));
     }
-    me->crowd = close ? me->crowd + 1 : 0;
-    me->last_event = me->time;
-    double end = 0.0;
-    if (dwindles(me, &end)) {
-        return fail_at(failure_of(me), FAILED_ZENO, end);
+    if (flights_chatter(&me->flights, me->time, me->span)) {
+        return fail_at(failure_of(me), FAILED_CHATTER, me->time);
     }
-    return me->crowd <= ZENO_EVENTS || fail_at(failure_of(me), FAILED_CHATTER, me->time);
+    return !located || !dwindles(me, &end) || fail_at(failure_of(me), FAILED_ZENO, end);
 }
 
 /* One component evaluates the event once; *acted: its outputs may be others now. */
@@ -223,7 +173,7 @@ static bool write_inputs(Me *me) {
 
 /* Look at the rates before an event; the FMUs stand as before. */
 static bool look_before(Me *me) {
-    const bool looked = turned_before(&me->turned, me->time, me->solver->x, me->scale, AHEAD * me->span);
+    const bool looked = turned_before(&me->turned, me->time, me->solver->x, me->scale, AHEAD_MOST * me->span);
     if (looked) {
         failure_clear(failure_of(me));
     }
@@ -244,7 +194,7 @@ bool me_event(Me *me, bool located) {
     System *system = me->system;
     bool states_changed = false;
     const bool watched = located || me->turned.watches;
-    if (!guard_zeno(me) || (watched && !look_before(me))) {
+    if (!guard_events(me, located) || (watched && !look_before(me))) {
         return false;
     }
     /* The FMUs must get the right limits now, and the left limits again on the way to the same break. */

@@ -354,6 +354,19 @@ class Turned(ctypes.Structure):
     )
 
 
+class Flights(ctypes.Structure):
+    """event_rules.h of the runtime of built FMUs."""
+
+    _fields_ = (
+        ("last", c_double),
+        ("gaps", c_double * 7),
+        ("longest_pair", c_double),
+        ("gathering", c_double),
+        ("event", c_double),
+        ("close", c_double),
+    )
+
+
 class Me(ctypes.Structure):
     """me.h."""
 
@@ -366,14 +379,9 @@ class Me(ctypes.Structure):
         ("most", c_void_p),
         ("time", c_double),
         ("next_time", c_double),
-        ("last_event", c_double),
         ("cautious", c_double),
         ("span", c_double),
-        ("counted", c_double),
-        ("gaps", c_double * 7),
-        ("longest_pair", c_double),
-        ("gathering", c_double),
-        ("crowd", c_int32),
+        ("flights", Flights),
         ("resumed", c_int32),
         ("steps", c_int32),
         ("told", c_int32),

@@ -1,12 +1,10 @@
 /* turned.c: see turned.h. */
 #include "turned.h"
 
+#include "../build/runtime/event_rules.h"
+
 #include <math.h>
 #include <string.h>
-
-static const double AHEAD = 1e-4; /* of the time in which a state moves as far as it is large */
-static const double AT_ZERO = 1e-2; /* an indicator stands at its zero that is nearer than this part of its way ahead */
-static const double STOPPED = 1e-3; /* an event stops an indicator whose way ahead it makes shorter than this part */
 
 enum { OF_INDICATORS = 6, OF_STATES = 3 };
 
@@ -86,21 +84,14 @@ bool turned_before(Turned *turned, double t, const double *x, const double *scal
     return evaluation != FAILED;
 }
 
-/* Whether indicator i came through zero, stands there still, and was turned or stopped. */
-static bool is_turned(const Turned *turned, size_t i) {
-    const double way = turned->way[i], z = turned->z[i], old = turned->old[i];
-    const double side = z > 0.0 ? 1.0 : -1.0, near = AT_ZERO * fabs(way);
-    const bool came = turned->side[i] == -side && (old > 0.0) == (z > 0.0) && fmax(fabs(old), fabs(z)) <= near;
-    /* The speed of a rebound that drowns in the error of integration may have the wrong sign. */
-    return came && (side * turned->new_way[i] <= STOPPED * fabs(way) || side * way <= 0.0);
-}
-
+/* Watch what came through its zero, stands there still, and was turned or stopped. */
 static void watch(Turned *turned, double t) {
     for (size_t i = 0; i < turned->problem->nz; i++) {
-        if (is_turned(turned, i)) {
-            const double z = turned->z[i], room = fmax(fabs(z), STOPPED * fabs(turned->way[i]));
+        const double way = turned->way[i], z = turned->z[i];
+        const bool came = turned->side[i] == (z > 0.0 ? -1.0 : 1.0);
+        if (came && turned_back(turned->old[i], way, z, turned->new_way[i])) {
             turned->since = t;
-            turned->bound[i] = z > 0.0 ? z + room : z - room;
+            turned->bound[i] = turned_bound(way, z);
         }
     }
 }
@@ -155,8 +146,7 @@ bool turned_check(Turned *turned, double t, const double *x, bool *through) {
     }
     const Evaluation evaluation = indicators(turned, t, x, turned->z);
     for (size_t i = 0; evaluation == EVALUATED && i < turned->problem->nz; i++) {
-        const double bound = turned->bound[i], z = turned->z[i];
-        *through = *through || (bound > 0.0 && z > bound) || (bound < 0.0 && z < bound);
+        *through = *through || turned_beyond(turned->bound[i], turned->z[i]);
     }
     return evaluation != FAILED;
 }

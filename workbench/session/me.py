@@ -26,8 +26,9 @@ from workbench.signals import Signal
 __all__ = ["MeSession", "chattering", "too_many_steps", "zeno"]
 
 MAX_STEPS = 20_000  # between two recorded points or events
-ZENO_EVENTS = 20  # in a row, each closer to the last than ZENO_GAP of the time scale
-ZENO_GAP = 1e-8
+# The rules of events, as in workbench/build/runtime/event_rules.h.
+MOST_CLOSE_EVENTS = 1000  # in a row, each closer to the last than CLOSE_EVENTS of the time scale
+CLOSE_EVENTS = 1e-10
 SAME_EVENT = 1e-3  # a gap of less than this part of the one before is none
 SHRINKING = 0.99  # two gaps of less than this part of the two before are told from equal ones
 DWINDLED = 1e-3  # gaps that shrink are Zeno behaviour from this part of the longest two on ...
@@ -35,7 +36,7 @@ DWINDLING_REST = 1e-6  # ... where what they add up to, as a geometric series, i
 DROWNING = 0.1  # ... or an indicator takes this part of the gap before to leave its zero ...
 DROWNING_REST = 1e-3  # ... and they add up to this part
 CAUTION_GROWS = 8.0
-AHEAD = 1e-3  # of the time scale: no rate of an indicator is looked at farther ahead
+AHEAD_MOST = 1e-3  # of the time scale: no rate of an indicator is looked at farther ahead
 NO_GAPS = (math.inf,) * 7
 
 
@@ -271,10 +272,10 @@ class MeSession(FmuSession):
 
     def _event(self, *, located: bool = False) -> None:
         """Handle an event at the present time, `located` at an indicator's zero; the FMU stands at its left limit."""
-        self._guard_zeno()
+        self._guard_events(located=located)
         watched = located or self._turned.watches
         if watched:
-            self._turned.before(self.time, self.solver.x, self._sizes(), AHEAD * self._span)
+            self._turned.before(self.time, self.solver.x, self._sizes(), AHEAD_MOST * self._span)
             self._put()
         limit, self.problem.limit = self.problem.limit, math.inf
         self.instance.enter_event_mode()
@@ -304,21 +305,22 @@ class MeSession(FmuSession):
         self.instance.enter_continuous_mode()
         return info.states_changed
 
-    def _guard_zeno(self) -> None:
-        """Refuse to go on when events follow each other without time passing."""
+    def _guard_events(self, *, located: bool) -> None:
+        """Refuse to go on when events follow each other without end."""
         gap = self.time - self._last_event
-        close = gap <= ZENO_GAP * self._span
+        close = gap <= CLOSE_EVENTS * self._span
         if self.problem.nz:
             # The next event may follow as quickly as this one did: a long first step would jump over it.
             self._cautious = max(0.25 * gap, 64.0 * math.ulp(self.time))
         self._crowd = self._crowd + 1 if close else 0
         self._last_event = self.time
-        self._guard_dwindling()
-        if self._crowd > ZENO_EVENTS:
+        if self._crowd > MOST_CLOSE_EVENTS:
             raise chattering(self.time)
+        if located:
+            self._guard_dwindling()
 
     def _guard_dwindling(self) -> None:
-        """Refuse to go on where the gaps between events shrink so that infinitely many of them end right here.
+        """Refuse to go on where the gaps between state events shrink so that infinitely many of them end right here.
 
         Told before the events drown in rounding, or in the width of the indicators' zeros: from then on the next one is
         missed, and a ball falls through. The end is that of the event before, which such a width does not touch.
@@ -377,7 +379,7 @@ def _shrinkage(gaps: Sequence[float]) -> float:
     Two, because a ball may also have an event at the top of its flight.
     """
     pairs = _pairs(gaps)
-    return max(a / b if b < math.inf else math.inf for a, b in zip(pairs, pairs[2:], strict=False))
+    return max(a / b if 0.0 < b < math.inf else math.inf for a, b in zip(pairs, pairs[2:], strict=False))
 
 
 def _pairs(gaps: Sequence[float]) -> list[float]:

@@ -14,6 +14,7 @@ from workbench.session.problem import Problem
 
 __all__ = ["Turned", "gone_through"]
 
+# As in workbench/build/runtime/event_rules.h.
 AHEAD = 1e-4  # of the time in which a state moves by its own size: how far ahead a rate is looked at
 AT_ZERO = 1e-2  # an indicator stands at its zero if it is nearer to it than this part of its way ahead
 STOPPED = 1e-3  # an event stops an indicator whose way ahead it makes shorter than this part

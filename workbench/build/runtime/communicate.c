@@ -11,10 +11,9 @@
 #include <math.h>
 
 #define MOST_ITERATIONS 1000
-#define MOST_CLOSE_EVENTS 1000.0
-#define CLOSE 1e-10 /* of the communication step: no noticeable progress between two events */
 #define SAME_POINT 1e-6 /* of the communication step: rounding in the environment's time */
 #define ON_POINT 1e-9 /* of the communication step: the event is at the communication point */
+#define CAUTION 0.02 /* of the last gap between state events: a longer first step could jump over the next one */
 
 /* A time event may lie a rounding error behind the communication point: the core must see it reached. */
 void communicate_reach_event(Instance *instance)
@@ -108,11 +107,18 @@ static void mute(Instance *instance)
     instance->muted = true;
 }
 
+/* The longest step to begin with: the next event may follow as quickly as the last one did. */
+static double longest_start(const Flights *flights, double now)
+{
+    double rounding_error = 64.0 * DBL_EPSILON * fabs(now);
+    return fmax(fmax(CAUTION * flights->gaps[0], now - flights->last), rounding_error);
+}
+
 static Status restart(Instance *instance)
 {
     double tolerance = instance->record.tolerance;
     tolerance = tolerance > 0.0 ? tolerance : model_info.default_tolerance;
-    instance->solver->longest_start = flights_longest_step(&instance->record.flights, core_time(instance->core));
+    instance->solver->longest_start = longest_start(&instance->record.flights, core_time(instance->core));
     mute(instance);
     bool good = solver_begin(instance->solver, tolerance > 0.0 ? tolerance : 1e-6);
     if (good) {
@@ -138,30 +144,20 @@ static Status integrate(Instance *instance, const Step *step, bool *state_event)
     return STATUS_OK;
 }
 
-/* Many events without noticeable progress: the model slides along a switching surface. */
-static Status guard_against_chattering(Instance *instance, const Step *step)
+/* Events that follow each other without end: from there on no integration is possible. */
+static Status guard_events(Instance *instance, const Step *step, bool state_event)
 {
-    Record *record = &instance->record;
+    Flights *flights = &instance->record.flights;
     double now = instance->solver->t;
-    double progress = now - record->event_time;
-    bool close = progress >= 0.0 && progress <= CLOSE * fmax(step->size, fabs(now));
-    record->close_events = close ? record->close_events + 1.0 : 0.0;
-    record->event_time = now;
-    if (record->close_events > MOST_CLOSE_EVENTS) {
+    double span = fmax(step->size, fabs(now));
+    double end = 0.0;
+    if (flights_chatter(flights, now, span)) {
         return instance_fail(instance,
-                             "more than %.0f events without progress at t = %.17g: the model chatters; give the "
+                             "more than %d events without progress at t = %.17g: the model chatters; give the "
                              "switching condition a hysteresis",
                              MOST_CLOSE_EVENTS, now);
     }
-    return STATUS_OK;
-}
-
-/* Events that follow each other faster and faster, without end: from there on no integration is possible. */
-static Status guard_against_zeno(Instance *instance, const Step *step)
-{
-    double end = 0.0;
-    double now = instance->solver->t;
-    if (flights_dwindle(&instance->record.flights, now, fmax(step->size, fabs(now)), &end)) {
+    if (state_event && flights_count(flights, now) && flights_dwindle(flights, now, span, &end)) {
         return instance_fail(instance,
                              "infinitely many events (Zeno behaviour, as of a ball that comes to rest) before "
                              "t = %.9g; let the model rest there",
@@ -203,10 +199,7 @@ static bool returns_at_events(const Instance *instance)
 
 static Status handle_event(Instance *instance, const Step *step, bool state_event)
 {
-    Status status = guard_against_chattering(instance, step);
-    if (status == STATUS_OK && state_event) {
-        status = guard_against_zeno(instance, step);
-    }
+    Status status = guard_events(instance, step, state_event);
     if (status != STATUS_OK) {
         return status;
     }

@@ -207,7 +207,6 @@ static void clear_record(Instance *instance)
     memset(&instance->record, 0, sizeof instance->record);
     instance->record.stop_time = HUGE_VAL;
     instance->record.next_event_time = HUGE_VAL;
-    instance->record.event_time = -HUGE_VAL;
     flights_forget(&instance->record.flights);
     instance_set_state(instance, STATE_INSTANTIATED);
 }

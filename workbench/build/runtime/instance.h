@@ -15,7 +15,7 @@
 #define WORKBENCH_INSTANCE_H
 
 #include "core.h"
-#include "flights.h"
+#include "event_rules.h"
 #include "inputs.h"
 #include "memory.h"
 #include "solver.h"
@@ -67,9 +67,7 @@ typedef struct {
     double touched;          /* 1: for an input or parameter set since; due before the next value, too */
     double terminate;        /* 1: the model asked for the end */
     double step;             /* proposed step size of the solver, 0: none */
-    double event_time;       /* of the last event, for the guard against chattering */
-    double close_events;     /* events without noticeable progress of time */
-    Flights flights;         /* between state events */
+    Flights flights;         /* between events */
     Turned turned;           /* indicators that an event turned back */
 } Record;
 

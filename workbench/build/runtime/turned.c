@@ -1,13 +1,10 @@
 /* turned.c: what an event should have kept from going on (see turned.h). */
 #include "turned.h"
 
+#include "event_rules.h"
+
 #include <math.h>
 #include <string.h>
-
-#define AHEAD 1e-4      /* of the time in which a state moves as far as it is large: how far ahead rates are looked at */
-#define AHEAD_MOST 1e-3 /* of the time scale */
-#define AT_ZERO 1e-2    /* an indicator stands at its zero that is nearer than this part of its way ahead */
-#define STOPPED 1e-3    /* an event stops an indicator whose way ahead it makes shorter than this part */
 
 typedef struct {
     double *bound, *way, *z; /* [n_z] */
@@ -87,23 +84,12 @@ static bool same(const double *a, const double *b, size_t n)
     return true;
 }
 
-/* Whether an indicator came through zero, stands there still, and was turned or stopped. */
-static bool is_turned(double before, double way, double z, double new_way)
-{
-    double side = z > 0.0 ? 1.0 : -1.0;
-    double near = AT_ZERO * fabs(way);
-    bool there = (before > 0.0) == (z > 0.0) && fabs(before) <= near && fabs(z) <= near;
-    /* The speed of a rebound that drowns in the error of integration may have the wrong sign. */
-    return there && (side * new_way <= STOPPED * fabs(way) || side * way <= 0.0);
-}
-
 static void watch(Turned *turned, const Before *b, Solver *s)
 {
     for (size_t i = 0; i < s->n_z; i++) {
         double z = s->z_before[i];
-        if (is_turned(b->z[i], b->way[i], z, s->z_after[i] - z)) {
-            double room = fmax(fabs(z), STOPPED * fabs(b->way[i]));
-            b->bound[i] = z > 0.0 ? z + room : z - room;
+        if (turned_back(b->z[i], b->way[i], z, s->z_after[i] - z)) {
+            b->bound[i] = turned_bound(b->way[i], z);
             turned->since = s->t;
         }
     }
@@ -138,9 +124,7 @@ bool turned_went_through(const Turned *turned, const double *vectors, Solver *s)
         return false;
     }
     for (size_t i = 0; i < s->n_z; i++) {
-        double bound = vectors[i];
-        double z = s->z_scratch[i];
-        if ((bound > 0.0 && z > bound) || (bound < 0.0 && z < bound)) {
+        if (turned_beyond(vectors[i], s->z_scratch[i])) {
             return true;
         }
     }

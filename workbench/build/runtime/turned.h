@@ -1,9 +1,4 @@
-/* turned.h: event indicators that an event turned back, or stopped, at their zeros: none may go on across.
- *
- * The bounce of a ball turns the rate of the very indicator that caused it. Where the rebound is shorter
- * than an event can be located to, the ball never leaves its floor again: no event follows, and it falls
- * through. Model Exchange has the same rule in workbench/session/turned.py.
- */
+/* turned.h: the watch over indicators that an event turned back, or stopped (the rule: event_rules.h). */
 #ifndef WORKBENCH_TURNED_H
 #define WORKBENCH_TURNED_H
 
