@@ -19,7 +19,8 @@ from rumoca import SimConfig
 from scipy.linalg import expm
 
 import workbench.toolchain as compiler
-from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.analysis.simulate.request import simulate
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.build import build_all, build_fmu
 from workbench.build.fmu import generate
 from workbench.errors import SimulationError

@@ -34,7 +34,7 @@ def test_json_csv_and_picture_are_written(tmp_path: Path, capsys: pytest.Capture
     options = [x for pair in zip(("--json", "--csv", "--plot"), map(str, files), strict=True) for x in pair]
     assert run([*LAG, "--band", "0.5:2", *options]) == 0
     out = capsys.readouterr().out
-    assert "amplitude 1" in out
+    assert "amplitudes: 1" in out
     assert all(f"wrote {file}" in out for file in files)
     result = json.loads(files[0].read_text(encoding="utf-8"))
     assert result["command"] == "nfr"
@@ -70,8 +70,7 @@ def test_points_that_failed_give_exit_code_1_and_their_reason(capsys: pytest.Cap
     mass_damper = ["nfr", str(gemseo_fmu("Mass_Damper")), "--input", "f", "--output", "y", "--amplitude", "1"]
     assert run([*mass_damper, "--interface", "cs", "--step", "0.01", "--freq", "1,2"]) == 1
     out = capsys.readouterr().out
-    assert "failed: 1 Hz, amplitude 1" in out
-    assert "and 1 more" in out
+    assert "failed: 2 points, the first at 1 Hz: " in out
 
 
 @needs_gemseo

@@ -11,7 +11,7 @@ import pytest
 
 from tests.foreign_fmus import build_foreign
 from workbench.analysis.nfr import nfr
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim import trim
 from workbench.cli.app import run
 from workbench.errors import InputError
@@ -68,7 +68,7 @@ def test_every_analysis_begins_there(full: Path) -> None:
 def test_without_a_stop_time_one_line_asks_for_it(tmp_path: Path) -> None:
     with load(build_foreign(tmp_path)) as model, pytest.raises(InputError, match="names no stop time of its own"):
         simulate(model)
-    with pytest.raises(InputError, match="start must be a finite number"):
+    with pytest.raises(InputError, match="start: nan is not a finite number"):
         load(build_foreign(tmp_path), start=math.nan)
 
 

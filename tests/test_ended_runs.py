@@ -13,7 +13,8 @@ import pytest
 from tests.foreign_fmus import build_foreign, build_shy
 from tests.hostile_fmus import build_hostile
 from workbench.analysis.nfr import nfr
-from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.analysis.simulate.request import simulate
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.cli.app import run
 from workbench.errors import EndedError, SimulationError
 from workbench.model.fmu_model import DRIVERS
@@ -81,7 +82,7 @@ def test_the_command_says_so_everywhere(tmp_path: Path, capsys: pytest.CaptureFi
     assert (found["ended_at"], found["failed"], found["time"][-1]) == (0.5, None, 0.5)
     assert table.read_text().splitlines()[-1] == "# ended at 0.5 s: by the FMU itself"
     told = capsys.readouterr()
-    assert "0 … 0.5 s" in told.out
+    assert "from 0 to 0.5 s" in told.out
     assert "note: the FMU ended its run (at t = 0.5 s), before 1 s" in told.err
     failing = build_hostile(tmp_path, "error")
     assert run(["simulate", str(failing), "--stop", "1", "--json", str(out)]) == 2

@@ -141,7 +141,7 @@ def test_a_signal_that_comes_twice_at_once_is_one(tmp_path: Path) -> None:
     [
         (
             ["nfr", "--input", "u", "--output", "y", "--freq", "1,2", "--amplitude", "1"],
-            "interrupted after 2 of 2 points",
+            "interrupted: the result is written",
         ),
         (
             ["excite", "--input", "u", "--output", "y", "--prbs", "amplitude=1,rate=10", "--step", "0.1"],

@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from workbench.analysis.lin import lin
 from workbench.analysis.nfr import nfr
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.build.export import export, generate_linear
 from workbench.build.fmu import compile_and_pack
 from workbench.build.matrices import matrices_of

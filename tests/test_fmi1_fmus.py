@@ -10,7 +10,7 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from tests.fmi1_fmus import MODELS, build_fmi1
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.build import build_fmu
 from workbench.errors import FmuError
 from workbench.fmi.platforms import host

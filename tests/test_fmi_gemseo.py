@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model.load import load
 from workbench.session.base import Floats

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, SimulationError
 from workbench.model.fmu_model import DRIVERS
 from workbench.model.load import load

@@ -179,7 +179,9 @@ def test_a_slow_input_tells_a_limit_from_a_settled_response(failed: float, verdi
 def test_a_page_stands_alone(tmp_path: Path) -> None:
     figure = lag_figure()
     table = Table(("what", "verdict"), [("<b>", "good")], verdict=1)
-    page = Page("A & B", "lead", {"command": "workbench x"}, [Section("S", tables=[table], figures=[(figure, "f")])])
+    page = Page(
+        "A & B", "lead", {"command": "workbench x"}, [Section("S", tables=[table], figures=[(lambda: figure, "f")])]
+    )
     path = tmp_path / "page.html"
     write_page(page, path)
     text = path.read_text(encoding="utf-8")

@@ -32,14 +32,14 @@ COMMON = {
     "errors": set(),
     "core": {"errors"},
     "endings": set(),
-    "signals": {"errors", "shift_register"},
+    "signals": {"core", "errors", "shift_register"},
     "csv_file": {"errors"},
     "json_values": set(),
     "shift_register": set(),
     "store": {"errors"},
     "build": {"errors", "origin", "toolchain"},
     "toolchain": {"errors", "fmi"},
-    "origin": {"errors", "fmi", "model", "system", "report"},
+    "origin": {"core", "errors", "fmi", "model", "system", "report"},
 }
 
 

@@ -16,7 +16,7 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.model.load import load
 from workbench.reproduce.targets import read_targets
 from workbench.session.point import Point

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.foreign_fmus import build_foreign
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.cli.app import run
 from workbench.core.names import plain_unit, split_names
 from workbench.errors import InputError

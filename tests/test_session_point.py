@@ -16,7 +16,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.step_check import step_check
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim import trim
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
@@ -37,7 +37,7 @@ def file(name: str, fmi: int = 2) -> str:
 
 
 def overridden(interface: str, fmi: int = 2, *, starts: Mapping[str, Value] | None = None) -> DescribedModel:
-    return load(file("Overridden", fmi), interface, tolerance=1e-10, start_values=starts)
+    return load(file("Overridden", fmi), interface, tolerance=1e-10, start_values=starts or {})
 
 
 def exact(s: float, v: float, force: float, t: float) -> Floats:

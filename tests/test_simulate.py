@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.hybrid_fmus import Hybrid, open_fake
-from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.analysis.simulate.request import simulate
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.model import Model

@@ -14,7 +14,7 @@ from lxml import etree
 from tests.ssp_packages import (
     variables_of,
 )
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import Experiment

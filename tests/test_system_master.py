@@ -14,7 +14,7 @@ import pytest
 from tests.drivers import needs_kernel
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import difference
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats, Record

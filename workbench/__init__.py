@@ -62,7 +62,8 @@ if TYPE_CHECKING:
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
-    from workbench.analysis.simulate import SimulationResult, simulate
+    from workbench.analysis.simulate.request import simulate
+    from workbench.analysis.simulate.result import SimulationResult
     from workbench.analysis.spectra import Coherence, SpectralDensity, sdf
     from workbench.analysis.spectra.coherence import coherence
     from workbench.analysis.subspace import SubspaceEstimate
@@ -305,7 +306,8 @@ _HOMES = {
     "workbench.analysis.nfr_sweep": ("NfrSweep",),
     "workbench.analysis.nfr_point": ("NfrPoint",),
     "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
-    "workbench.analysis.simulate": ("SimulationResult", "simulate"),
+    "workbench.analysis.simulate.request": ("simulate",),
+    "workbench.analysis.simulate.result": ("SimulationResult",),
     "workbench.core.operating_point": ("OperatingPoint",),
     "workbench.analysis.trim": ("trim",),
     "workbench.analysis.trim_result": ("TrimResult",),

@@ -15,12 +15,24 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from workbench.core.forms import Form, pairs
 from workbench.errors import InputError, suggest
-from workbench.shift_register import TAPS, register_bits
 
-__all__ = ["Constant", "Prbs", "Signal", "Sine", "Step", "Table", "gust", "parse_signal", "pulse"]
+__all__ = [
+    "Constant",
+    "Prbs",
+    "Signal",
+    "Signals",
+    "Sine",
+    "Step",
+    "Table",
+    "gust",
+    "parse_signal",
+    "pulse",
+    "signals_of",
+]
 
 
 class Signal(ABC):
@@ -140,6 +152,8 @@ _LONGEST_ORDER = 18  # a signal keeps all bits of its period; `excite` takes lon
 @lru_cache(maxsize=16)
 def _register_bits(order: int, seed: int) -> tuple[bool, ...]:
     """One period, 2^order − 1 bits, of the shift register that starts with `seed`."""
+    from workbench.shift_register import register_bits  # noqa: PLC0415  numpy is slow
+
     return tuple(register_bits(order, (1 << order) - 1, state=seed).astype(bool).tolist())
 
 
@@ -168,6 +182,8 @@ class Prbs(Signal):
     def __post_init__(self) -> None:
         _positive("prbs", hold=self.hold)
         _finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
+        from workbench.shift_register import TAPS  # noqa: PLC0415  numpy is slow
+
         if not min(TAPS) <= self.order <= _LONGEST_ORDER:
             raise InputError(f"prbs: order must be {min(TAPS)} … {_LONGEST_ORDER}, not {self.order}")
         if self.seed & ((1 << self.order) - 1) == 0:
@@ -424,3 +440,38 @@ def parse_signal(text: str) -> Signal:
         f"'{text}' is no signal; write a number, a .csv file, or one of "
         + ", ".join(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS)
     )
+
+
+# -- several of them ---------------------------------------------------------------------------
+
+
+def signals_of(given: Mapping[str, Signal | float | str]) -> dict[str, Signal]:
+    """Return name → signal.
+
+    Args:
+        given: name → a signal, a number, or what `parse_signal` reads.
+
+    Raises:
+        InputError: a text that `parse_signal` refuses.
+    """
+    return {name: _signal(value) for name, value in given.items()}
+
+
+def _signal(value: Signal | float | str) -> Signal:
+    if isinstance(value, str):
+        return parse_signal(value)
+    return Constant(float(value)) if isinstance(value, int | float) else value
+
+
+_SIGNALS = Form(
+    metavar="NAME=SIGNAL",
+    read=lambda texts: signals_of(pairs(texts)),
+    write=lambda value: [f"{name}={signal}" for name, signal in value.items()],
+    take=lambda value: signals_of(value or {}),
+    repeated=True,
+)
+
+if TYPE_CHECKING:
+    Signals = Mapping[str, Signal | float | str]
+else:
+    Signals = Annotated[object, _SIGNALS]

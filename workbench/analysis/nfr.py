@@ -101,5 +101,13 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     )
     previous: NfrResult | None = option("Earlier result, in place of a store or besides.", default=None, python=True)
 
+    def went_well(self, record: NfrResult) -> bool:
+        """Return whether no point failed.
+
+        Args:
+            record: of this request.
+        """
+        return not record.failed
+
 
 nfr = function(Nfr)

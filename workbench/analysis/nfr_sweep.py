@@ -18,10 +18,10 @@ from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr_result import NfrResult, assemble
 from workbench.analysis.nfr_step import rows_of_step
 from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
-from workbench.analysis.request import with_options
 from workbench.analysis.zero_input import ZeroInput, doubt
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.option import with_options
 from workbench.errors import InputError, suggest
 from workbench.model import Model, Variable
 from workbench.model.placing import start_at
@@ -294,5 +294,9 @@ def _check_name(what: str, name: str, variables: Sequence[Variable], model: Mode
 
 
 NfrSweep = with_options(
-    Nfr, Sweep, name="NfrSweep", words="Begin a sweep: `for point in sweep.run(): …`, then `sweep.result()`."
+    Nfr,
+    Sweep,
+    name="NfrSweep",
+    first=("model", "Model", "The model to analyse; it stays open."),
+    words="Begin a sweep: `for point in sweep.run(): …`, then `sweep.result()`.",
 )

@@ -7,27 +7,24 @@ algorithm is named and imported when it is called: what is only asked about need
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from dataclasses import KW_ONLY
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, TypeVar
 
 from workbench.core.job import Job, Progress
-from workbench.core.option import Options, option, options_of
+from workbench.core.option import Options, documented, option, with_options
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
     from workbench.model import Model
 
-__all__ = ["Analysis", "function", "with_options"]
+__all__ = ["Analysis", "function"]
 
 _Record = TypeVar("_Record")
-_ARGUMENTS = "Args:"
-
 _Options = ParamSpec("_Options")
-_Asked = TypeVar("_Asked")
-_Made = TypeVar("_Made")
+
+_FIRST = ("model", "Model", "The model to analyse; it stays open.")
 
 
 class Analysis(Options, Generic[_Record]):
@@ -44,11 +41,13 @@ class Analysis(Options, Generic[_Record]):
         command: name on the command line.
         algorithm: where it is, "module:function".
         example: a command line that works.
+        tolerance: relative, of the integration, where the command line names none; None: the model's own.
     """
 
     command: ClassVar[str]
     algorithm: ClassVar[str]
     example: ClassVar[str]
+    tolerance: ClassVar[float | None] = None
 
     _: KW_ONLY
     progress: Progress | None = option(
@@ -59,7 +58,7 @@ class Analysis(Options, Generic[_Record]):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        cls.__doc__ = _documented(cls)
+        cls.__doc__ = documented(cls)
 
     def run(self, model: Model, job: Job) -> _Record:
         """Run the analysis.
@@ -72,6 +71,14 @@ class Analysis(Options, Generic[_Record]):
         record: _Record = getattr(import_module(module), name)(model, self, job)
         return record
 
+    def went_well(self, record: _Record) -> bool:
+        """Return whether the record is what was asked for; a command line ends with 1 otherwise.
+
+        Args:
+            record: of this request.
+        """
+        return True
+
 
 def function(request: Callable[_Options, Analysis[_Record]]) -> Callable[Concatenate[Model, _Options], _Record]:
     """Return the function that runs a request on a model, with the request's options as its parameters.
@@ -80,41 +87,8 @@ def function(request: Callable[_Options, Analysis[_Record]]) -> Callable[Concate
         request: class of the analysis.
     """
     kind: Any = request
-    return with_origin()(with_options(request, _run, name=kind.command.replace("-", "_")))
+    return with_origin()(with_options(request, _run, name=kind.command.replace("-", "_"), first=_FIRST))
 
 
 def _run(model: Model, asked: Analysis[_Record]) -> _Record:
     return asked.run(model, Job(asked.progress))
-
-
-def with_options(
-    request: Callable[_Options, _Asked], make: Callable[[Model, _Asked], _Made], *, name: str, words: str = ""
-) -> Callable[Concatenate[Model, _Options], _Made]:
-    """Return a function of a model and the options of a request.
-
-    Args:
-        request: class of the analysis.
-        make: what the function does with the model and the request.
-        name: of the function.
-        words: what comes before the docstring of the request.
-    """
-    kind: Any = request
-
-    def call(model: Model, *args: _Options.args, **kwargs: _Options.kwargs) -> _Made:
-        return make(model, request(*args, **kwargs))
-
-    model = inspect.Parameter("model", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Model")
-    own = inspect.signature(kind).parameters
-    call.__signature__ = inspect.Signature([model, *(own[d.name] for d in options_of(kind))])  # type: ignore[attr-defined]
-    call.__doc__ = f"{words}\n\n" if words else ""
-    call.__doc__ += kind.__doc__.replace(_ARGUMENTS, f"{_ARGUMENTS}\n    model: The model to analyse; it stays open.")
-    call.__name__ = call.__qualname__ = name
-    call.__module__ = kind.__module__
-    return call  # type: ignore[return-value]  # the model may be given by name, too, which Concatenate cannot say
-
-
-def _documented(request: type[Analysis[Any]]) -> str:
-    """Return the docstring with the options before what is returned."""
-    head, returns, tail = inspect.cleandoc(request.__doc__ or "").partition("\nReturns:")
-    lines = [_ARGUMENTS, *(f"    {d.name}: {d.help}" for d in options_of(request))]
-    return "\n".join([head.rstrip(), "", *lines, "", *([f"{returns.strip()}{tail}"] if returns else [])])

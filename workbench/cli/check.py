@@ -25,8 +25,8 @@ from workbench.cli.options import (
     Tolerance,
     numbers,
     pairs,
-    start_value,
 )
+from workbench.core.forms import setting
 from workbench.core.names import split_names
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def check(
             step=step,
             tolerance=tolerance,
             start=start,
-            start_values={n: start_value(v) for n, v in pairs("--set", set_).items()},
+            start_values={n: setting(v) for n, v in pairs("--set", set_).items()},
             bias={n: numbers(f"--bias: {n}", v)[0] for n, v in pairs("--bias", bias).items()},
             workers=where,
             progress=bar.update,

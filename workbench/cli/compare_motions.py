@@ -22,7 +22,7 @@ from workbench.cli.options import (
     Timeout,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
     workers,
 )
@@ -106,7 +106,7 @@ def compare(
     with ExitStack() as stack, Bar(len(systems)) as bar:
         opened: dict[str, DescribedModel] = {
             name: stack.enter_context(
-                open_model(
+                open_named(
                     system,
                     interface=interface,
                     solver=solver,

@@ -16,7 +16,7 @@ from workbench.cli.options import (
     Solver,
     Start,
     Tolerance,
-    open_model,
+    open_named,
     pairs,
 )
 from workbench.errors import InputError
@@ -63,7 +63,7 @@ def delays(
 
     out = Output("delays", json_path=json_path, report=report)
     inputs = {name: parse_signal(text) for name, text in pairs("--input", input).items()}
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=None, tolerance=tolerance, start=start, set_=set_, bias=None
     )
     with loaded:

@@ -4,75 +4,46 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from workbench.analysis.request import Analysis
-from workbench.cli.options import (
-    Bias,
-    Csv,
-    Interface,
-    Json,
-    ModelName,
-    Plot,
-    Report,
-    Set,
-    Solver,
-    Start,
-    Step,
-    Tolerance,
-    open_model,
-)  # fmt: skip
+from workbench.cli.options import Csv, Json, ModelName, Plot, Report, open_model
+from workbench.core.loading import Loading
 from workbench.core.option import Declared, Options, options_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError
 
 if TYPE_CHECKING:
     from workbench.cli.output import Output
+    from workbench.report import Page
 
-__all__ = ["Show", "command"]
+__all__ = ["command"]
 
-Show = Callable[[Any, "Output", Mapping[str, Any]], int]
-"""Shows a record in the terminal and writes its files, given the options that only the command has; the exit code."""
-
-# How every command opens its model, and where it writes.
-_LOADING = {
-    "interface": (Interface, "auto"),
-    "solver": (Solver, "auto"),
-    "step": (Step, None),
-    "tolerance": (Tolerance, None),
-    "start": (Start, None),
-    "set_": (Set, None),
-    "bias": (Bias, None),
-}
 _OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
+_NOT_WELL = 1  # exit code of a record that says so
 
-_OPENING, _PLACE, _WRITING = "Model", "Where it runs", "Output"
 
-
-def command(
-    request: type[Analysis[Any]], show: Show, *, extra: Mapping[str, tuple[Any, Any]] | None = None
-) -> Callable[..., int]:
+def command(request: type[Analysis[Any]], *, drawn: Mapping[str, tuple[Any, Any]] | None = None) -> Callable[..., int]:
     """Return the command of a request, as typer takes it.
 
     Args:
         request: the analysis.
-        show: what is done with its record.
-        extra: options that only the command has, for pictures and pages: name → (type, default).
+        drawn: options that only pages and pictures have: name → (type, default).
     """
-    own = extra or {}
+    own = drawn or {}
 
     def run(model: str, **given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given[name] for name in _OUTPUT})
-        asked = _request(request, given)
-        loading = {name: given[name] for name in _LOADING}
-        if loading["tolerance"] is None:
-            loading["tolerance"] = getattr(request, "tolerance", None)
-        with open_model(model, **loading) as loaded:
-            return _run(loaded, asked, lambda record: show(record, out, {name: given[name] for name in own}))
+        asked, loading = _request(request, given), _request(Loading, given)
+        if loading.tolerance is None:
+            loading = replace(loading, tolerance=request.tolerance)
+        with open_model(model, loading) as loaded:
+            return _run(loaded, asked, out, {name: given[name] for name in own})
 
     run.__doc__ = _help(request)
     run.__name__ = request.command.replace("-", "_")
@@ -81,7 +52,7 @@ def command(
     return run
 
 
-def _run(model: Any, asked: Analysis[Any], show: Callable[[Any], int]) -> int:  # noqa: ANN401
+def _run(model: Any, asked: Analysis[Any], out: Output, drawn: Mapping[str, Any]) -> int:  # noqa: ANN401
     """Run a request; whatever ends it, what it has is shown and written."""
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import note
@@ -105,14 +76,35 @@ def _run(model: Any, asked: Analysis[Any], show: Callable[[Any], int]) -> int:  
     if record is not None:
         for text in job.notes:
             note(text)
-        code = show(record)
+        _show(record, out, drawn)
         if stopped is None:
-            return code
+            return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
         note(f"{interrupted()} after {reached[0]} of {reached[1]} points")
         return INTERRUPTED
     assert stopped is not None  # noqa: S101
     raise stopped
+
+
+def _show(record: Any, out: Output, drawn: Mapping[str, Any]) -> None:  # noqa: ANN401 - of any class that has a page
+    """Print the page of a record, and write its files."""
+    from workbench.cli.notes import flush, note
+    from workbench.report.results import page_of
+    from workbench.report.terminal import text_of
+
+    page: Page = page_of(record, **drawn)
+    for text in page.notes:
+        note(text)
+    flush()
+    how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
+    out.say(lambda width: text_of(page, width, how))
+    out.write(
+        record.to_dict(),
+        csv=getattr(record, "to_csv", None),
+        plot=lambda path: record.plot(path, **drawn),
+        report=record,
+        page=lambda: page,
+    )
 
 
 # -- options -----------------------------------------------------------------------------------
@@ -123,20 +115,29 @@ def _flat(request: type[Options], group: str = "") -> Iterator[tuple[str, Declar
     for declared in options_of(request):
         if declared.option.python:
             continue
-        if inspect.isclass(declared.type) and issubclass(declared.type, Options):
-            yield from _flat(declared.type, _PLACE)
+        if _is_part(declared):
+            yield from _flat(declared.type, declared.option.group)
         else:
             yield declared.name, declared, declared.option.group or group
 
 
-def _signature(request: type[Analysis[Any]], extra: Mapping[str, tuple[Any, Any]]) -> inspect.Signature:
-    parameters = [_parameter("model", ModelName, inspect.Parameter.empty)]
+def _is_part(declared: Declared) -> bool:
+    return inspect.isclass(declared.type) and issubclass(declared.type, Options)
+
+
+def _signature(request: type[Analysis[Any]], drawn: Mapping[str, tuple[Any, Any]]) -> inspect.Signature:
+    """Return the options of the analysis, then those by which models are opened, then the files.
+
+    An option that the analysis declares itself, as its own `step`, is given to the model as well.
+    """
     own = {name: (declared, group) for name, declared, group in _flat(request)}
+    own |= {name: found for name, *found in _flat(Loading, "Model") if name not in own}  # type: ignore[misc]
+    parameters = [_parameter("model", ModelName, inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
-    for options in (extra, _LOADING, _OUTPUT):
-        parameters += [_parameter(name, kind, default) for name, (kind, default) in options.items() if name not in own]
+    for options in (drawn, _OUTPUT):
+        parameters += [_parameter(name, kind, default) for name, (kind, default) in options.items()]
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
 
 
@@ -163,6 +164,8 @@ def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type
 def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
     if declared.form is not None:
         kind: Any = list[str] if declared.form.repeated else str
+    elif declared.option.choices:
+        kind = Literal[declared.option.choices]
     else:
         kind = declared.type
     return kind if declared.required or kind is bool else kind | None
@@ -177,7 +180,7 @@ def _request(request: type[Options], given: Mapping[str, Any]) -> Any:  # noqa: 
     for declared in options_of(request):
         if declared.option.python:
             continue
-        if inspect.isclass(declared.type) and issubclass(declared.type, Options):
+        if _is_part(declared):
             values[declared.name] = _request(declared.type, given)
         elif given[declared.name] is not None:
             values[declared.name] = _read(declared, given[declared.name])

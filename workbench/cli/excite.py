@@ -24,7 +24,7 @@ from workbench.cli.options import (
     Start,
     Timeout,
     Tolerance,
-    open_model,
+    open_named,
     workers,
 )
 from workbench.core.names import split_names
@@ -112,7 +112,7 @@ def excite(
     signal = _design(prbs, multisine)
     where = workers(jobs=1, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
     forced, recorded = _listed("--input", input, inputs), _listed("--output", output, outputs)
-    loaded = open_model(
+    loaded = open_named(
         model,
         interface=interface,
         solver=solver,

@@ -23,7 +23,7 @@ from workbench.cli.options import (
     Step,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
     span,
 )
@@ -142,7 +142,7 @@ def feed_forward(
         raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
     fed_back, sizes = _feedback(feedback), _orders(orders)
     limits = None if band is None else span("--band", band, above=0.0, example="0.1:5")
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded:

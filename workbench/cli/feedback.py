@@ -24,7 +24,7 @@ from workbench.cli.options import (
     Step,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
     span,
 )
@@ -149,7 +149,7 @@ def feedback(
     chosen = span("--settle-gains", settle_gains, example="-2:0.5") if settle_gains is not None else None
     levels = numbers("--thresholds", thresholds) if thresholds is not None else THRESHOLDS
     signals = {name: parse_signal(text) for name, text in pairs("--pulse", pulse).items()} if pulse else None
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded, Bar(1) as bar:

@@ -24,7 +24,7 @@ from workbench.cli.options import (
     Timeout,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
     span,
     workers,
@@ -117,7 +117,7 @@ def limit_cycle(
     sizes = span("--amplitude", amplitude, above=0.0, example="0.1:10") if amplitude is not None else None
     ranges = {name: _limits(name, text) for name, text in pairs("--vary", vary).items()}
     where = workers(in_process=in_process, timeout=timeout, memory_limit=memory_limit)
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded:

@@ -24,7 +24,7 @@ from workbench.cli.options import (
     Step,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
 )
 from workbench.core.names import split_names
@@ -148,7 +148,7 @@ def lin(
         "periods": numbers("--periods", periods) if periods is not None else None,
         "btptol": btptol,
     }
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded:

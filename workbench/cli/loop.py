@@ -26,7 +26,7 @@ from workbench.cli.options import (
     Timeout,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     span,
     workers,
 )
@@ -119,7 +119,7 @@ def loop(
     frequencies = numbers("--freq", freq) if freq is not None else None
     limits = span("--band", band, above=0.0, rising=False, example="0.1:10 [Hz]") if band is not None else None
     where = workers(jobs=jobs, in_process=in_process, timeout=timeout, memory_limit=memory_limit)
-    loaded = open_model(
+    loaded = open_named(
         model,
         interface=interface,
         solver=solver,

@@ -22,11 +22,11 @@ from workbench.cli.options import (
     Step,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
-    start_value,
 )
 from workbench.cli.table import table_of
+from workbench.core.forms import setting
 from workbench.core.names import split_names
 from workbench.errors import InputError
 
@@ -91,7 +91,7 @@ def modes(
     out = Output("modes", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
     name, where = _range(vary, points)
     others = [_settings(text) for text in against or ()]
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded, Bar(1.0) as bar:
@@ -129,7 +129,7 @@ def _range(text: str, points: int) -> tuple[str, dict[str, Any]]:
 
 
 def _settings(text: str) -> dict[str, Any]:
-    return {name: start_value(value) for name, value in pairs("--against", split_names(text)).items()}
+    return {name: setting(value) for name, value in pairs("--against", split_names(text)).items()}
 
 
 def _values(option: str, texts: Sequence[str] | None) -> Mapping[str, float]:

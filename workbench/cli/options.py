@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from workbench.core.forms import setting
+from workbench.core.loading import Loading
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,8 +38,8 @@ __all__ = [
     "Tolerance",
     "numbers",
     "open_model",
+    "open_named",
     "pairs",
-    "start_value",
     "workers",
 ]
 
@@ -129,7 +131,23 @@ def workers(
     )
 
 
-def open_model(
+def open_model(name: str, asked: Loading) -> DescribedModel:
+    """Load the model that a command names; its notes go to standard error.
+
+    Raises:
+        InputError: nothing there, unknown variable, a value that is none.
+        FmuError: no FMU, no binary for this platform.
+    """
+    from workbench.cli.notes import note
+    from workbench.system.load import open_file
+
+    model = open_file(name, asked)
+    for text in model.notes:
+        note(text)
+    return model
+
+
+def open_named(
     name: str,
     *,
     interface: str,
@@ -140,28 +158,17 @@ def open_model(
     set_: Sequence[str] | None,
     bias: Sequence[str] | None,
 ) -> DescribedModel:
-    """Load the model that a command names; its notes go to standard error.
-
-    Raises:
-        InputError: nothing there, unknown variable, a value that is none.
-        FmuError: no FMU, no binary for this platform.
-    """
-    from workbench.cli.notes import note
-    from workbench.system.load import load
-
-    model = load(
-        name,
-        interface,
-        solver,
+    """Load the model that a command names, as its options say; see `open_model`."""
+    asked = Loading(
+        interface=interface,
+        solver=solver,
         step=step,
         tolerance=tolerance,
         start=start,
-        start_values={n: start_value(v) for n, v in pairs("--set", set_).items()},
+        start_values={n: setting(v) for n, v in pairs("--set", set_).items()},
         bias={n: _number("--bias", n, v) for n, v in pairs("--bias", bias).items()},
     )
-    for text in model.notes:
-        note(text)
-    return model
+    return open_model(name, asked)
 
 
 def pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -220,19 +227,3 @@ def _number(option: str, name: str | None, text: str) -> float:
     except ValueError:
         where = f"{option}: {name}" if name else option
         raise InputError(f"{where}: '{text.strip()}' is not a number") from None
-
-
-def start_value(text: str) -> float | int | bool | str:
-    """Read a start value as what it looks like; the model converts it to the variable's type.
-
-    Args:
-        text: as it was given.
-    """
-    if text.lower() in {"true", "false"}:
-        return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -78,6 +79,15 @@ class Output:
         quiet = "-" in {self.json_path, self.csv_path}
         width = None if sys.stdout.isatty() else 110
         return Console(quiet=quiet, width=width, highlight=False)
+
+    def say(self, text: Callable[[int | None], str]) -> None:
+        """Print a text, unless standard output belongs to JSON or CSV.
+
+        Args:
+            text: returns it for the width of a terminal [characters], None: of a pipe.
+        """
+        if "-" not in {self.json_path, self.csv_path}:
+            sys.stdout.write(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None))
 
     def write(
         self,

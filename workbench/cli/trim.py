@@ -22,7 +22,7 @@ from workbench.cli.options import (
     Step,
     Tolerance,
     numbers,
-    open_model,
+    open_named,
     pairs,
 )
 from workbench.core.names import split_names
@@ -99,7 +99,7 @@ def trim(
         for option, texts in (("--fix", fix), ("--x0", x0), ("--u0", u0))
     )
     bounds = {n: _limits(n, v) for n, v in pairs("--bound", bound).items()}
-    loaded = open_model(
+    loaded = open_named(
         model, interface=interface, solver=solver, step=step, tolerance=tolerance, start=start, set_=set_, bias=bias
     )
     with loaded:

@@ -13,7 +13,20 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["FILE", "Band", "File", "Form", "Names", "Numbers", "Values", "number", "pairs", "several"]
+__all__ = [
+    "FILE",
+    "Band",
+    "File",
+    "Form",
+    "Names",
+    "Numbers",
+    "Settings",
+    "Values",
+    "number",
+    "pairs",
+    "setting",
+    "several",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +159,38 @@ _VALUES = Form(
     metavar="NAME=VALUE",
     read=_read_values,
     write=lambda value: [f"{name}={_short(x)}" for name, x in value.items()],
-    take=lambda value: {str(name): float(x) for name, x in dict(value).items()},
+    take=lambda value: {str(name): float(x) for name, x in dict(value or {}).items()},
+    repeated=True,
+)
+
+
+def setting(text: str) -> float | int | bool | str:
+    """Read a start value as what it looks like; the model converts it to the variable's type.
+
+    Args:
+        text: as it was given.
+    """
+    if text.lower() in {"true", "false"}:
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _written(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _short(value) if isinstance(value, float) else str(value)
+
+
+_SETTINGS = Form(
+    metavar="NAME=VALUE",
+    read=lambda texts: {name: setting(text) for name, text in pairs(texts).items()},
+    write=lambda value: [f"{name}={_written(x)}" for name, x in value.items()],
+    take=lambda value: {str(name): x for name, x in dict(value or {}).items()},
     repeated=True,
 )
 
@@ -165,10 +209,12 @@ if TYPE_CHECKING:
     Band = tuple[float, float]
     Names = Sequence[str]
     Values = Mapping[str, float]
+    Settings = Mapping[str, float | int | bool | str]
     File = str | Path
 else:
     Numbers = Annotated[object, _NUMBERS]
     Band = Annotated[object, _BAND]
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]
+    Settings = Annotated[object, _SETTINGS]
     File = Annotated[object, FILE]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 __all__ = ["Job", "Progress"]
 
-Progress = Callable[[object, int, int], None]
+Progress = Callable[[Any, int, int], None]
 """Is called with what was finished (a point, or words for it), how many are done, and how many there are in all."""
 
 
@@ -42,8 +43,14 @@ class Job:
             self._progress(what, done, total)
 
     def stop(self) -> None:
-        """Let the analysis end soon; a signal handler may call it."""
+        """Let the analysis end soon; a signal handler may call it.
+
+        Raises:
+            KeyboardInterrupt: the analysis has no other way to end.
+        """
         self.stopped = True
+        if not self._ends:
+            raise KeyboardInterrupt
         for end in self._ends:
             end()
 

@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import builtins
+import inspect
+import math
 import sys
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from typing import Annotated, Any, cast, dataclass_transform, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    Concatenate,
+    ParamSpec,
+    TypeVar,
+    cast,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 
 from workbench.core.forms import Form
-from workbench.errors import InputError
+from workbench.errors import InputError, suggest
 
-__all__ = ["Declared", "Option", "Options", "option", "options_of"]
+__all__ = ["Declared", "Option", "Options", "documented", "option", "options_of", "values_of", "with_options"]
 
 _DECLARED = "option"
+_ARGUMENTS = "Args:"
+
+_Given = ParamSpec("_Given")
+_Asked = TypeVar("_Asked")
+_First = TypeVar("_First")
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +48,9 @@ class Option:
         python: whether only Python has it.
         least: smallest value; None: any.
         positive: whether it must be above 0.
+        below: what it must be less than; None: anything.
+        finite: whether it must not be infinite.
+        choices: values that it can have; empty: any of its type.
         needed: why it has to be given, where a default is only for the order of the fields; empty: it need not.
         form: how values are written; None: as their type is.
     """
@@ -42,6 +63,9 @@ class Option:
     python: bool = False
     least: float | None = None
     positive: bool = False
+    below: float | None = None
+    finite: bool = False
+    choices: tuple[str, ...] = ()
     needed: str = ""
     form: Form | None = None
 
@@ -92,6 +116,8 @@ class Declared:
             raise InputError(f"{self.spoken}: none given; {self.option.needed}")
         if value is None or value is self.default:
             return value
+        if self.option.choices and value not in self.option.choices:
+            raise InputError(f"{self.spoken} '{value}' is unknown; {suggest(str(value), self.option.choices)}")
         try:
             found = value if self.form is None else self.form.take(value)
             self._check_range(found)
@@ -102,8 +128,12 @@ class Declared:
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
         unit = f" [{self.option.unit}]" if self.option.unit else ""
         for x in value if isinstance(value, tuple) else (value,):
-            if self.option.positive and not 0.0 < x < float("inf"):
+            if self.option.positive and not 0.0 < x < math.inf:
                 raise ValueError(f"{x:g} is not a positive number{unit}")
+            if self.option.below is not None and not x < self.option.below:
+                raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}{unit}")
+            if self.option.finite and not math.isfinite(x):
+                raise ValueError(f"{x:g} is not a finite number{unit}")
             if self.option.least is not None and not x >= self.option.least:
                 raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}{unit}")
 
@@ -112,6 +142,7 @@ def option(
     help: str,  # noqa: A002 - what it is
     *,
     default: Any = MISSING,  # noqa: ANN401 - of the option's type
+    default_factory: Any = MISSING,  # noqa: ANN401 - it makes a default that can be changed, as a dictionary
     unit: str = "",
     flag: str = "",
     metavar: str = "",
@@ -119,15 +150,22 @@ def option(
     python: bool = False,
     least: float | None = None,
     positive: bool = False,
+    below: float | None = None,
+    finite: bool = False,
+    choices: tuple[str, ...] = (),
     needed: str = "",
     form: Form | None = None,
 ) -> Any:  # noqa: ANN401 - a field of whatever type is annotated
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
         help=help, unit=unit, flag=flag, metavar=metavar, group=group, python=python, least=least, positive=positive,
-        needed=needed, form=form,
+        below=below, finite=finite, choices=choices, needed=needed, form=form,
     )  # fmt: skip
-    return field(default=default, metadata={_DECLARED: declared})
+    made: Any = field(
+        metadata={_DECLARED: declared},
+        **{k: v for k, v in (("default", default), ("default_factory", default_factory)) if v is not MISSING},
+    )
+    return made
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(option, field))
@@ -151,6 +189,11 @@ def options_of(request: type[Options]) -> tuple[Declared, ...]:
     return _options_of(cast("Hashable", request))
 
 
+def values_of(asked: Options) -> dict[str, Any]:
+    """Return the options of a request by name, as they are."""
+    return {d.name: getattr(asked, d.name) for d in options_of(type(asked))}
+
+
 @cache
 def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class; mypy holds it for unhashable
     hints = _hints(request)
@@ -161,10 +204,11 @@ def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class
             type=_plain(hints[f.name]),
             form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), None),
             default=None if f.default is MISSING else f.default,
-            required=f.default is MISSING or bool(f.metadata[_DECLARED].needed),
+            required=f.default is f.default_factory is MISSING or bool(f.metadata[_DECLARED].needed),
             option=f.metadata[_DECLARED],
         )
         for f in sorted(fields(request), key=lambda f: (bool(f.kw_only), f.name not in own))
+        if _DECLARED in f.metadata
     )
 
 
@@ -196,3 +240,50 @@ def _plain(hint: Any) -> Any:  # noqa: ANN401 - a type
         return _plain(get_args(hint)[0])
     rest = [part for part in get_args(hint) if part is not type(None)]
     return _plain(rest[0]) if len(rest) == 1 and len(get_args(hint)) == 2 else hint
+
+
+# -- functions ---------------------------------------------------------------------------------
+
+
+def with_options(
+    request: Callable[_Given, _Asked],
+    make: Callable[[_First, _Asked], _Made],
+    *,
+    name: str,
+    first: tuple[str, str, str],
+    words: str = "",
+) -> Callable[Concatenate[_First, _Given], _Made]:
+    """Return a function whose parameters are an object and the options of a request.
+
+    Args:
+        request: class of the options.
+        make: what the function does with the object and the request.
+        name: of the function.
+        first: name, type and help of the object.
+        words: what comes before the docstring of the request.
+    """
+    kind: Any = request
+    parameter = inspect.Parameter(first[0], inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=first[1])
+    signature = inspect.Signature([parameter, *inspect.signature(kind).parameters.values()])
+
+    def call(*args: Any, **kwargs: Any) -> _Made:  # noqa: ANN401 - the signature says which
+        values = signature.bind(*args, **kwargs).arguments
+        return make(values.pop(first[0]), kind(**values))
+
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    call.__doc__ = f"{words}\n\n" if words else ""
+    call.__doc__ += kind.__doc__.replace(_ARGUMENTS, f"{_ARGUMENTS}\n    {first[0]}: {first[2]}", 1)
+    call.__name__ = call.__qualname__ = name
+    call.__module__ = kind.__module__
+    return call
+
+
+def documented(request: type[Options]) -> str:
+    """Return the docstring of a request with its options before what is returned.
+
+    Args:
+        request: class of the options.
+    """
+    head, returns, tail = inspect.cleandoc(request.__doc__ or "").partition("\nReturns:")
+    lines = [_ARGUMENTS, *(f"    {d.name}: {d.help}" for d in options_of(request))]
+    return "\n".join([head.rstrip(), "", *lines, "", *([f"{returns.strip()}{tail}"] if returns else [])])

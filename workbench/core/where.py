@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass
 from workbench.core.option import Options, option
 from workbench.errors import InputError
 
-__all__ = ["DEFAULT_TIMEOUT", "InWorkers", "Limits", "Workers"]
+__all__ = ["DEFAULT_TIMEOUT", "InWorker", "InWorkers", "Limits", "Worker", "Workers"]
 
 # Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
 DEFAULT_TIMEOUT = 3600.0
@@ -35,14 +35,34 @@ class Limits:
                 raise InputError(f"{name}: {value:g} {unit} is not a positive number")
 
 
-class Workers(Options):
+class Worker(Options):
+    """Under which limits one worker process runs an FMU.
+
+    Attributes:
+        in_process: run in this process: for debugging, and for FMUs that are trusted.
+        timeout: longest time for one result [s]; None: any. For worker processes only.
+        memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
+    """
+
+    _: KW_ONLY
+    in_process: bool = option("Run the FMU in this process: for debugging; a crash ends everything.", default=False)
+    timeout: float | None = option(
+        "Longest time for one result [s]; 3600 unless set, inf for none.", metavar="S", default=DEFAULT_TIMEOUT
+    )
+    memory_limit: float | None = option("How much an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None)
+
+    @property
+    def limits(self) -> Limits:
+        """Time and memory limit together."""
+        return Limits(timeout=self.timeout, memory=self.memory_limit)
+
+
+class Workers(Worker):
     """Where and under which limits an analysis runs its FMU.
 
     Attributes:
         jobs: most worker processes at a time; None: as many as cores.
-        in_process: run in this process, one after the other: for debugging, and for FMUs that are trusted.
-        timeout: longest time for one result [s]; None: any. For worker processes only.
-        memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
+        in_process, timeout, memory_limit: see `Worker`.
         executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
         scheduler: address of a Dask scheduler, in place of worker processes.
 
@@ -52,20 +72,10 @@ class Workers(Options):
 
     _: KW_ONLY
     jobs: int | None = option("Worker processes at a time; by default one per core.", metavar="N", default=None)
-    in_process: bool = option("Run the FMU in this process: for debugging; a crash ends everything.", default=False)
-    timeout: float | None = option(
-        "Longest time for one result [s]; 3600 unless set, inf for none.", metavar="S", default=DEFAULT_TIMEOUT
-    )
-    memory_limit: float | None = option("How much an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None)
     scheduler: str | None = option("Run on an existing Dask cluster.", metavar="tcp://..", default=None)
     executor: Executor | None = option(
         "Executor in place of worker processes; it stays open.", default=None, python=True
     )
-
-    @property
-    def limits(self) -> Limits:
-        """Time and memory limit together."""
-        return Limits(timeout=self.timeout, memory=self.memory_limit)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,6 +92,17 @@ class Workers(Options):
             raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
 
 
+class InWorker(Options):
+    """The part of a request that says where its FMU runs: all of it in one place."""
+
+    _: KW_ONLY
+    workers: Worker | None = option(
+        "Under which limits a worker process runs the FMU; else it runs in this process.",
+        default=None,
+        group="Where it runs",
+    )
+
+
 class InWorkers(Options):
     """The part of a request that says where its FMU runs."""
 
@@ -90,6 +111,7 @@ class InWorkers(Options):
         "Where the FMU runs and under which limits; else in one worker process per core, where a crash costs one "
         "point. A model that is not a file runs in this process.",
         default=None,
+        group="Where it runs",
     )
 
     @property

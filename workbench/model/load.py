@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+from workbench.core.loading import Loading
+from workbench.core.option import values_of, with_options
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.binding import INTERFACES
 from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
@@ -17,16 +18,15 @@ from workbench.kernel.library import why_kernel_missing
 from workbench.model.fmu_model import DRIVERS, FmuModel
 from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe
 from workbench.session.fmu import Setup
-from workbench.session.solvers import SOLVERS, choose_solver
+from workbench.session.solvers import choose_solver
 
 __all__ = [
     "check_biases",
-    "check_number",
-    "check_start",
     "check_starts",
     "choose_driver",
     "experiment_notes",
     "load",
+    "load_fmu",
     "open_unpacked",
     "start_of",
 ]
@@ -34,35 +34,12 @@ __all__ = [
 _SETTABLE = ("parameter", "input", "local", "output")
 
 
-def load(
-    path: str | Path,
-    interface: str = "auto",
-    solver: str = "auto",
-    *,
-    step: float | None = None,
-    tolerance: float | None = None,
-    start: float | None = None,
-    start_values: Mapping[str, Value] | None = None,
-    bias: Mapping[str, float] | None = None,
-    hold_inputs: bool = False,
-    driver: str = "auto",
-) -> FmuModel:
+def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
     """Load an FMU.
 
     Args:
         path: an `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`.
-        interface: "me", "cs", or "auto", which takes model exchange where both are offered.
-        solver: "vkm", "gear", or "auto"; co-simulation FMUs bring their own.
-        step: communication step of co-simulation [s]; None: the FMU's default experiment, else
-            derived from the signals.
-        tolerance: relative tolerance of the integration; None: the FMU's default experiment, else 1e-6.
-        start: time at which sessions begin [s]; None: the FMU's default experiment, else 0.
-        start_values: parameters and start values to set, by name.
-        bias: constants added to inputs, by name, whether forced or not.
-        hold_inputs: co-simulation: hold inputs between communication points, as most masters do, also where the FMU
-            takes their slopes. For comparisons with such masters; less accurate at the same step.
-        driver: what advances sessions: "compiled", "python" (the readable reference, about 20 times slower), or
-            "auto", which takes the compiled one where it is installed.
+        asked: how.
 
     Returns:
         The model; close it, or use it in a `with` block, to remove its temporary folder.
@@ -71,29 +48,26 @@ def load(
         InputError: no such file, interface, solver, variable; a value out of range.
         FmuError: the file is no usable FMU, or has no binary for this platform.
     """
-    check_number("step", step)
-    check_number("tolerance", tolerance, upper=1.0)
-    check_start(start)
     unpacked = unpack(path)
     try:
         recipe = FmuRecipe(
             source=str(unpacked.source.absolute()),
             folder=str(unpacked.folder.absolute()),
             owned=unpacked.owned,
-            interface=interface,
-            solver=solver,
-            step=step,
-            tolerance=tolerance,
-            start=start,
-            start_values=dict(start_values or {}),
-            bias=dict(bias or {}),
-            hold_inputs=hold_inputs,
-            driver=driver,
+            **values_of(asked),
         )
         return open_unpacked(unpacked, recipe)
     except BaseException:
         unpacked.close()
         raise
+
+
+load = with_options(
+    Loading,
+    load_fmu,
+    name="load",
+    first=("path", "str | Path", "An `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`."),
+)
 
 
 def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
@@ -140,19 +114,6 @@ def _not_yet() -> Instance:
     raise NotImplementedError  # FmuModel puts its own in place
 
 
-def check_number(name: str, value: float | None, *, upper: float = math.inf) -> None:
-    """Raise an InputError unless a value is None, or positive and below `upper`."""
-    if value is not None and not (math.isfinite(value) and 0.0 < value < upper):
-        limit = f" and below {upper:g}" if math.isfinite(upper) else ""
-        raise InputError(f"{name} must be positive{limit}, not {value:g}")
-
-
-def check_start(start: float | None) -> None:
-    """Raise an InputError unless a start time is None or a number."""
-    if start is not None and not math.isfinite(start):
-        raise InputError(f"start must be a finite number of seconds, not {start:g}")
-
-
 def start_of(recipe: LoadRecipe, description: Description) -> float:
     """Return the time at which sessions begin [s]: what was asked for, else that of the default experiment, else 0."""
     start = description.experiment.start_time if recipe.start is None else recipe.start
@@ -171,8 +132,6 @@ def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
 
 def _choose_interface(wanted: str, description: Description, source: str) -> str:
     offered = description.interfaces
-    if wanted != "auto" and wanted not in INTERFACES:
-        raise InputError(f"interface '{wanted}' is unknown; {suggest(wanted, ('auto', *INTERFACES))}")
     if not offered:
         raise InputError(f"{source}: offers neither model exchange nor co-simulation")
     if wanted == "auto":
@@ -186,8 +145,6 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     if interface == "me":
         return choose_solver(wanted, states=description.state_count)
     if wanted not in ("auto", "fmu"):
-        if wanted not in SOLVERS:
-            raise InputError(f"solver '{wanted}' is unknown; {suggest(wanted, ('auto', *SOLVERS))}")
         raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
     return "fmu", ""
 

@@ -8,16 +8,16 @@ import shutil
 import tempfile
 import zipfile
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from workbench.core.loading import Loading
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.option import values_of
 from workbench.errors import InputError
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.variable import Value
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
@@ -76,27 +76,25 @@ class Recipe(ABC):
         """Remove what the owner of the model left behind; called when that process is dead."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LoadRecipe(Recipe):
-    """What `load` was told, besides the file.
+class LoadRecipe(Loading, Recipe):
+    """What `load` was told, and the file.
 
     Attributes:
         source: what the user named, for messages.
-        interface, solver, driver, step, tolerance, start, start_values, bias, hold_inputs: see `load`.
         at: where its sessions start; None: at the model's own start. See `Model.placed`.
     """
 
+    _: KW_ONLY
     source: str
-    interface: str = "auto"
-    solver: str = "auto"
-    driver: str = "auto"
-    step: float | None = None
-    tolerance: float | None = None
-    start: float | None = None
-    start_values: Mapping[str, Value] = field(default_factory=dict)
-    bias: Mapping[str, float] = field(default_factory=dict)
-    hold_inputs: bool = False
     at: OperatingPoint | None = None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both make the same model."""
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(getattr(self, f.name) == getattr(other, f.name) for f in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]  # it holds mappings
 
     @abstractmethod
     def open(self) -> DescribedModel:
@@ -105,15 +103,7 @@ class LoadRecipe(Recipe):
     def settings(self) -> dict[str, Any]:
         """Return all of these but the file, ready for JSON."""
         return {
-            "interface": self.interface,
-            "solver": self.solver,
-            "driver": self.driver,
-            "step": self.step,
-            "tolerance": self.tolerance,
-            "start": self.start,
-            "start_values": dict(self.start_values),
-            "bias": dict(self.bias),
-            "hold_inputs": self.hold_inputs,
+            **values_of(self),
             **({} if self.at is None else {"at": {**self.at.values, "time": self.at.time}}),
         }
 
@@ -121,7 +111,6 @@ class LoadRecipe(Recipe):
         return replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
 
 
-@dataclass(frozen=True, kw_only=True)
 class FmuRecipe(LoadRecipe):
     """An FMU and what `load` was told.
 
@@ -129,12 +118,11 @@ class FmuRecipe(LoadRecipe):
         source: what the user named, for messages and for `identity`.
         folder: where it is unpacked; the loading process owns it.
         owned: whether that folder is temporary.
-        interface, solver, driver, step, tolerance, start, start_values, bias, hold_inputs: see `load`.
-        at: see `LoadRecipe`.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
         sha256: of the FMU, told along with the archive; empty: read the file.
     """
 
+    _: KW_ONLY
     folder: str
     owned: bool
     archive: bytes | None = field(default=None, repr=False)

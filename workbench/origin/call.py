@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.loading import Loading
+from workbench.core.option import values_of
 from workbench.errors import WorkbenchError
 from workbench.model.base import Model
 from workbench.model.recipe import LoadRecipe
@@ -160,9 +162,7 @@ def _load(model: Model) -> str:
     facts = facts_of(model)
     if not isinstance(recipe, LoadRecipe) or not facts.source:
         return ""
-    defaults: dict[str, Any] = {"step": None, "tolerance": None, "start_values": {}, "bias": {}, "hold_inputs": False}
-    settings = recipe.settings()
+    usual = values_of(Loading())
     chosen = [repr(facts.source)]
-    chosen += [f"{k}={settings[k]!r}" for k in ("interface", "solver", "driver") if settings[k] != "auto"]
-    chosen += [f"{k}={_code(settings[k], {})}" for k, usual in defaults.items() if settings[k] != usual]
+    chosen += [f"{k}={_code(v, {})}" for k, v in values_of(recipe).items() if v != usual[k]]
     return f"wb.load({', '.join(chosen)})"

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from workbench.plotting.figure import save
+
 if TYPE_CHECKING:
-    from workbench.analysis.simulate import SimulationResult
+    from workbench.analysis.simulate.result import SimulationResult
 
 __all__ = ["time_history"]
 
 
-def time_history(result: SimulationResult) -> Figure:
-    """Return a figure with one panel per signal over time [s]; events show as vertical jumps."""
+def time_history(result: SimulationResult, path: str | Path | None = None) -> Figure:
+    """Return a figure with one panel per signal over time [s]; events show as vertical jumps.
+
+    Args:
+        result: what is drawn.
+        path: also write it here.
+    """
     names = list(result.signals)
     figure = Figure(figsize=(8.0, 1.2 + 1.9 * max(1, len(names))), layout="constrained")
     grid = figure.subplots(max(1, len(names)), 1, sharex=True, squeeze=False)
@@ -25,4 +33,6 @@ def time_history(result: SimulationResult) -> Figure:
         axes.grid(visible=True, alpha=0.3)
     panels[-1].set_xlabel("time [s]")
     panels[0].set_title(f"{result.model} ({result.interface}, {result.solver})")
+    if path is not None:
+        save(figure, path)
     return figure

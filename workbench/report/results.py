@@ -45,7 +45,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.nfr_result.NfrResult": "workbench.report.nfr:nfr_page",
     "workbench.analysis.nyquist.result.NyquistResult": "workbench.report.limit_cycle:nyquist_page",
     "workbench.analysis.reduction.balanced.BalancedReduction": "workbench.report.feed_forward:reduction_page",
-    "workbench.analysis.simulate.SimulationResult": "workbench.report.simulate:simulate_page",
+    "workbench.analysis.simulate.result.SimulationResult": "workbench.report.simulate:simulate_page",
     "workbench.analysis.spectra.coherence.Coherence": "workbench.report.data:coherence_page",
     "workbench.analysis.spectra.density.SpectralDensity": "workbench.report.data:density_page",
     "workbench.analysis.subspace.result.SubspaceEstimate": "workbench.report.identify:estimate_page",
@@ -60,11 +60,12 @@ PAGES: dict[str, str] = {
 }
 
 
-def page_of(result: object) -> Page:
+def page_of(result: object, **drawn: object) -> Page:
     """Return what a result says of itself, without how it was made.
 
     Args:
         result: of a class in `PAGES`.
+        drawn: what the function of its page can be told.
 
     Raises:
         InputError: it has no page.
@@ -74,8 +75,8 @@ def page_of(result: object) -> Page:
     if name is None:
         raise InputError(f"{kind.__name__} has no page; results that have one: {', '.join(_names())}")
     module, _, function = name.partition(":")
-    make: Callable[[object], Page] = getattr(import_module(module), function)
-    return make(result)
+    make: Callable[..., Page] = getattr(import_module(module), function)
+    return make(result, **drawn)
 
 
 def _names() -> list[str]:

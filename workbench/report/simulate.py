@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.analysis.simulate import SimulationResult
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Sequence
 
 from workbench.report.page import Page, Section, Table
@@ -14,23 +13,19 @@ _GAP = "  "
 _MOST_ROWS = 60  # of a table; more belong into a file
 
 
-def text_of(page: Page, width: int | None) -> str:
+def text_of(page: Page, width: int | None, how: str = "") -> str:
     """Return what a page says, without its pictures and without how it was made.
 
     Args:
         page: what a result says of itself.
         width: of the terminal [characters]; None: lines may be as long as they are, as in a pipe.
+        how: it was made, behind the title.
     """
-    return "\n".join(line.rstrip() for line in _page(page, width)) + "\n"
+    return "\n".join(line.rstrip() for line in _page(page, width, how)) + "\n"
 
 
-def terminal_width(*, is_terminal: bool) -> int | None:
-    """Return the width that text may have; None for a pipe."""
-    return shutil.get_terminal_size().columns if is_terminal else None
-
-
-def _page(page: Page, width: int | None) -> Iterator[str]:
-    yield page.title
+def _page(page: Page, width: int | None, how: str) -> Iterator[str]:
+    yield f"{page.title} ({how})" if how else page.title
     if page.lead:
         yield page.lead
     for name, value in page.facts.items():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.plotting.lin import plot_curves
 from workbench.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
 from workbench.reproduce.measurement import Experiment, Measured, Measurement, Picture

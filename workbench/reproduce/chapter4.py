@@ -12,7 +12,7 @@ from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 from workbench.plotting.time_history import time_history

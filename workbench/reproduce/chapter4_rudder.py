@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.analysis.simulate.request import simulate
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture

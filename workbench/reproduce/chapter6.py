@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr import nfr
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study

@@ -13,7 +13,7 @@ from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.nyquist.result import Crossing
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.core.poles import damped_frequency_hz
 from workbench.fmi.variable import Value
 from workbench.plotting.nyquist import plot_nyquist

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.simulate import SimulationResult, simulate
+from workbench.analysis.simulate.request import simulate
+from workbench.analysis.simulate.result import SimulationResult
 from workbench.plotting.figure import COLOURS, rows
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.oscillation import frequency, peak

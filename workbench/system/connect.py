@@ -9,6 +9,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from workbench.core.loading import Loading
+from workbench.core.option import values_of
 from workbench.errors import InputError, one_line, suggest
 from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
@@ -16,7 +18,6 @@ from workbench.fmi.description import Experiment
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.load import check_number, check_start
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import (
     Component,
@@ -115,72 +116,35 @@ def connect(
         if isinstance(model, SystemModel)
         for inner, value in model.recipe.start_values.items()
     }
-    return open_description(
-        embed(description, parts),
+    asked = Loading(
         solver=solver,
         step=step,
         tolerance=tolerance,
         start=start,
         start_values={**starts, **(start_values or {})},
-        bias=bias,
-        order=order,
+        bias=bias or {},
         hold_inputs=hold_inputs,
         driver=driver,
     )
+    return open_description(embed(description, parts), asked, order=order)
 
 
 def open_description(
-    description: SystemDescription,
-    *,
-    interface: str = "auto",
-    solver: str = "auto",
-    step: float | None = None,
-    tolerance: float | None = None,
-    start: float | None = None,
-    start_values: Mapping[str, Value] | None = None,
-    bias: Mapping[str, float] | None = None,
-    order: str = "auto",
-    hold_inputs: bool = False,
-    driver: str = "auto",
+    description: SystemDescription, asked: Loading | None = None, *, order: str = "auto"
 ) -> DescribedModel:
     """Open a system as it is written down.
 
     Args:
         description: the system.
-        interface: "auto", or what the whole system must be: "me" or "cs".
-        solver: for model exchange.
-        step: communication step of co-simulation [s].
-        tolerance: relative tolerance of the integration.
-        start: time at which sessions begin [s]; None: the default experiment's, else 0.
-        start_values: by full name.
-        bias: constants added to the system's inputs.
+        asked: how; None: all at its default.
         order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
-        hold_inputs: in such systems, hold inputs between communication points.
-        driver: as for `load`.
 
     Raises:
         InputError, FmuError: see `connect`.
     """
-    check_number("step", step)
-    check_number("tolerance", tolerance, upper=1.0)
-    check_start(start)
-    return open_system(
-        SystemRecipe(
-            source=description.source or description.name,
-            system=description,
-            interface=interface,
-            solver=solver,
-            step=step,
-            tolerance=tolerance,
-            start=start,
-            start_values=dict(start_values or {}),
-            bias=dict(bias or {}),
-            order=order,
-            hold_inputs=hold_inputs,
-            driver=driver,
-        )
-    )
+    source = description.source or description.name
+    return open_system(SystemRecipe(source=source, system=description, order=order, **values_of(asked or Loading())))
 
 
 # -- components -------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import math
 import shutil
 import tempfile
 import zipfile
@@ -18,7 +19,6 @@ from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescrip
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_number
 from workbench.origin import Reportable, with_origin
 from workbench.system.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.system.container_variables import Shown, shown_units, shown_variables
@@ -103,7 +103,8 @@ def export_container(
         FmuError: an FMU's description is damaged.
     """
     target = _target(path)
-    check_number("step", step)
+    if not 0.0 < step < math.inf:
+        raise InputError(f"step: {step:g} is not a positive number [s]")
     if fmi not in FMI_VERSIONS:
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
     _check_fmpy()

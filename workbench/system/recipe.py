@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import KW_ONLY, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["SystemRecipe"]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class SystemRecipe(LoadRecipe):
     """A system, and what `load` or `connect` was told.
 
@@ -32,6 +31,7 @@ class SystemRecipe(LoadRecipe):
         order: of co-simulation components: "gauss-seidel", "jacobi" or "auto".
     """
 
+    _: KW_ONLY
     system: SystemDescription
     parts: Mapping[str, FmuRecipe] = field(default_factory=dict)
     order: str = "auto"
@@ -41,10 +41,11 @@ class SystemRecipe(LoadRecipe):
         if not isinstance(other, SystemRecipe):
             return NotImplemented
         systems = [_plain(replace(recipe.system, folder=None)) for recipe in (self, other)]
-        same = self.parts == other.parts and self.order == other.order and systems[0] == systems[1]
-        return same and bool(super().__eq__(other))
+        return systems[0] == systems[1] and all(
+            getattr(self, f.name) == getattr(other, f.name) for f in fields(self) if f.name != "system"
+        )
 
-    __hash__ = None  # type: ignore[assignment]  # it holds mappings and arrays
+    __hash__ = None  # it holds mappings
 
     @property
     def portable(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.passes import rising_passes
-from workbench.analysis.simulate import simulate
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import Reportable

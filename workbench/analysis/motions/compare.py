@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.analysis.motions.measures import measure
 from workbench.analysis.motions.result import Motion, MotionComparison, MotionFailed, MotionHistory
 from workbench.analysis.motions.units import shown_unit
-from workbench.analysis.simulate import SimulationResult
-from workbench.analysis.simulate_job import SimulateJob, simulate_in_worker
+from workbench.analysis.simulate.request import Simulate
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.job import Job
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
@@ -89,7 +91,8 @@ def compare_motions(
     end = max(w[1] for w in windows) if stop is None else stop
     if end < max(w[1] for w in windows):
         raise InputError(f"compare: the run ends at {end:g} s, before the last window does")
-    job = SimulateJob(
+    asked = Simulate(
+        workers=workers or Workers(in_process=True),
         stop=end,
         inputs=dict(inputs or {}),
         outputs=tuple(signals),
@@ -98,7 +101,7 @@ def compare_motions(
     histories, failed = list[MotionHistory](), list[MotionFailed]()
     points: dict[str, OperatingPoint | None] = {}
     for number, (name, model) in enumerate(systems.items(), 1):
-        run, why = _run(model, job, workers or Workers(in_process=True))
+        run, why = _run(model, asked)
         if why is not None:
             failed.append(MotionFailed(system=name, time=why.time, reason=str(why)))
         if run is not None:
@@ -145,18 +148,15 @@ def _check(
                 raise InputError(f"compare: {name} has no input '{given}'; {suggest(given, open_to)}")
 
 
-def _run(
-    model: DescribedModel, job: SimulateJob, workers: Workers
-) -> tuple[SimulationResult | None, SimulationError | None]:
+def _run(model: DescribedModel, asked: Simulate) -> tuple[SimulationResult | None, SimulationError | None]:
     """Return what ran, and why it ended early; what came before a failure is run once more."""
     try:
-        return simulate_in_worker(model, job, workers=workers), None
+        return asked.run(model, Job()), None
     except SimulationError as error:
         if error.time is None or not error.time > 0.0:
             return None, error
-        shorter = SimulateJob(stop=error.time * _BEFORE, inputs=job.inputs, outputs=job.outputs, interval=job.interval)
         try:
-            return simulate_in_worker(model, shorter, workers=workers), error
+            return replace(asked, stop=error.time * _BEFORE).run(model, Job()), error
         except SimulationError:
             return None, error
 

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from workbench.analysis.divergence import DivergenceError, divergence
 from workbench.analysis.divergence_run import explained
-from workbench.core.operating_point import At, OperatingPoint, point_in_json
-from workbench.csv_file import write_csv
+from workbench.analysis.one_worker import in_worker
+from workbench.analysis.simulate.request import Simulate
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.forms import several
+from workbench.core.job import Job
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import EndedError, InputError, SimulationError, article, suggest
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
 from workbench.model.placing import standing, start_at
-from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats, Record, Session
-from workbench.signals import Signal
+from workbench.signals import Signal, signals_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["SimulationResult", "simulate"]
+__all__ = ["run"]
 
 DEFAULT_POINTS = 500
 MOST_USUAL_POINTS = 5000
@@ -35,129 +33,35 @@ WORRYING_CHANGE = 0.01
 _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 
 
-@dataclass(frozen=True)
-class SimulationResult(Reportable):
-    """Time histories.
-
-    Attributes:
-        model, interface, solver: what ran.
-        time: shape (n,) [s], never falling; a time given twice is an event (left, right limit).
-        signals: name → shape (n,): the outputs, then the forced inputs as the model saw them.
-        units: name → unit, None where the model declares none.
-        notes: doubts about the result, e.g. a communication step that is too long.
-        ended_at: when the run was cut short [s], by the FMU itself or by a failure; None: it came to its end.
-        failed: why it failed; None: it did not. An FMU that ends its own run has not failed.
-        operating_point: where the run begins.
-    """
-
-    model: str
-    interface: str
-    solver: str
-    time: Floats
-    signals: dict[str, Floats]
-    units: dict[str, str | None]
-    notes: tuple[str, ...] = ()
-    ended_at: float | None = None
-    failed: str | None = None
-    operating_point: OperatingPoint | None = None
-
-    def plot(self) -> Figure:
-        """Return a picture with one panel per signal."""
-        from workbench.plotting.time_history import time_history  # noqa: PLC0415  matplotlib is slow
-
-        return time_history(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists, as the command line writes them to JSON."""
-        return {
-            "time": self.time.tolist(),
-            "signals": {name: values.tolist() for name, values in self.signals.items()},
-            "units": dict(self.units),
-            "notes": list(self.notes),
-            "ended_at": self.ended_at,
-            "failed": self.failed,
-            **point_in_json(self.operating_point),
-        }
-
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write time [s] and every signal as columns with a heading line; a run cut short ends with a comment.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_csv(path, [["time", *self.signals], *zip(*self._columns(), strict=True), *self._cut()])
-
-    def _cut(self) -> list[list[str]]:
-        if self.ended_at is None:
-            return []
-        return [[f"# ended at {self.ended_at:.9g} s: {self.failed or 'by the FMU itself'}"]]
-
-    def _columns(self) -> list[list[float]]:
-        return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
-
-
-@with_origin()
-def simulate(
-    model: Model,
-    *,
-    stop: float | None = None,
-    inputs: Mapping[str, Signal] | None = None,
-    outputs: Sequence[str] | None = None,
-    at: At | None = None,
-    start_time: float | None = None,
-    interval: float | None = None,
-    points: Sequence[float] | Floats | None = None,
-    verify_step: bool = True,
-) -> SimulationResult:
-    """Simulate a model.
-
-    Args:
-        model: what to run; it stays open.
-        stop: final time [s], after `start_time`; None: that of the model's default experiment.
-        inputs: forced inputs; the others keep their start value, or that of `at`.
-        outputs: names of variables to record; None: all outputs; where there are none all states, else all locals.
-        at: operating point to start at: a point, a result that has one, or the file of either; None: where the model
-            starts. A forced input has the values of its signal, not those of the point.
-        start_time: [s]; None: that of `at`, else of the model.
-        interval: distance of the recorded points [s]; None: the step of the default experiment, doubled until there
-            are at most 5000; in co-simulation a multiple of the communication step; else 1/500 of the run. Events are
-            recorded besides.
-        points: recorded points themselves, rising, in (start_time, stop] [s]; instead of `interval`.
-        verify_step: co-simulation only: run again with half the communication step and note where
-            the answer changes by more than 1 %.
-
-    Raises:
-        InputError: unknown name, an output forced, times or points out of order.
-        FmuError: the FMU cannot be instantiated.
-        SimulationError: the model failed while running; its `before` is the result up to then.
-        DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
-            in finite time, and when. Unless `points` names them, rows are added that show how, ever more densely.
-    """
-    inputs = dict(inputs or {})
-    model, remarks = start_at(model, at)
+def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
+    """Simulate a model; see `Simulate`."""
+    model, remarks = start_at(model, asked.at)
+    if asked.workers is not None:
+        result = in_worker(model, replace(asked, at=None, workers=None, progress=None), asked.workers, job)
+        return replace(result, notes=(*remarks, *result.notes))
+    inputs = signals_of(asked.inputs)
     _check_inputs(model, inputs)
-    names, instead = _names(model, outputs)
-    start = model.start_time if start_time is None else start_time
-    stop, told = _stop(model, stop)
+    names, instead = _names(model, asked.outputs)
+    start = model.start_time if asked.start_time is None else asked.start_time
+    stop, told = _stop(model, asked.stop)
     told = (*remarks, *told, *instead, *_jumps(model, inputs, start))
-    interval = _usual_interval(model, stop - start) if interval is None else interval
+    interval = _usual_interval(model, stop - start) if asked.interval is None else asked.interval
+    points = None if asked.points is None else several(asked.points)
     rows = _points(start, stop, interval, points, grid=model.grid)
-    run = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
+    running = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
     try:
-        found = run.once(None)
+        found = running.once(None)
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
         if isinstance(error.before, Record):
-            why.before = run.result(_Once(error.before, None), told, failed=why)
+            why.before = cut = running.result(_Once(error.before, None), told, failed=why)
+            job.partial = lambda: cut
         if why is error:
             raise
         raise why from error
-    if found.step is not None and verify_step:
-        told += run.doubts(found)
-    return run.result(found, told)
+    if found.step is not None and asked.verify_step:
+        told += running.doubts(found)
+    return running.result(found, told)
 
 
 def _jumps(model: Model, inputs: Mapping[str, Signal], start: float) -> tuple[str, ...]:
@@ -183,13 +87,15 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
 def _usual_interval(model: Model, span: float) -> float | None:
     """Return the interval at which rows are recorded unless told otherwise [s]; None: a 500th of the run.
 
-    Model exchange: the step of the default experiment, doubled where it gives too many points. Co-simulation: a
-    multiple of the communication step, so that recording does not shorten the steps.
+    Model exchange: the step that it was loaded with, else that of the default experiment, doubled where it gives too
+    many points. Co-simulation: a multiple of the communication step, so that recording does not shorten the steps.
     """
+    if isinstance(model, DescribedModel) and model.interface == "me" and model.recipe.step is not None:
+        return model.recipe.step
     if not isinstance(model, FmuModel):
         return None
     is_cs = model.interface == "cs"
-    step = (model.recipe.step if is_cs else None) or model.description.experiment.step
+    step = model.recipe.step or model.description.experiment.step
     if step is None or not step < span:
         return None
     if is_cs:

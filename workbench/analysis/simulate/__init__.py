@@ -1,0 +1,1 @@
+"""Time histories: run a model under given inputs and record its outputs."""

@@ -1,0 +1,75 @@
+"""Time histories: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Names, Numbers
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.core.where import InWorker
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.simulate.result import SimulationResult  # noqa: F401 - the record's type, below
+
+__all__ = ["Simulate", "simulate"]
+
+
+class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
+    """Simulate under given inputs and record a time history.
+
+    A forced input has the values of its signal, not those of the operating point. Events are recorded besides the
+    points that are asked for.
+
+    Returns:
+        The time history; `ended_at` tells where an FMU ended its own run.
+
+    Raises:
+        InputError: unknown name, an output forced, times or points out of order.
+        FmuError: the FMU cannot be instantiated.
+        SimulationError: the model failed while running; its `before` is the result up to then.
+        DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
+            in finite time, and when. Unless `points` names them, rows are added that show how, ever more densely.
+    """
+
+    command = "simulate"
+    algorithm = "workbench.analysis.simulate.run:run"
+    example = "workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png"
+
+    _: KW_ONLY
+    stop: float | None = option("End of the run; else the default experiment's.", unit="s", metavar="T", default=None)
+    inputs: Signals = option(
+        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. The others "
+        "keep their start value, or that of the operating point.",
+        flag="--input",
+        default_factory=dict,
+    )
+    outputs: Names | None = option(
+        "Variables to record; else all outputs, or all states, or all local variables.",
+        flag="--output",
+        metavar="NAME",
+        default=None,
+    )
+    start_time: float | None = option(
+        "Where it starts; else at the point, or as the model does.", unit="s", python=True, default=None
+    )
+    interval: float | None = option(
+        "Distance of the recorded points; else the step of the default experiment, doubled until there are at most "
+        "5000, in co-simulation a multiple of the communication step, or 1/500 of the run.",
+        unit="s",
+        python=True,
+        default=None,
+    )
+    points: Numbers | None = option(
+        "Recorded points themselves, rising, in place of an interval.", unit="s", python=True, default=None
+    )
+    verify_step: bool = option(
+        "Co-simulation: run again with half the communication step, and note where that changes more than 1 %.",
+        default=True,
+    )
+
+
+simulate = function(Simulate)
