@@ -15,10 +15,11 @@ from workbench.report.tones import Verdict
 __all__ = ["nfr_page"]
 
 _DROP_DB = 3.0
+_NO_EFFECT = "no effect"
 _MEANING = {
-    "settled": "the response no longer changed from period to period",
     "averaged": "not settled: the value is known only as well as its error says",
-    "failed": "no value",
+    "settled": "the response no longer changed from period to period",
+    _NO_EFFECT: "the input does not move the output, or by no more than rounding",
 }
 
 
@@ -39,7 +40,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         facts={
             "input": bracketed(result.input, result.input_unit),
             "output": bracketed(result.output, result.output_unit),
-            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + f" {result.input_unit or ''}",
+            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + _blank(result.input_unit),
             "frequencies": _range(result),
         },
         sections=[
@@ -59,7 +60,7 @@ def _range(result: NfrResult) -> str:
 
 def _lead(result: NfrResult) -> str:
     parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
-    falls = [f"{f:.4g} Hz at {a:g} {result.input_unit or ''}".strip() for a, f in _bandwidths(result)]
+    falls = [f"{f:.4g} Hz at {a:g}{_blank(result.input_unit)}" for a, f in _bandwidths(result)]
     parts += [f"The gain is 3 dB below that of the lowest frequency at {', '.join(falls)}."] if falls else []
     spread = _spread(result)
     parts += [f"Between the amplitudes it differs by {spread:.3g} dB at most."] if np.isfinite(spread) else []
@@ -87,12 +88,10 @@ def _spread(result: NfrResult) -> float:
 
 
 def _verdicts(result: NfrResult) -> list[Verdict]:
-    counts = Counter(word for row in result.status for word in row)
-    found = [
-        Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}")
-        for word in ("averaged", "settled")
-        if counts[word]
-    ]
+    idle = result.gain == 0.0
+    words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
+    counts = Counter(words.ravel().tolist())
+    found = [Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}") for word in _MEANING if counts[word]]
     reasons = Counter(f.reason for f in result.failed)
     first = {f.reason: f for f in reversed(result.failed)}
     found += [
@@ -116,13 +115,17 @@ def _values(result: NfrResult, i: int) -> Section:
             f"{f:.5g}",
             *(number(float(c[i, j]), form) for c, form in zip(columns, forms, strict=True)),
             str(result.periods[i, j]),
-            result.status[i][j],
+            _NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
         )
         for j, f in enumerate(result.frequency_hz.tolist())
         if not _is_missing(result, i, j)
     ]
     table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
-    return Section(f"Amplitude {result.amplitude[i]:g} {unit or ''}".strip(), tables=[table])
+    return Section(f"Amplitude {result.amplitude[i]:g}{_blank(unit)}", tables=[table])
+
+
+def _blank(unit: str | None) -> str:
+    return f" {unit}" if unit and unit != "1" else ""
 
 
 def _is_missing(result: NfrResult, i: int, j: int) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import worst_first
@@ -21,7 +22,8 @@ def text_of(page: Page, width: int | None, how: str = "") -> str:
         width: of the terminal [characters]; None: lines may be as long as they are, as in a pipe.
         how: it was made, behind the title.
     """
-    return "\n".join(line.rstrip() for line in _page(page, width, how)) + "\n"
+    lines = [line.rstrip() for line in _page(page, width, how)]
+    return "\n".join(line for before, line in pairwise(["", *lines, ""]) if before or line) + "\n"
 
 
 def _page(page: Page, width: int | None, how: str) -> Iterator[str]:
