@@ -145,6 +145,44 @@ def test_switching_that_only_is_quick_is_let_be(solver: str, places: np.ndarray)
     assert record.values["x"][-1] == pytest.approx(2.0, rel=1e-9)
 
 
+class Shifted(Ball):
+    """A ball whose relation h > 0 has a hysteresis, as in FMUs of many tools: an event shifts its zero."""
+
+    hysteresis = 1e-13
+
+    def start(self) -> None:
+        super().start()
+        self.above = True
+
+    def indicators(self) -> list[float]:
+        return [self.v["h"] + (self.hysteresis if self.above else -self.hysteresis)]
+
+    def event(self) -> tuple[bool, float]:
+        was, self.above = self.above, self.indicators()[0] > 0.0
+        if was and not self.above:
+            self.v["v"] *= -self.restitution
+        return was and not self.above, math.inf
+
+
+@pytest.mark.parametrize(
+    ("restitution", "gravity", "height"),
+    [
+        (0.0675597889, 16.4835426, 2.84697907e-3),
+        (0.101982736, 12.3828226, 7.29988325e-3),
+        (0.0469882, 2.85958, 2.248e-3),
+    ],
+)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_no_ball_falls_through_where_rebounds_are_lower_than_the_hysteresis(
+    solver: str, restitution: float, gravity: float, height: float
+) -> None:
+    values = {"height": height, "restitution": restitution, "gravity": gravity}
+    model = type("Shifted", (Shifted,), values)
+    with open_fake(model, solver) as session, pytest.raises(SimulationError, match=r"Zeno|turns back") as caught:
+        session.advance(1.5 * end_of(model), signals={})
+    assert caught.value.time == pytest.approx(end_of(model), rel=1e-3)
+
+
 class Clock(Hybrid):
     """Counts `ticks` time events, a millisecond apart, then none."""
 

@@ -16,7 +16,6 @@ __all__ = ["Turned", "gone_through"]
 
 # As in workbench/build/runtime/event_rules.h.
 AHEAD = 1e-4  # of the time in which a state moves by its own size: how far ahead a rate is looked at
-AT_ZERO = 1e-2  # an indicator stands at its zero if it is nearer to it than this part of its way ahead
 STOPPED = 1e-3  # an event stops an indicator whose way ahead it makes shorter than this part
 
 
@@ -132,8 +131,8 @@ class Turned:
     def _watch(self, t: float, way: Floats, old: Floats, z: Floats, new_way: Floats) -> None:
         """Watch the indicators that came through zero, stand there still, and were turned or stopped."""
         side = np.where(z > 0.0, 1.0, -1.0)
-        near = AT_ZERO * np.abs(way)
-        came = (self._side == -side) & ((old > 0.0) == (z > 0.0)) & (np.maximum(np.abs(old), np.abs(z)) <= near)
+        near = np.maximum(np.abs(old), np.abs(z)) <= np.abs(way)
+        came = (self._side == -side) & ((old > 0.0) == (z > 0.0)) & near
         turned = came & ((side * new_way <= STOPPED * np.abs(way)) | (side * way <= 0.0))
         if turned.any():
             self.since = t

@@ -124,16 +124,15 @@ static inline bool flights_dwindle(Flights *f, double now, double span, double *
 
 #define AHEAD 1e-4      /* of the time in which a state moves as far as it is large: how far ahead rates are looked at */
 #define AHEAD_MOST 1e-3 /* of the time scale */
-#define AT_ZERO 1e-2    /* an indicator stands at its zero that is nearer than this part of its way ahead */
 #define STOPPED 1e-3    /* an event stops an indicator whose way ahead it makes shorter than this part */
 
 /* Whether an indicator that came through zero (`old` and `way` just before the event, `z` and `new_way` just after
- * it) stands there still, and was turned or stopped. */
+ * it) stands there still, nearer than its way ahead, and was turned or stopped. An event may shift a zero by its
+ * hysteresis, which is much longer than the last rebounds are high. */
 static inline bool turned_back(double old, double way, double z, double new_way)
 {
     double side = z > 0.0 ? 1.0 : -1.0;
-    double near_zero = AT_ZERO * fabs(way);
-    bool there = (old > 0.0) == (z > 0.0) && fabs(old) <= near_zero && fabs(z) <= near_zero;
+    bool there = (old > 0.0) == (z > 0.0) && fabs(old) <= fabs(way) && fabs(z) <= fabs(way);
     /* The speed of a rebound that drowns in the error of integration may have the wrong sign. */
     return there && (side * new_way <= STOPPED * fabs(way) || side * way <= 0.0);
 }
