@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zipfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -195,6 +197,20 @@ def test_a_start_value_that_does_not_take_is_refused_by_name(interface: str, fmi
         pytest.raises(InputError, match=r"Overridden: a start value is not taken: s is 0\.5, not 0\.9; .*--at"),
     ):
         simulate(model, stop=0.1)
+
+
+@both_interfaces
+def test_a_guess_that_comes_out_otherwise_is_noted(interface: str, tmp_path: Path) -> None:
+    """As FMI has it, `initial="approx"` is where an FMU begins to search."""
+    folder = tmp_path / "unpacked"
+    with zipfile.ZipFile(file("Overridden")) as archive:
+        archive.extractall(folder)
+    description = folder / "modelDescription.xml"
+    text = description.read_text(encoding="utf-8")
+    description.write_text(re.sub('(name="s" value[^>]*initial=)"exact"', r'\1"approx"', text), encoding="utf-8")
+    with load(folder, interface, start_values={"s": 0.9}) as model:
+        notes = simulate(model, stop=0.1).notes
+    assert "the FMU takes a start value as a guess only (initial approx): s is 0.5, not 0.9" in notes
 
 
 @both_interfaces

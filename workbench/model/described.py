@@ -327,7 +327,9 @@ class DescribedModel(Model):
         return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
 
     def remarks(self) -> tuple[str, ...]:
-        return tuple(filter(None, (self._setup.manners.note, self.start_note, self.replay_note())))
+        return tuple(
+            filter(None, (self._setup.manners.note, self._setup.manners.guessed, self.start_note, self.replay_note()))
+        )
 
     def close(self) -> None:
         self._closed = True

@@ -33,11 +33,13 @@ class Manners:
         time_first: model exchange: whether the FMU is told the time once more before the first event iteration; None:
             where it does not begin at 0, since some exports initialise at 0 whatever start time they are told.
         note: says so; empty where all goes as usual.
+        guessed: says which start values, mere guesses by the FMU's own word, came out otherwise; empty: none.
     """
 
     other_order: bool = False
     time_first: bool | None = None
     note: str = ""
+    guessed: str = ""
 
 
 _OTHER_ORDER = {
@@ -245,13 +247,14 @@ class FmuSession(Session):
             self.instance.access([self.setup.variables[n] for n in values]).write(list(values.values()))
 
     def _check_starts(self) -> None:
-        """Refuse start values that the FMU has not taken; guesses it may change."""
+        """Refuse start values that the FMU has not taken; guesses it may change, which is noted."""
         setup = self.setup
         known = [setup.variables[n] for n in setup.start_values if n not in setup.guesses and n not in setup.signals]
-        asked = [v for v in known if v.initial != "approx" and not self.instance.fed(v)]
+        asked = [v for v in known if not self.instance.fed(v)]
         biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in asked}
-        found = misses(self.instance, asked, biased)
-        if found:
+        if guessed := misses(self.instance, [v for v in asked if v.initial == "approx"], biased):
+            setup.manners.guessed = f"the FMU takes a start value as a guess only (initial approx): {in_words(guessed)}"
+        if found := misses(self.instance, [v for v in asked if v.initial != "approx"], biased):
             name = self.instance.description.model_name
             raise NotReachedError(f"{name}: a start value is not taken: {in_words(found)}; {_remedy(found, setup)}")
 
