@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["NullDirection", "Residual", "TrimResult"]
 
@@ -111,19 +108,6 @@ class TrimResult(Reportable):
             "evaluations": self.evaluations,
             "notes": list(self.notes),
         }
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture of the scaled residuals.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.residual_bars import plot_residuals  # noqa: PLC0415  matplotlib is slow
-
-        return plot_residuals(self, path)
 
     def to_csv(self, path: str | Path | TextIO) -> None:
         """Write one line per number: set (x, u, y, dx, discrete, residual), name, value, unit.

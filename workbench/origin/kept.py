@@ -7,9 +7,12 @@ import weakref
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from workbench.origin.facts import Origin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Reportable", "origin_of", "remember", "with_origin"]
 
@@ -21,7 +24,20 @@ _ORIGINS: dict[int, tuple[weakref.ref[object], Origin]] = {}
 
 
 class Reportable:
-    """A result that can be written as a page; which page it is stands in `workbench.report.results.PAGES`."""
+    """A result that can be drawn and written as a page; `workbench.report.results` has the tables that say how."""
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the result.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        from workbench.report.results import picture_of  # noqa: PLC0415  matplotlib is slow
+
+        return picture_of(self, path)
 
     def report(self, path: str | Path) -> None:
         """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench import __version__
 from workbench.core.operating_point import point_of_json
@@ -16,7 +16,10 @@ from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
 
-__all__ = ["PAGES", "page_of", "write_report"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["PAGES", "PICTURES", "page_of", "picture_of", "write_report"]
 
 _NAMED = 12  # inputs and states of an operating point
 
@@ -59,6 +62,47 @@ PAGES: dict[str, str] = {
     "workbench.system.master.delays.DelayReport": "workbench.report.delays:delays_page",
 }
 
+# Class of the result → function that draws its picture, given the result and the path of a file or None.
+PICTURES: dict[str, str] = {
+    "workbench.analysis.advice.result.Advice": "workbench.plotting.advice:plot_advice",
+    "workbench.analysis.check.result.HealthCard": "workbench.plotting.check:plot_check",
+    "workbench.analysis.describing.describe.DescribingFunction": "workbench.plotting.describing:plot_describing",
+    "workbench.analysis.excite.result.ExciteResult": "workbench.plotting.excite:plot_excite",
+    "workbench.analysis.feedback.result.FeedbackResult": "workbench.plotting.feedback:plot_feedback",
+    "workbench.analysis.feedback.run.FeedbackRun": "workbench.plotting.feedback_run:plot_feedback_run",
+    "workbench.analysis.feedback.settling.SettlingStudy": "workbench.plotting.feedback_settling:plot_settling",
+    "workbench.analysis.limit_cycle.branch.Branch": "workbench.plotting.branch:plot_branch",
+    "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.plotting.free_run:plot_free_run",
+    "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.plotting.limit_cycle:plot_limit_cycle",
+    "workbench.analysis.lin.compare.LinComparison": "workbench.plotting.lin_compare:plot_comparison",
+    "workbench.analysis.lin.result.LinResult": "workbench.plotting.lin:plot_lin",
+    "workbench.analysis.lin.step_check.StepCheck": "workbench.plotting.lin_compare:plot_step_check",
+    "workbench.analysis.loop.result.LoopResult": "workbench.plotting.loop:plot_loop",
+    "workbench.analysis.modes.result.ModesResult": "workbench.plotting.modes:plot_modes",
+    "workbench.analysis.motions.result.MotionComparison": "workbench.plotting.motions:plot_motions",
+    "workbench.analysis.nyquist.result.NyquistResult": "workbench.plotting.nyquist:plot_nyquist",
+    "workbench.analysis.simulate.result.SimulationResult": "workbench.plotting.time_history:time_history",
+    "workbench.analysis.spectra.coherence.Coherence": "workbench.plotting.spectra:plot_coherence",
+    "workbench.analysis.spectra.density.SpectralDensity": "workbench.plotting.spectra:plot_density",
+    "workbench.analysis.trim_result.TrimResult": "workbench.plotting.residual_bars:plot_residuals",
+    "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.plotting.identify:plot_bootstrap",
+    "workbench.analysis.validate.overlay.Overlay": "workbench.plotting.overlay:plot_overlay",
+}
+
+
+def picture_of(result: object, path: str | Path | None) -> Figure:
+    """Draw the picture of a result.
+
+    Args:
+        result: of a class in `PICTURES`.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: it has no picture, unknown suffix, file cannot be written.
+    """
+    draw: Callable[[object, str | Path | None], Figure] = _function(PICTURES, result, "picture")
+    return draw(result, path)
+
 
 def page_of(result: object, **drawn: object) -> Page:
     """Return what a result says of itself, without how it was made.
@@ -70,17 +114,18 @@ def page_of(result: object, **drawn: object) -> Page:
     Raises:
         InputError: it has no page.
     """
-    kind = type(result)
-    name = PAGES.get(f"{kind.__module__}.{kind.__qualname__}")
-    if name is None:
-        raise InputError(f"{kind.__name__} has no page; results that have one: {', '.join(_names())}")
-    module, _, function = name.partition(":")
-    make: Callable[..., Page] = getattr(import_module(module), function)
+    make: Callable[..., Page] = _function(PAGES, result, "page")
     return make(result, **drawn)
 
 
-def _names() -> list[str]:
-    return sorted(name.rpartition(".")[2] for name in PAGES)
+def _function(table: Mapping[str, str], result: object, what: str) -> Any:  # noqa: ANN401 - what the table says
+    kind = type(result)
+    name = table.get(f"{kind.__module__}.{kind.__qualname__}")
+    if name is None:
+        known = ", ".join(sorted(key.rpartition(".")[2] for key in table))
+        raise InputError(f"{kind.__name__} has no {what}; results that have one: {known}")
+    module, _, function = name.partition(":")
+    return getattr(import_module(module), function)
 
 
 def write_report(result: object, path: str | Path, origin: Origin | None = None) -> None:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.analysis.experiment import Experiment
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["VERDICTS", "Advice", "Finding"]
 
@@ -140,13 +137,3 @@ class Advice(Reportable):
         """
         rows = [[f.topic, f.verdict, f.evidence, f.advice] for f in self.findings]
         write_csv(path, [["topic", "verdict", "evidence", "advice"], *rows])
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the data with what was found in them, and the verdicts.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.advice import plot_advice  # noqa: PLC0415  matplotlib is slow
-
-        return plot_advice(self, path)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["VERDICTS", "Finding", "HealthCard", "HealthLine"]
 
@@ -151,13 +148,3 @@ class HealthCard(Reportable):
         """
         names = ["component", "interface", "name", "verdict", "evidence", "consequence"]
         write_csv(path, [names, *([getattr(c, n) for n in names] for c in self.checks)])
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the verdicts, the convergence over the communication step and the memory over the sessions.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.check import plot_check  # noqa: PLC0415  matplotlib is slow
-
-        return plot_check(self, path)

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.origin import Reportable, with_origin
 from workbench.workers import Workers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["STANDARD", "DescribingFunction", "describing_function", "standard_block"]
 
@@ -70,16 +67,6 @@ class DescribingFunction(Reportable):
         """−1/N, shape (n, m); infinite where N is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.gain == 0.0, complex(-np.inf), -1.0 / self.gain).astype(np.complex128)
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: gain and phase over the amplitude, −1/N in the plane.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.describing import plot_describing  # noqa: PLC0415  matplotlib is slow
-
-        return plot_describing(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON; arrays are [amplitude][frequency]."""

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.analysis.experiment import Experiment
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.errors import InputError
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["ExciteResult", "SignalFacts", "validation_path"]
 
@@ -74,19 +71,6 @@ class ExciteResult(Reportable):
     y0: dict[str, float]
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture of inputs, their spectra, and outputs.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.excite import plot_excite  # noqa: PLC0415  matplotlib is slow
-
-        return plot_excite(self, path)
 
     def to_csv(self, path: str | Path) -> tuple[Path, ...]:
         """Write the identification part to `path`, the validation part beside it as NAME_validation.

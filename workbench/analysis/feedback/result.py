@@ -101,16 +101,6 @@ class FeedbackResult(Reportable):
             return f"the real pole at {pole.real:.3g} 1/s"
         return f"the pole at {self.plant.frequency(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: root locus, growth over the gain, Nyquist curve, settling times or cycles left.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.feedback import plot_feedback  # noqa: PLC0415  matplotlib is slow
-
-        return plot_feedback(self, path)
-
     def plot_root_locus(self, path: str | Path | None = None) -> Figure:
         """Return a picture of the poles over the gain, whole and around the border of stability.
 

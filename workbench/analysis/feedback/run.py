@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["FeedbackRun", "feedback_run"]
 
@@ -81,16 +78,6 @@ class FeedbackRun(Reportable):
         then = int(np.searchsorted(self.time, self.closes_at + seconds, side="right")) - 1
         before = int(np.searchsorted(self.time, self.closes_at, side="right")) - 1
         return float(size[then] / size[before])
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: the motion, and what the feedback does, within its limits.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.feedback_run import plot_feedback_run  # noqa: PLC0415  matplotlib is slow
-
-        return plot_feedback_run(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, ready for JSON; the time histories go to the CSV."""

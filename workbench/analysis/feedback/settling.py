@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from workbench.model.described import DescribedModel
 from workbench.origin import Reportable
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["THRESHOLDS", "GainRun", "Settings", "SettlingStudy", "settling_study"]
 
@@ -155,16 +151,6 @@ class SettlingStudy(Reportable):
     def optimum(self) -> float | None:
         """Gain at which the polynomial of the chosen threshold is smallest."""
         return self.best.gain
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: settling times with their polynomial, the optimum over the threshold, the motions.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.feedback_settling import plot_settling  # noqa: PLC0415  matplotlib is slow
-
-        return plot_settling(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, ready for JSON."""

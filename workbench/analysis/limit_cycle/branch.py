@@ -5,12 +5,9 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Branch", "BranchPoint"]
 
@@ -51,16 +48,6 @@ class Branch(Reportable):
     points: tuple[BranchPoint, ...]
     folds: tuple[BranchPoint, ...]
     ends: tuple[str, str]
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: amplitude and frequency over the parameter, unstable parts dashed, folds marked.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.branch import plot_branch  # noqa: PLC0415  matplotlib is slow
-
-        return plot_branch(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

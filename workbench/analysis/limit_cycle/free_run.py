@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import Reportable
 from workbench.signals import Signal
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["FreeRun", "Span", "free_run", "oscillation_history"]
 
@@ -99,16 +96,6 @@ class FreeRun(Reportable):
         late = np.flatnonzero(~nearer)
         at = self.period_time[int(late[-1]) + size // 2] if len(late) else self.time[0]
         return f", changing over at about {at:.3g} s"
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: the signal, its frequency and its amplitude over time.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.free_run import plot_free_run  # noqa: PLC0415  matplotlib is slow
-
-        return plot_free_run(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON; the record itself goes to the CSV."""

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
@@ -15,9 +15,6 @@ from workbench.analysis.limit_cycle.observe import Observation
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
 
@@ -147,16 +144,6 @@ class LimitCycleResult(Reportable):
             return ""
         seen = "; ".join(o.words() for o in self.observed) or "no free run was made"
         return f"describing functions predict no limit cycle, −1/N(A) is met nowhere in the band; {seen}"
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: the Nyquist curve with −1/N, the crossings, the motion.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.limit_cycle import plot_limit_cycle  # noqa: PLC0415  matplotlib is slow
-
-        return plot_limit_cycle(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

@@ -7,8 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +25,6 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["LinComparison", "Verdict", "compare"]
 
@@ -105,16 +101,6 @@ class LinComparison(Reportable):
     def compared(self) -> bool:
         """Whether anything was measured that a model could agree with or differ from."""
         return any(v.agrees is not None for v in self.verdicts)
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return one Bode picture with every model as a curve and the measurement as circles.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.lin_compare import plot_comparison  # noqa: PLC0415  matplotlib is slow
-
-        return plot_comparison(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

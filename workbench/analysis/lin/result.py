@@ -221,16 +221,6 @@ class LinResult(Reportable):
         """Return the model for python-control, with names."""
         return LinearModel(self)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: Bode and step response, one column per input.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.lin import plot_lin  # noqa: PLC0415  matplotlib is slow
-
-        return plot_lin(self, path)
-
     def because(self, why: str) -> LinResult:
         """Return the same result with the reason for its method.
 

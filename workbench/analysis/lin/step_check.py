@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -15,9 +14,6 @@ from workbench.model import Model
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["StepCheck", "step_check"]
 
@@ -47,16 +43,6 @@ class StepCheck(Reportable):
     linear: Floats
     nonlinear: Floats
     error: float
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture of both.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.lin_compare import plot_step_check  # noqa: PLC0415  matplotlib is slow
-
-        return plot_step_check(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

@@ -23,7 +23,6 @@ from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from control import StateSpace
-    from matplotlib.figure import Figure
 
 __all__ = ["LoopResult"]
 
@@ -192,19 +191,6 @@ class LoopResult(Reportable):
                 rest = [p.mean, p.thd_passed, p.thd_returned, p.injected, p.balance]
                 shown = ["" if x is None else x for x in rest]
                 yield [curve.how, curve.amplitude, p.frequency_hz, *_numbers(p.value), *shown, p.status, p.reason or ""]
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw L as Bode and Nyquist pictures, and |S| and |T|.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.loop import plot_loop  # noqa: PLC0415 - matplotlib is slow to import
-
-        return plot_loop(self, path)
 
 
 def _numbers(value: complex | None) -> list[Any]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,6 @@ from workbench.csv_file import write_csv
 from workbench.fmi.variable import Value
 from workbench.origin import Reportable
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
 
@@ -231,16 +228,6 @@ class ModesResult(Reportable):
     criterion: str = CRITERION
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: damping and frequency over the parameter, critical values marked.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.modes import plot_modes  # noqa: PLC0415  matplotlib is slow
-
-        return plot_modes(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.units import Shown
@@ -13,9 +13,6 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
 
@@ -122,16 +119,6 @@ class MotionComparison(Reportable):
         """
         own, first = self.measure(system, signal, window), self.measure(self.systems[0], signal, window)
         return own.peak / first.peak if own is not None and first is not None and first.peak > 0.0 else None
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: peaks and rms as bars, and the records with the windows.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.motions import plot_motions  # noqa: PLC0415  matplotlib is slow
-
-        return plot_motions(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON; the records are not in it."""

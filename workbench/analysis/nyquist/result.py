@@ -5,15 +5,12 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.origin import Reportable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["CRITERION", "Crossing", "NyquistResult"]
 
@@ -86,16 +83,6 @@ class NyquistResult(Reportable):
         """The crossings of the negative real axis, each frequency once."""
         found = {c.frequency_hz: c for c in self.crossings if c.imag == 0.0 and c.real < 0.0}
         return tuple(found.values())
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: L(jω), −1/N(A), and the crossings numbered.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.nyquist import plot_nyquist  # noqa: PLC0415  matplotlib is slow
-
-        return plot_nyquist(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["SimulationResult"]
 
@@ -42,19 +39,6 @@ class SimulationResult(Reportable):
     ended_at: float | None = None
     failed: str | None = None
     operating_point: OperatingPoint | None = None
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture with one panel per signal.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.time_history import time_history  # noqa: PLC0415  matplotlib is slow
-
-        return time_history(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists, as the command line writes them to JSON."""

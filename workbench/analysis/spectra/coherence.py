@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -16,9 +16,6 @@ from workbench.analysis.spectra.window import WindowSettings, choose_window
 from workbench.errors import InputError
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Coherence", "coherence"]
 
@@ -103,16 +100,6 @@ class Coherence(Reportable):
         header = ["frequency [Hz]", *(f"{y} from all inputs" for y in self.output_names), *pairs]
         flat = self.ordinary.reshape(len(self.frequency_hz), -1)
         write_rows(path, header, np.column_stack([self.frequency_hz, self.multiple, flat]))
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw a picture per output: coherence over frequency [Hz] up to Nyquist, with the 95 % level of chance.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.spectra import plot_coherence  # noqa: PLC0415  matplotlib is slow
-
-        return plot_coherence(self, path)
 
 
 @with_origin()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["SpectralDensity", "sdf", "write_rows"]
 
@@ -89,16 +86,6 @@ class SpectralDensity(Reportable):
         """
         header = [f"{n} [{u or '1'}^2/Hz]" for n, u in zip(self.columns, self.units, strict=True)]
         write_rows(path, ["frequency [Hz]", *header], np.column_stack([self.frequency_hz, self.density]))
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw a picture per column, density [dB] over frequency [Hz] up to Nyquist, with its 95 % band.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        from workbench.plotting.spectra import plot_density  # noqa: PLC0415  matplotlib is slow
-
-        return plot_density(self, path)
 
 
 @with_origin()

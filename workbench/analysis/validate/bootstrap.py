@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["PoleBootstrap", "bootstrap_poles"]
 
@@ -101,19 +98,6 @@ class PoleBootstrap(Reportable):
         outside = np.array([[not r.contains(complex(z)) for z in poles] for r in self.regions], dtype=np.float64)
         rows, columns = linear_sum_assignment(outside)
         return len(poles) == len(self.regions) and not np.any(outside[rows, columns])
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw poles, their replicates and regions on the plane of discrete poles.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.identify import plot_bootstrap  # noqa: PLC0415  matplotlib is slow
-
-        return plot_bootstrap(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return regions and settings as plain lists and numbers, ready for JSON."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["PLANTS", "Difference", "Overlay", "overlay", "sine_response"]
 
@@ -122,19 +119,6 @@ class Overlay(Reportable):
                 far = f"{gain:.2g} dB and {phase:.2g}°"
                 lines.append(f"{d.curve}: within {far} of {self.reference} up to {high:.4g} Hz")
         return (*lines, *self.notes)
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw gain [dB] and phase [deg] of all on one picture, and the differences below.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.plotting.overlay import plot_overlay  # noqa: PLC0415  matplotlib is slow
-
-        return plot_overlay(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return curves and differences as plain lists and numbers, ready for JSON; a missing value is None."""
