@@ -264,7 +264,8 @@ def with_options(
     """
     kind: Any = request
     parameter = inspect.Parameter(first[0], inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=first[1])
-    signature = inspect.Signature([parameter, *inspect.signature(kind).parameters.values()])
+    own = inspect.signature(kind).parameters  # those that several requests share come first there
+    signature = inspect.Signature([parameter, *(own[d.name] for d in options_of(kind))])
 
     def call(*args: Any, **kwargs: Any) -> _Made:  # noqa: ANN401 - the signature says which
         values = signature.bind(*args, **kwargs).arguments
