@@ -63,6 +63,11 @@ class Beat:
         turn = 2.0 * math.pi / abs(self.angle) if abs(self.angle) > _SAME else 1.0
         return max(self.length, turn) <= count
 
+    @property
+    def slowness(self) -> float:
+        """1/|1 − e^(jnθ)| of the slowest harmonic n of the beat, at least 1."""
+        return max([1.0, *(0.5 / math.sin(0.5 * angle) for angle in self.angles(_MOST_HARMONICS))])
+
     def angles(self, harmonics: int) -> list[float]:
         """Return the phase advances of the beat's harmonics, those left out that look like others or stand still."""
         found: list[float] = []

@@ -23,8 +23,10 @@ __all__ = [
     "buried",
     "error_of_limit",
     "error_of_mean",
+    "follows",
     "quadrature",
     "relative_to_true",
+    "wanders",
 ]
 
 # One period's integration at a relative tolerance ε turns the multipliers by less than this many ε: the
@@ -96,8 +98,8 @@ class Evidence:
         """
         if self.twin is None:
             return NOTHING * largest
-        terms = drive * self.twin.terms
-        return max(NOTHING * max(largest, terms), CANCELLED * self.rtol * terms if self.twin.vanishes else 0.0)
+        terms = drive * self.twin.forced.terms
+        return max(NOTHING * max(largest, terms), CANCELLED * self.rtol * terms if self.twin.forced.vanishes else 0.0)
 
 
 def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidence) -> float:
@@ -106,6 +108,8 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     What is left of the transient changes the response by the defect δ in the next period and so, with the
     slowest multiplier μ, by δ/|1 − μ| in all periods to come. μ is found as the weights are, from the newest
     differences, with one mode more than were removed: what these leave unexplained may be slower than they.
+    A sampler's beat has multipliers e^(jnθ), known and on the unit circle: what it changes in a period may be little of
+    what it changes in a whole beat.
     Where the linear model goes through the same periods, the weights applied to its transient, which is
     known, give their error directly; what tells the two sequences apart is weighed at worst.
 
@@ -122,13 +126,14 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     size = abs(fundamental(limit.harmonics))
     if size == 0.0:
         return math.inf
-    measured = _MARGIN * max(limit.defect, _unchecked(limit)) * slowness(limit, evidence.twin)
+    slowest = max(slowness(limit, evidence.twin), 1.0 if evidence.beat is None else evidence.beat.slowness)
+    measured = _MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest
     transient, slow = measured, slowness(limit, None)
     if evidence.twin is not None:
         known, apart = _by_twin(limit, drive, evidence.twin)
         transient = min(known + apart, max(measured, known))
         if apart <= _ALIKE:
-            slow = 1.0 + evidence.twin.sensitivity
+            slow = 1.0 + evidence.twin.forced.sensitivity
     integration = INTEGRATION * evidence.rtol * slow * max(1.0, largest / size)
     integration += _cancelled(drive, size, evidence)
     return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence.rows))
@@ -138,16 +143,17 @@ def _cancelled(drive: float, size: float, evidence: Evidence) -> float:
     """Return what integration and rounding leave of terms that cancel, relative to a response of that size."""
     if evidence.twin is None:
         return 0.0
-    return CANCELLED * max(evidence.rtol, _ROUNDING) * max(0.0, drive * evidence.twin.terms / size - 1.0)
+    return CANCELLED * max(evidence.rtol, _ROUNDING) * max(0.0, drive * evidence.twin.forced.terms / size - 1.0)
 
 
-def _unchecked(limit: Limit) -> float:
+def _unchecked(limit: Limit, *, sampled: bool) -> float:
     """Return what the weights leave of changes that they were not made from, where nothing else checks them.
 
-    Where all harmonics change in proportion, they are one number only, and one mode explains any two changes.
+    Where all harmonics change in proportion, they are one number only, and one mode explains any two changes. A beat
+    may look like a decay in a few changes, in all harmonics.
     """
     n, changes = limit.weights.size, limit.changes
-    if n == 1 or directions(changes[: 2 * n - 2]) > 1:
+    if n == 1 or (directions(changes[: 2 * n - 2]) > 1 and not sampled):
         return 0.0
     older = range(n - 1, min(n + _CHECKS, len(changes) - n + 1))
     if not older:
@@ -171,7 +177,7 @@ def _by_twin(limit: Limit, drive: float, twin: Twin) -> tuple[float, float]:
 def _apart(limit: Limit, drive: float, twin: Twin, newest: int) -> float:
     """Return the largest distance of the fundamentals of model and twin in the newest periods [unit of the output]."""
     free = drive * twin.free(len(limit.periods))
-    foretold = free[:, 1] + 1j * free[:, 2] + drive * twin.response
+    foretold = free[:, 1] + 1j * free[:, 2] + drive * twin.forced.response
     return float(np.max(np.abs(limit.periods[:, 1] + 1j * limit.periods[:, 2] - foretold)[-newest:]))
 
 
@@ -183,12 +189,12 @@ def slowness(limit: Limit, twin: Twin | None) -> float:
         twin: stands in where two periods show nothing; None: 1000 does.
     """
     gaps = [
-        float(np.min(np.abs(1.0 - multipliers(limit.changes, modes))))
+        min(abs(1.0 - mu) for mu in multipliers(limit.changes, modes))
         for modes in (limit.modes, limit.modes + 1)
         if modes >= 1 and 2 * modes <= len(limit.changes)
     ]
     if not gaps:
-        return _UNKNOWN if twin is None or twin.vanishes else 1.0 + twin.sensitivity
+        return _UNKNOWN if twin is None or twin.forced.vanishes else 1.0 + twin.forced.sensitivity
     return max(1.0, 1.0 / max(min(gaps), 1e-12))
 
 
@@ -233,7 +239,7 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
     if mean == 0.0 or len(half) < 2:
         return math.inf
     if evidence.twin is not None:
-        size, left = drive * abs(evidence.twin.response), _left(limit, drive, evidence.twin)
+        size, left = drive * abs(evidence.twin.forced.response), _left(limit, drive, evidence.twin)
         apart = _apart(limit, drive, evidence.twin, len(half))
         if size > 0.0 and apart <= _ALIKE * min(max(size, left), abs(mean)):
             return (_CLEAR * left + apart * len(half)) / size
@@ -256,7 +262,27 @@ def buried(limit: Limit, drive: float, evidence: Evidence) -> bool:
         return False
     left, count = _left(limit, drive, evidence.twin), len(limit.periods)
     alike = _apart(limit, drive, evidence.twin, count - count // 2) <= _ALIKE * left
-    return alike and left > drive * abs(evidence.twin.response)
+    return alike and left > drive * abs(evidence.twin.forced.response)
+
+
+def follows(limit: Limit, drive: float, evidence: Evidence, within: float = _ALIKE) -> bool:
+    """Return whether the newest half of the periods is what the linear model does, to a part of its motion.
+
+    Args:
+        limit: what the periods tend to.
+        drive: amplitude of the forced input.
+        evidence: what else is known.
+        within: that part.
+    """
+    if evidence.twin is None:
+        return False
+    size = max(drive * abs(evidence.twin.forced.response), _left(limit, drive, evidence.twin))
+    return _apart(limit, drive, evidence.twin, len(limit.periods) // 2) <= within * size
+
+
+def wanders(limit: Limit) -> bool:
+    """Return whether the periods go to and fro, as independent ones do, and do not move smoothly."""
+    return _is_rough(limit.periods[:, 1] + 1j * limit.periods[:, 2])
 
 
 def _left(limit: Limit, drive: float, twin: Twin) -> float:
@@ -285,13 +311,18 @@ def _wandering(z: NDArray[np.complex128]) -> float:
     before = before[_BEGIN:]
     if len(half) < _FEWEST_WANDERING or len(before) == 0:
         return math.inf
-    if min(_roughness(half), _roughness(z[_BEGIN:])) < _ROUGH:
+    if not _is_rough(z):
         return math.inf
     mean, count = complex(np.mean(half)), len(half)
     scatter = math.sqrt(float(np.mean(np.abs(half - mean) ** 2)))
     error = scatter / math.sqrt(count) + abs(mean - complex(np.mean(before)))
     error += abs(complex(np.mean(half[count // 2 :]) - np.mean(half[: count // 2])))
     return relative_to_true(error / abs(mean))
+
+
+def _is_rough(z: NDArray[np.complex128]) -> bool:
+    """Whether von Neumann's ratio tells that periods go to and fro."""
+    return min(_roughness(z[len(z) // 2 :]), _roughness(z[_BEGIN:])) >= _ROUGH
 
 
 def _roughness(z: NDArray[np.complex128]) -> float:

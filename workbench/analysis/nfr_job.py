@@ -147,10 +147,10 @@ def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:
 
 def _factor(task: PointTask) -> float:
     """Return what of the tolerance a resonance or terms that cancel allow, by tens; see `error_of_limit`."""
-    twin = task.evidence().twin
-    if twin is None or task.rtol == 0.0 or twin.vanishes:
+    forced = None if task.linear is None else task.linear.forced(task.frequency)
+    if forced is None or task.rtol == 0.0 or forced.vanishes:
         return 1.0
-    error = INTEGRATION * task.rtol * (1.0 + twin.sensitivity)
-    error += CANCELLED * task.rtol * (twin.terms / abs(twin.response) - 1.0)
+    error = INTEGRATION * task.rtol * (1.0 + forced.sensitivity)
+    error += CANCELLED * task.rtol * (forced.terms / abs(forced.response) - 1.0)
     allowed = _SHARE * task.errcrit / 10.0
     return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))

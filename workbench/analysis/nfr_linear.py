@@ -19,7 +19,7 @@ from workbench.session.base import Floats
 from workbench.session.point import Point
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["LinearPart", "Surroundings", "Twin", "surroundings"]
+__all__ = ["Forced", "LinearPart", "Surroundings", "Twin", "surroundings"]
 
 Complex = NDArray[np.complex128]
 
@@ -48,6 +48,7 @@ class LinearPart:
     c: Floats
     d: float
     dx0: Floats
+    _forced: dict[float, Forced] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def modes(self) -> tuple[Complex, Complex, Complex] | None:
@@ -60,6 +61,12 @@ class LinearPart:
         again = (vectors * poles) @ inverse
         good = np.linalg.norm(again - self.a) <= _EXACT * np.linalg.norm(self.a)
         return (poles, vectors, inverse) if good else None
+
+    @cached_property
+    def rest(self) -> Floats:
+        """Distance of the operating point from where the linear model rests, shape (n,)."""
+        found, *_ = np.linalg.lstsq(self.a, self.dx0, rcond=None)
+        return np.asarray(found, dtype=np.float64)
 
     def transition(self, period: float) -> tuple[Floats, Floats]:
         """Return e^(AT) and its integral over T [s] (without eigenvectors: C. F. Van Loan 1978)."""
@@ -76,6 +83,25 @@ class LinearPart:
         integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
         return ((vectors * np.exp(poles * period)) @ inverse).real, ((vectors * integral) @ inverse).real
 
+    def forced(self, frequency: float) -> Forced | None:
+        """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
+
+        It is found once for the sweep's amplitudes, and for both the tolerance and the error of a point.
+
+        Args:
+            frequency: [Hz].
+        """
+        if frequency not in self._forced:
+            try:
+                with np.errstate(all="ignore"):
+                    found = Forced.of(self, frequency)
+            except (np.linalg.LinAlgError, ValueError, OverflowError):
+                return None
+            if not (np.isfinite(found.response) and np.isfinite(found.terms)):
+                return None
+            self._forced[frequency] = found
+        return self._forced[frequency]
+
     def twin(self, frequency: float, amplitude: float, start: Floats | None = None) -> Twin | None:
         """Return the linear model forced as a point is; None where it has a pole at that very frequency.
 
@@ -84,12 +110,62 @@ class LinearPart:
             amplitude: [unit of the input].
             start: states where the sine begins, from the operating point, shape (n,); None: 0.
         """
-        try:
-            with np.errstate(all="ignore"):
-                found = Twin.of(self, frequency, amplitude, np.zeros(len(self.b)) if start is None else start)
-        except (np.linalg.LinAlgError, ValueError, OverflowError):
+        forced = self.forced(frequency)
+        if forced is None:
             return None
-        return found if np.isfinite(found.response) and np.isfinite(found.terms) else None
+        at, steady = np.zeros(len(self.b)) if start is None else start, amplitude * forced.states.imag
+        rows, rest = forced.rows / amplitude, forced.rest
+        return Twin(forced, _rows=rows, _x=at + rest - steady, _steady=steady - rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """The linear model under sin ωt.
+
+    Attributes:
+        response: output over input, complex.
+        sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
+            small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
+        terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
+        states: complex amplitudes X of the states, shape (n,).
+        phi: e^(AT), shape (n, n).
+        rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
+        rest: distance of the operating point from where the linear model rests, shape (n,).
+    """
+
+    response: complex
+    sensitivity: float
+    terms: float
+    states: Complex
+    phi: Floats
+    rows: Floats
+    rest: Floats
+
+    @classmethod
+    def of(cls, part: LinearPart, frequency: float) -> Forced:
+        """Return that of a frequency [Hz]."""
+        n, omega, period = len(part.b), 2.0 * math.pi * frequency, 1.0 / frequency
+        if n == 0:
+            none = np.zeros(0)
+            return cls(
+                complex(part.d), 0.0, abs(part.d), none.astype(np.complex128), np.zeros((0, 0)), np.zeros((3, 0)), none
+            )
+        resolvent = 1j * omega * np.eye(n) - part.a
+        forced: Complex = np.linalg.solve(resolvent, part.b.astype(np.complex128)).astype(np.complex128)
+        twice = np.linalg.solve(resolvent, forced)
+        response = complex(part.c @ forced) + part.d
+        phi, integral = part.transition(period)
+        # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
+        first = -2j / period * np.linalg.solve(resolvent.T, part.c.astype(np.complex128)) @ (phi - np.eye(n))
+        rows = np.array([part.c @ integral / period, first.real, first.imag])
+        sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
+        terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
+        return cls(response, sensitivity, terms, forced, phi, rows, part.rest)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether the response is zero, but for rounding."""
+        return abs(self.response) <= NOTHING * self.terms
 
 
 @dataclass(eq=False)
@@ -100,51 +176,20 @@ class Twin:
     it puts into the Fourier coefficients of period k is a fixed row times x(k).
 
     Attributes:
-        response: output over input, complex.
-        sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
-            small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
-        terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
+        forced: its response to the sine.
     """
 
-    response: complex
-    sensitivity: float
-    terms: float
-    _phi: Floats
+    forced: Forced
     _rows: Floats
     _x: Floats
     _steady: Floats
     _free: list[Floats] = field(default_factory=list)
 
-    @classmethod
-    def of(cls, part: LinearPart, frequency: float, amplitude: float, start: Floats) -> Twin:
-        """Return the twin of a point."""
-        n, omega, period = len(part.b), 2.0 * math.pi * frequency, 1.0 / frequency
-        if n == 0:
-            return cls(complex(part.d), 0.0, abs(part.d), np.zeros((0, 0)), np.zeros((3, 0)), start, start)
-        resolvent = 1j * omega * np.eye(n) - part.a
-        forced = np.linalg.solve(resolvent, part.b.astype(np.complex128))
-        twice = np.linalg.solve(resolvent, forced)
-        response = complex(part.c @ forced) + part.d
-        phi, integral = part.transition(period)
-        # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
-        first = -2j / period * np.linalg.solve(resolvent.T, part.c.astype(np.complex128)) @ (phi - np.eye(n))
-        rows = np.array([part.c @ integral / period, first.real, first.imag])
-        rest, *_ = np.linalg.lstsq(part.a, part.dx0, rcond=None)
-        steady = amplitude * forced.imag
-        sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
-        terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
-        return cls(response, sensitivity, terms, phi, rows / amplitude, start + rest - steady, steady - rest)
-
-    @property
-    def vanishes(self) -> bool:
-        """Whether the response is zero, but for rounding."""
-        return abs(self.response) <= NOTHING * self.terms
-
     def free(self, count: int) -> Floats:
         """Return mean, in-phase and quadrature part of the transient over the input's amplitude, shape (count, 3)."""
         while len(self._free) < count:
             self._free.append(self._rows @ self._x)
-            self._x = self._phi @ self._x
+            self._x = self.forced.phi @ self._x
         return np.array(self._free[:count]).reshape(count, 3)
 
     def end(self, count: int) -> Floats:

@@ -19,8 +19,10 @@ from workbench.analysis.nfr_error import (
     buried,
     error_of_limit,
     error_of_mean,
+    follows,
     quadrature,
     relative_to_true,
+    wanders,
 )
 from workbench.analysis.transient import Limit, directions, remove_transient
 from workbench.session.base import Floats
@@ -46,6 +48,9 @@ _RESTLESS = (
     "irregular: its periods differ, tend to none and do not repeat every 2 to 8 either (sampling beats, noise, "
     "a motion of the model's own, chaos)"
 )
+_UNCLEAR = (
+    "irregular, or a light mode that dies away slowly: its periods go to and fro and become only a little more alike"
+)
 NO_EFFECT = "no effect"
 _ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"
 _SAMPLED = "sampling and forcing beat: each period sees other samples"
@@ -61,7 +66,8 @@ _TREMBLES = 0.03
 _OF_CHANGE = 10.0
 
 # Periods that lose less than this from one half of the newest to the other do not die away.
-_DWINDLES = 0.95
+# Wandering ones may lose so much by accident.
+_DWINDLES, _BY_ACCIDENT = 0.95, 0.4
 
 # So many periods in a row, each this much larger than the one before, are divergence at once.
 _RUNAWAY_FACTOR, _RUNAWAY_PERIODS = 10.0, 6
@@ -122,7 +128,9 @@ class Settling:
       2. SETTLED: the periods resist that description (sampling beats, noise), but the published
          test passes in the second half of the periods allowed, from where on the source report,
          too, takes the model to be stationary, and the error is at most errcrit/10. The value is the same
-         extrapolation or the mean of the last half of the periods, whichever has the smaller error.
+         extrapolation or the mean of the last half of the periods, whichever has the smaller error. Such a mean counts
+         only where those periods lie within 3/100 errcrit of it, or the model is known to sample: what wanders more
+         may be chaos.
       3. AVERAGED: neither by the last period; as published, the mean of the last half, or the extrapolation where
          its error is less than half of the mean's. SCATTERED, which is a failure, if
          those periods lie farther from their mean (root mean square) than the mean from zero: then gain and
@@ -159,7 +167,7 @@ class Settling:
             return self._response(period.harmonics, Outcome.DIVERGED, math.inf)
         if count >= 2 and period.responds(self._floor()):
             limit = self._limit()
-            if limit.defect <= max(self.errcrit / 100.0, _NOISE):
+            if limit.defect <= self._allowed():
                 found = self._of_limit(limit, Outcome.RESOLVED)
                 if self._is_good(found) and self._is_calm(limit):
                     return found
@@ -184,18 +192,32 @@ class Settling:
     def _is_calm(self, limit: Limit) -> bool:
         """Whether the newest periods repeat for longer than a wandering response might by accident.
 
-        A chaotic response passes close to a periodic one now and then, and repeats itself while it is there. What the
-        weights leave of the changes of a transient falls from each period to the next. How often it rose, so many
-        periods it must have rested; and two more where the harmonics change in proportion, so that one mode fits
-        any two changes.
+        A chaotic response passes close to a periodic one now and then, and repeats itself while it is there. The
+        changes of a transient become smaller, at least from as many as there are modes to as many after them, and
+        what the weights leave of them falls from each period to the next. How often it rose, so many periods and one
+        it must have rested; and two more where the harmonics change in proportion, so that one mode fits any two
+        changes. What the linear model does is not chaos.
         """
+        if follows(limit, abs(self.periods[-1].drive), self.evidence, self._at_rest()):
+            return True
         n, changes = limit.weights.size, limit.changes
+        sizes = np.linalg.norm(changes[: 2 * limit.modes, 1:], axis=1)
+        if np.linalg.norm(sizes[: limit.modes]) > np.linalg.norm(sizes[limit.modes :]):
+            return False
         left = np.array([np.linalg.norm((limit.weights @ changes[i : i + n])[1:]) for i in range(len(changes) - n + 1)])
-        rest = _AT_REST * max(self.errcrit / 100.0, _NOISE) * abs(fundamental(limit.harmonics))
+        rest = self._at_rest() * abs(fundamental(limit.harmonics))
         resting = int(np.argmin([*(left <= rest), False]))
         rises = int(np.sum((left[:-1] > left[1:]) & (left[:-1] > _TREMBLES * rest)))
         fitted = n if n > 1 and directions(changes[: 2 * n]) == 1 else 0
-        return resting >= fitted + rises
+        return resting >= fitted + rises + (rises > 0)
+
+    def _at_rest(self) -> float:
+        """Return what a response at rest changes from period to period, relative to it."""
+        return _AT_REST * self._allowed()
+
+    def _allowed(self) -> float:
+        """Return the largest defect that is believed."""
+        return max(self.errcrit / 100.0, _NOISE)
 
     def _beats_unseen(self) -> bool:
         """Whether the sampling beats more slowly than was seen: the periods then say nothing of their mean."""
@@ -224,7 +246,7 @@ class Settling:
         size = abs(fundamental(mean))
         spread = scatter / size if size > 0.0 else math.inf
         error = error_of_mean(limit, abs(self.periods[-1].drive), of_limit.error, self.evidence)
-        if outcome is Outcome.SETTLED and not self.evidence.sampled and spread > self.errcrit / 5.0:
+        if outcome is Outcome.SETTLED and not self.evidence.sampled and spread > self._at_rest():
             error = math.inf
         return self._response(mean, Outcome.SCATTERED if spread > 1.0 else outcome, spread, error)
 
@@ -282,9 +304,13 @@ class Settling:
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
             return _RESONANT
         sizes = np.linalg.norm(limit.changes[:, 1:], axis=1)
-        middle = max(1, len(sizes) // 2)
-        dwindles = np.linalg.norm(sizes[:middle]) < _DWINDLES * np.linalg.norm(sizes[-middle:])
-        return _SLOW if dwindles else _RESTLESS
+        if _falls(sizes, max(1, len(sizes) // 2)) >= _DWINDLES:
+            return _RESTLESS
+        # Of the newest ones, in which quick modes are no more.
+        steady = _falls(sizes, max(1, len(sizes) // 3)) > _BY_ACCIDENT
+        foretold = follows(limit, abs(self.periods[-1].drive), self.evidence)
+        doubtful = steady and not foretold and wanders(limit)
+        return _UNCLEAR if doubtful else _SLOW
 
     def _response(
         self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0
@@ -332,6 +358,12 @@ class Settling:
         first = math.log(window[half] / window[0]) / half
         second = math.log(window[-1] / window[half]) / (len(window) - 1 - half)
         return second >= 0.9 * first and first > math.log(1.1) * 4.0 / self.most
+
+
+def _falls(sizes: Floats, count: int) -> float:
+    """Return by what factor so many of the newest sizes fall from as many before them; newest first."""
+    before = float(np.linalg.norm(sizes[count : 2 * count]))
+    return float(np.linalg.norm(sizes[:count])) / before if before > 0.0 else math.inf
 
 
 def _error(response: Response) -> float:

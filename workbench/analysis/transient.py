@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.session.base import Floats
 
@@ -121,14 +120,14 @@ def _changes(periods: Floats) -> Floats:
     return periods[-1:0:-1] - periods[-2::-1]
 
 
-def multipliers(changes: Floats, modes: int) -> NDArray[np.complex128]:
+def multipliers(changes: Floats, modes: int) -> Sequence[complex]:
     """Return the multipliers of the modes that best predict the newest changes, inside the unit circle or not.
 
     Args:
         changes: newest first, twice as many as modes at least.
         modes: number of modes, at least 1.
     """
-    return np.asarray(np.roots(_prediction(changes, modes, 0.0)), dtype=np.complex128)
+    return _roots(_prediction(changes, modes, 0.0))
 
 
 def _by_defect(candidate: tuple[float, Floats]) -> float:
@@ -205,13 +204,18 @@ class _Shrinkage:
 
 def _slowest(polynomial: Floats) -> float:
     """Return the largest magnitude of a polynomial's roots; its first coefficient is 1."""
+    return max(map(abs, _roots(polynomial)))
+
+
+def _roots(polynomial: Floats) -> Sequence[complex]:
+    """Return the roots of a polynomial; its first coefficient is 1."""
     if len(polynomial) == 2:
-        return abs(float(polynomial[1]))
+        return [-float(polynomial[1])]
     if len(polynomial) == 3:
         _, b, c = polynomial.tolist()
         root = cmath.sqrt(b * b - 4.0 * c)
-        return float(0.5 * max(abs(b + root), abs(b - root)))
-    return float(np.max(np.abs(np.roots(polynomial))))
+        return [0.5 * (-b + root), 0.5 * (-b - root)]
+    return [complex(root) for root in np.roots(polynomial)]
 
 
 def _size(values: Floats) -> float:
