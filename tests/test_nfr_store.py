@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.fakes import FakeModel, SampledSession, lag
+from tests.fakes import lag
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.programs import start, wait_for
 from workbench.analysis.nfr import nfr
@@ -114,19 +114,16 @@ def test_a_changed_setting_never_mixes_results(tmp_path: Path) -> None:
     assert measured() == 0
 
 
-def beating() -> FakeModel:
-    return FakeModel(lambda: SampledSession([(1 / 208, 0.05), (1 / 131, 0.01)]))
-
-
 def test_averaged_points_of_an_earlier_result_are_measured_again_with_more_periods() -> None:
     frequencies = [15.39, 15.407, 15.42]
-    first = nfr(beating(), "u", "y", frequencies, 1.0, errcrit=0.08)
+    here, seen = wb.Workers(in_process=True), list[float]()
+    with wb.load("fmu:TwoRateQuantizer") as model:
+        first = nfr(model, "u", "y", frequencies, 1.0, errcrit=0.08, workers=here)
+        second = nfr(
+            model, "u", "y", frequencies, 1.0, errcrit=0.08, max_periods=60, previous=first, redo=["averaged"],
+            workers=here, progress=lambda p, *_: seen.append(p.frequency),
+        )  # fmt: skip
     assert first.status == (("settled", "averaged", "settled"),)
-    seen: list[float] = []
-    second = nfr(
-        beating(), "u", "y", frequencies, 1.0, errcrit=0.08, max_periods=60, previous=first, redo=["averaged"],
-        progress=lambda p, *_: seen.append(p.frequency),
-    )  # fmt: skip
     assert seen == [15.407]
     assert [c.max_periods for c in second.certificates[0] if c] == [20, 60, 20]
     np.testing.assert_array_equal(first.response[0, [0, 2]], second.response[0, [0, 2]])
