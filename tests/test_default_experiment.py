@@ -12,7 +12,7 @@ import pytest
 from tests.foreign_fmus import build_foreign
 from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.model.load import load

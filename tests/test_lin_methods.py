@@ -215,7 +215,7 @@ def test_rudder_agrees_with_the_published_bounds() -> None:
     from dataclasses import replace
 
     from workbench.analysis.nfr import nfr
-    from workbench.analysis.trim import trim
+    from workbench.analysis.trim.request import trim
 
     frequencies = np.array([0.5, 2.0, 3.7, 5.6, 8.5, 13.0, 20.0])
     with load(fmu("Rudder"), "me") as model:

@@ -15,7 +15,7 @@ from workbench.analysis.loop import loop
 from workbench.analysis.loop.crossings import gain_crossings, real_crossings
 from workbench.analysis.loop.margins import Margins, margins_of
 from workbench.analysis.loop.peak import peak
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.errors import InputError
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent

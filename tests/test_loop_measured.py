@@ -13,7 +13,7 @@ from workbench.analysis.loop import loop
 from workbench.analysis.loop.curve_margins import curve_margins
 from workbench.analysis.loop.margins import margins_of
 from workbench.analysis.loop.result import LoopResult
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.errors import InputError
 from workbench.system.connect import connect
 from workbench.workers import Workers

@@ -19,7 +19,7 @@ from tests.lin_fmus import built
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.step_check import step_check
 from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel

@@ -15,7 +15,7 @@ from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.sweep import lin_over
 from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.bundled import bundled_path, bundled_systems, name_of_bundled
 from workbench.fmi.variable import Variable

@@ -9,7 +9,7 @@ import pytest
 
 import workbench as wb
 from tests.trim_models import Equations, Plant
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 
 
 def lag() -> Plant:

@@ -9,7 +9,7 @@ import pytest
 
 import workbench as wb
 from tests.trim_models import Equations, Plant
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.errors import SimulationError
 from workbench.session.settle import settle
 from workbench.session.target import NotReachedError

@@ -10,8 +10,8 @@ import pytest
 
 from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
-from workbench.analysis.trim import trim
-from workbench.analysis.trim_result import TrimResult
+from workbench.analysis.trim.request import trim
+from workbench.analysis.trim.result import TrimResult
 from workbench.session.base import Floats
 
 

@@ -68,8 +68,8 @@ if TYPE_CHECKING:
     from workbench.analysis.spectra.coherence import coherence
     from workbench.analysis.subspace import SubspaceEstimate
     from workbench.analysis.subspace.estimate import estimate
-    from workbench.analysis.trim import trim
-    from workbench.analysis.trim_result import TrimResult
+    from workbench.analysis.trim.request import trim
+    from workbench.analysis.trim.result import TrimResult
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
@@ -309,8 +309,8 @@ _HOMES = {
     "workbench.analysis.simulate.request": ("simulate",),
     "workbench.analysis.simulate.result": ("SimulationResult",),
     "workbench.core.operating_point": ("OperatingPoint",),
-    "workbench.analysis.trim": ("trim",),
-    "workbench.analysis.trim_result": ("TrimResult",),
+    "workbench.analysis.trim.request": ("trim",),
+    "workbench.analysis.trim.result": ("TrimResult",),
     "workbench.analysis.zero_input": ("ZeroInput",),
     "workbench.cli.run_commands": ("run_study",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),

@@ -58,7 +58,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     algorithm = "workbench.analysis.nfr_sweep:run"
     example = "workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png"
     # Tighter than for a time history: the response may be a small part of a large output or transient.
-    tolerance = 1e-8
+    usual_tolerance = 1e-8
 
     input: str = option("Input to force.", metavar="U")
     output: str = option("Output (or state) to measure.", metavar="Y")

@@ -41,13 +41,13 @@ class Analysis(Options, Generic[_Record]):
         command: name on the command line.
         algorithm: where it is, "module:function".
         example: a command line that works.
-        tolerance: relative, of the integration, where the command line names none; None: the model's own.
+        usual_tolerance: relative, of the integration, where the command line names none; None: the model's own.
     """
 
     command: ClassVar[str]
     algorithm: ClassVar[str]
     example: ClassVar[str]
-    tolerance: ClassVar[float | None] = None
+    usual_tolerance: ClassVar[float | None] = None
 
     _: KW_ONLY
     progress: Progress | None = option(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.analysis.trim import trim
+from workbench.analysis.trim.request import trim
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel

@@ -41,7 +41,7 @@ def command(request: type[Analysis[Any]], *, drawn: Mapping[str, tuple[Any, Any]
         out = Output(request.command, **{name: given[name] for name in _OUTPUT})
         asked, loading = _request(request, given), _request(Loading, given)
         if loading.tolerance is None:
-            loading = replace(loading, tolerance=request.tolerance)
+            loading = replace(loading, tolerance=request.usual_tolerance)
         with open_model(model, loading) as loaded:
             return _run(loaded, asked, out, {name: given[name] for name in own})
 

@@ -178,7 +178,7 @@ def _asked(open_: str | None, at: Path | None, point: Path | None) -> tuple[str,
 
 
 def _trimmed(model: Model) -> OperatingPoint:
-    from workbench.analysis.trim import trim
+    from workbench.analysis.trim.request import trim
 
     found = trim(model)
     if not found.converged:

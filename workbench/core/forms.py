@@ -18,6 +18,7 @@ __all__ = [
     "Band",
     "File",
     "Form",
+    "Limits",
     "Names",
     "Numbers",
     "Settings",
@@ -164,6 +165,27 @@ _VALUES = Form(
 )
 
 
+def _read_limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    return {name: _span(name, text) for name, text in pairs(texts, "NAME=LO:HI").items()}
+
+
+def _span(name: str, text: str) -> tuple[float, float]:
+    """Read LO:HI; either may be left out."""
+    low, colon, high = (part.strip() for part in text.partition(":"))
+    if not colon or not (low or high):
+        raise ValueError(f"{name} needs LO:HI, LO: or :HI, not '{text}'")
+    return _named(name, low or "-inf"), _named(name, high or "inf")
+
+
+_LIMITS = Form(
+    metavar="NAME=LO:HI",
+    read=_read_limits,
+    write=lambda value: [f"{name}={_short(low)}:{_short(high)}" for name, (low, high) in value.items()],
+    take=lambda value: {str(name): _take_band(x) for name, x in dict(value or {}).items()},
+    repeated=True,
+)
+
+
 def setting(text: str) -> float | int | bool | str:
     """Read a start value as what it looks like; the model converts it to the variable's type.
 
@@ -209,6 +231,7 @@ if TYPE_CHECKING:
     Band = tuple[float, float]
     Names = Sequence[str]
     Values = Mapping[str, float]
+    Limits = Mapping[str, tuple[float, float]]
     Settings = Mapping[str, float | int | bool | str]
     File = str | Path
 else:
@@ -216,5 +239,6 @@ else:
     Band = Annotated[object, _BAND]
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]
+    Limits = Annotated[object, _LIMITS]
     Settings = Annotated[object, _SETTINGS]
     File = Annotated[object, FILE]

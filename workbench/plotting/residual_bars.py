@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from workbench.plotting.figure import COLOURS, save
 
 if TYPE_CHECKING:
-    from workbench.analysis.trim_result import TrimResult
+    from workbench.analysis.trim.result import TrimResult
 
 __all__ = ["plot_residuals"]
 

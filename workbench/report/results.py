@@ -52,7 +52,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.spectra.coherence.Coherence": "workbench.report.data:coherence_page",
     "workbench.analysis.spectra.density.SpectralDensity": "workbench.report.data:density_page",
     "workbench.analysis.subspace.result.SubspaceEstimate": "workbench.report.identify:estimate_page",
-    "workbench.analysis.trim_result.TrimResult": "workbench.report.trim:trim_page",
+    "workbench.analysis.trim.result.TrimResult": "workbench.report.trim:trim_page",
     "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.report.identify:bootstrap_page",
     "workbench.analysis.validate.overlay.Overlay": "workbench.report.identify:overlay_page",
     "workbench.analysis.validate.result.Validation": "workbench.report.identify:validation_page",

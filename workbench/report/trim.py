@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.analysis.trim_result import Residual, TrimResult
+from workbench.analysis.trim.result import Residual, TrimResult
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, number
 from workbench.report.tones import Verdict

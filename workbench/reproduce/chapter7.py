@@ -15,8 +15,8 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck, step_check
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.trim import trim
-from workbench.analysis.trim_result import TrimResult
+from workbench.analysis.trim.request import trim
+from workbench.analysis.trim.result import TrimResult
 from workbench.analysis.validate import Overlay, overlay
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim import trim
-from workbench.analysis.trim_result import TrimResult
+from workbench.analysis.trim.request import trim
+from workbench.analysis.trim.result import TrimResult
 from workbench.model import Model
 from workbench.signals import Sine
 from workbench.system.load import load

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.trim_problem import Problem
+from workbench.analysis.trim.problem import Problem
 from workbench.session.base import Floats
 
 __all__ = ["resized", "sized", "told"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.analysis.trim_balance import Balance, Slot, by_name, slot_of
+from workbench.analysis.trim.balance import Balance, Slot, by_name, slot_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import EndedError, SimulationError
 from workbench.model import Model, Variable

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.trim_family import RANK, null_space, readable
-from workbench.analysis.trim_scaled import Scaled
+from workbench.analysis.trim.family import RANK, null_space, readable
+from workbench.analysis.trim.scaled import Scaled
 from workbench.session.base import Floats
 
 __all__ = ["Judge", "Verdict"]

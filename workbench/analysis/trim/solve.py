@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from workbench.analysis.trim_family import staged_step
-from workbench.analysis.trim_problem import Problem
-from workbench.analysis.trim_scaled import Scaled
-from workbench.analysis.trim_verdict import Judge
+from workbench.analysis.trim.family import staged_step
+from workbench.analysis.trim.problem import Problem
+from workbench.analysis.trim.scaled import Scaled
+from workbench.analysis.trim.verdict import Judge
 from workbench.session.base import Floats
 
 __all__ = ["Solution", "solve"]
@@ -125,6 +124,8 @@ class _Search:
         weights = self.scaled.scales(self._jacobian(begin))[: self.hard]
         if not self.hard or not np.isfinite(self.scaled.residuals(begin)).all():
             return self.home
+        from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and seldom needed
+
         found = least_squares(
             lambda w: self.scaled.residuals(w)[: self.hard] / weights,
             begin,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.analysis.trim_balance import Balance, Slot
+from workbench.analysis.trim.balance import Balance, Slot
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 

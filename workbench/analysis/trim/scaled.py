@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.trim_problem import Problem
+from workbench.analysis.trim.problem import Problem
 from workbench.session.base import Floats
 
 __all__ = ["Scaled"]

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.analysis.trim_balance import by_name
-from workbench.analysis.trim_map import MapBalance
-from workbench.analysis.trim_problem import Problem
-from workbench.analysis.trim_scaled import Scaled
-from workbench.analysis.trim_sizes import resized, told
-from workbench.analysis.trim_solve import Solution, solve
+from workbench.analysis.trim.balance import by_name
+from workbench.analysis.trim.map import MapBalance
+from workbench.analysis.trim.problem import Problem
+from workbench.analysis.trim.scaled import Scaled
+from workbench.analysis.trim.sizes import resized, told
+from workbench.analysis.trim.solve import Solution, solve
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.session.base import Floats

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from workbench.analysis.trim_balance import Balance, by_name, slot_of
+from workbench.analysis.trim.balance import Balance, by_name, slot_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable

@@ -9,28 +9,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.analysis.rates import basic_period, sample_periods
-from workbench.analysis.trim_balance import Balance
-from workbench.analysis.trim_continuous import ContinuousBalance
-from workbench.analysis.trim_drift import carried_along
-from workbench.analysis.trim_map import MapBalance
-from workbench.analysis.trim_problem import Problem, TrimSets, pose
-from workbench.analysis.trim_report import degenerate, directions, in_words, residual_table
-from workbench.analysis.trim_result import TrimResult
-from workbench.analysis.trim_run import RunBalance
-from workbench.analysis.trim_search import exact_agrees, search
-from workbench.analysis.trim_sizes import sized
-from workbench.analysis.trim_solve import Solution
-from workbench.core.operating_point import At
-from workbench.errors import EndedError, InputError, SimulationError, suggest
+from workbench.analysis.trim.balance import Balance, ContinuousBalance
+from workbench.analysis.trim.map import MapBalance
+from workbench.analysis.trim.problem import Problem, TrimSets, pose
+from workbench.analysis.trim.request import Trim
+from workbench.analysis.trim.result import TrimResult
+from workbench.analysis.trim.running import RunBalance
+from workbench.analysis.trim.search import exact_agrees, search
+from workbench.analysis.trim.sizes import sized
+from workbench.analysis.trim.solve import Solution
+from workbench.analysis.trim.words import carried_along, degenerate, directions, in_words, residual_table
+from workbench.core.job import Job
+from workbench.errors import EndedError, InputError, SimulationError
 from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named, start_at
-from workbench.origin import with_origin
 from workbench.session.point import Point
 from workbench.session.settle import STEP, STEP_PARTS
 
-__all__ = ["trim"]
+__all__ = ["run"]
 
-FAMILIES = ("slowest", "nearest")
 WATCH_PERIODS = 20
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
 MOST_EVENTS = 400  # listened to for the sample rates
@@ -38,88 +35,19 @@ FOREVER = 1e300  # [s]
 BTPTOL = 1e-6  # relative tolerance of the common multiple of sample periods
 
 
-@with_origin()
-def trim(
-    model: Model,
-    *,
-    free: Sequence[str] = (),
-    fix: Mapping[str, float] | None = None,
-    bound: Mapping[str, tuple[float, float]] | None = None,
-    floating: Sequence[str] = (),
-    x0: Mapping[str, float] | None = None,
-    u0: Mapping[str, float] | None = None,
-    at: At | None = None,
-    time: float | None = None,
-    family: str = "slowest",
-    period: float | None = None,
-    step: float | None = None,
-    longest: float | None = None,
-    tolerance: float = 1e-8,
-) -> TrimResult:
-    """Find states, inputs and outputs at which a model is in equilibrium.
-
-    Unless told otherwise every state is unknown, every derivative must vanish, every input is held at its start value
-    and outputs are what they are. Then unknowns and equations are counted, and what is missing is said by name.
-
-    How it is done depends on the model, and `method` of the result says it:
-      - "equations", continuous model exchange: dx/dt = 0 by bounded least squares, with the FMU's
-        directional derivatives where it has them and a probe confirms them, else by differences. Relations
-        are evaluated anew at every point; discrete states keep their values.
-      - "period map", sampled and hybrid model exchange: the continuous and discrete states are those that return
-        after the basic time period. Discrete states must have start values, the only way to set them in FMI.
-      - "step map", co-simulation whose states have start values: those that return after a communication step.
-      - "running", other co-simulation: run until nothing moves; free inputs are adjusted from run to run.
-
-    Where the equations leave directions open, there is a family of equilibria: the directions are reported, and the
-    member that is chosen has the least floating derivatives and is nearest to the start values; with family "nearest"
-    the latter alone. Both are measured in nominal values.
-
-    Not for periodic motion (a limit cycle has no point at rest). One equilibrium is found where there are several
-    apart from each other; `x0` and `bound` lead to others. An equilibrium need not be stable, except by "running".
-
-    Args:
-        model: the model; it stays open.
-        free: inputs to find.
-        fix: state, input or output → the value it must have.
-        bound: state, input or output → (lowest, highest) value; a bound input is free.
-        floating: states whose derivative need not vanish.
-        x0: state → where the search begins.
-        u0: input → the value it is held at, or where the search begins if it is free or bound.
-        at: another point: a point, a result that has one, or the file of either: where the search begins, and at which
-            inputs; `x0` and `u0` count before it.
-        time: session time of the point [s]; None: that of `at`, else where the model starts.
-        family: "slowest" or "nearest", see above.
-        period: basic time period [s] of a sampled model; None: found from its time events.
-        step: communication step [s]; None: the model's, else 1 ms, and finer where that does not do.
-        longest: longest run [s] of the method "running"; None: 200 000 steps.
-        tolerance: of residuals over the change that each unknown makes in them when it moves by its nominal value, or
-            by itself where that is more.
-
-    Returns:
-        The point, or where the search ended: `converged` tells which.
-
-    Raises:
-        InputError: an unknown name, a value out of its range, sets that exclude each other.
-        FmuError, SimulationError: the model cannot be started, or no run of the method "running" came to its end.
-
-    Source: the source report, chapter 3.4 (its command lets derivatives float); residual table, counting and null
-    directions are the workbench's own.
-    """
-    _check_positive(period=period, step=step, longest=longest, tolerance=tolerance)
-    if family not in FAMILIES:
-        raise InputError(f"family '{family}' is unknown; {suggest(family, FAMILIES)}")
-    model, remarks = start_at(model, at)
+def run(model: Model, asked: Trim, job: Job) -> TrimResult:
+    """Find an operating point; see `Trim`."""
+    model, remarks = start_at(model, asked.at)
     begin = {} if model.at is None else {**model.at.x, **model.at.u}
     sets = TrimSets(
-        free=tuple(free),
-        fix=dict(fix or {}),
-        bound=dict(bound or {}),
-        floating=tuple(floating),
-        guess={**begin, **(x0 or {}), **(u0 or {})},
+        free=tuple(asked.free),
+        fix=dict(asked.fix or {}),
+        bound=dict(asked.bound or {}),
+        floating=tuple(asked.floating),
+        guess={**begin, **(asked.x0 or {}), **(asked.u0 or {})},
     )
-    begins = model.start_time if time is None else float(time)
-    trimming = _Trim(model, sets, begins, family == "slowest", period, step, longest, tolerance)
-    found = trimming.run()
+    begins = model.start_time if asked.time is None else asked.time
+    found = _Trim(model, sets, begins, asked, job).run()
     return replace(found, notes=(*remarks, *found.notes))
 
 
@@ -130,12 +58,13 @@ class _Trim:
     model: Model
     sets: TrimSets
     time: float
-    slowest: bool
-    period: float | None
-    step: float | None
-    longest: float | None
-    tolerance: float
+    asked: Trim
+    job: Job
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def slowest(self) -> bool:
+        return self.asked.family == "slowest"
 
     def run(self) -> TrimResult:
         found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
@@ -157,7 +86,7 @@ class _Trim:
     def _model_exchange(self) -> TrimResult:
         inputs = self._inputs()
         with self.model.open_point(time=self.time, values=inputs) as point:
-            period = self._basic_period(point) if self.period is None else self.period
+            period = self._basic_period(point) if self.asked.period is None else self.asked.period
             if period is None:
                 return self._equations(point)
             states, memory = point.states, point.memory
@@ -184,7 +113,7 @@ class _Trim:
         balance = ContinuousBalance(point)
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
-        solution, note = search(self.model, problem, tolerance=self.tolerance, slowest=self.slowest, exact=exact)
+        solution, note = search(self.model, problem, tolerance=self.asked.tolerance, slowest=self.slowest, exact=exact)
         restless = carried_along(problem, solution) if solution.converged else ""
         if restless and self.slowest:
             solution = replace(solution, converged=False)
@@ -216,7 +145,7 @@ class _Trim:
         posed = pose(balance, self.sets)
         balance.begin(*posed.at(np.array([k.start for k in posed.unknowns])))
         problem = sized(posed)
-        loosest = max(self.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
+        loosest = max(self.asked.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
         solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
@@ -246,13 +175,13 @@ class _Trim:
     def _co_simulation(self) -> TrimResult:
         states = list(self.model.states)
         values = {**self._starts(states), **self._inputs()}
-        steps = [(self.period or self.step or _own_step(self.model)) * part for part in STEP_PARTS]
+        steps = [(self.asked.period or self.asked.step or _own_step(self.model)) * part for part in STEP_PARTS]
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
             return self._fixed_point("step map", balance)
         why = "the states cannot be set" if states else "the model shows no states"
         self.notes.append(f"{why}; it is run until nothing moves")
-        return self._running(states, values, steps if self.step is None else steps[:1])
+        return self._running(states, values, steps if self.asked.step is None else steps[:1])
 
     def _starts(self, states: Sequence[Variable]) -> dict[str, float]:
         with self.model.open_session(start_time=self.time) as session:
@@ -278,13 +207,13 @@ class _Trim:
                 time=self.time,
                 values=values,
                 step=step,
-                longest=self.longest,
+                longest=self.asked.longest,
                 least=_usual_length(self.model),
-                tolerance=max(self.tolerance, 1e-12),
+                tolerance=max(self.asked.tolerance, 1e-12),
             )
             problem = pose(balance, self.sets)
             solution, _ = search(
-                self.model, problem, tolerance=max(self.tolerance, 1e-6), slowest=self.slowest, exact=False
+                self.model, problem, tolerance=max(self.asked.tolerance, 1e-6), slowest=self.slowest, exact=False
             )
             end = balance.end(problem.at(solution.values)[1])
             if isinstance(end, str):
@@ -350,9 +279,3 @@ def _start_of(model: Model, variable: Variable) -> float:
     """Return a discrete state's start value, the one that the user loaded the model with if there is one."""
     given = model.recipe.start_values if isinstance(model, DescribedModel) else {}
     return float(given.get(variable.name, variable.start or 0.0))
-
-
-def _check_positive(*, tolerance: float, period: float | None, step: float | None, longest: float | None) -> None:
-    for name, value in (("tolerance", tolerance), ("period", period), ("step", step), ("longest", longest)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} must be positive, not {value:g}")

@@ -1,0 +1,1 @@
+"""Trim: find an operating point at which a model is in equilibrium."""

@@ -1,0 +1,128 @@
+"""Trim: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Limits, Names, Values
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+
+if TYPE_CHECKING:
+    from workbench.analysis.trim.result import TrimResult
+
+__all__ = ["Trim", "trim"]
+
+_HOW = "How it searches"
+
+
+class Trim(AtPoint, Analysis["TrimResult"]):
+    """Find an operating point: states, inputs and outputs at which nothing moves.
+
+    Unless told otherwise every state is unknown, every derivative must vanish, every input is held at its start value
+    and outputs are what they are. Then unknowns and equations are counted, and what is missing is said by name.
+
+    How it is done depends on the model, and `method` of the result says it:
+      - "equations", continuous model exchange: dx/dt = 0 by bounded least squares, with the FMU's
+        directional derivatives where it has them and a probe confirms them, else by differences. Relations
+        are evaluated anew at every point; discrete states keep their values.
+      - "period map", sampled and hybrid model exchange: the continuous and discrete states are those that return
+        after the basic time period. Discrete states must have start values, the only way to set them in FMI.
+      - "step map", co-simulation whose states have start values: those that return after a communication step.
+      - "running", other co-simulation: run until nothing moves; free inputs are adjusted from run to run.
+
+    Where the equations leave directions open, there is a family of equilibria: the directions are reported, and the
+    member that is chosen has the least floating derivatives and is nearest to the start values; with family "nearest"
+    the latter alone. Both are measured in nominal values.
+
+    Not for periodic motion (a limit cycle has no point at rest). One equilibrium is found where there are several
+    apart from each other; `x0` and `bound` lead to others. An equilibrium need not be stable, except by "running".
+
+    Returns:
+        The point, or where the search ended: `converged` tells which.
+
+    Raises:
+        InputError: an unknown name, a value out of its range, sets that exclude each other.
+        FmuError, SimulationError: the model cannot be started, or no run of the method "running" came to its end.
+
+    Source: the source report, chapter 3.4 (its command lets derivatives float); residual table, counting and null
+    directions are the workbench's own.
+    """
+
+    command = "trim"
+    algorithm = "workbench.analysis.trim.run:run"
+    example = "workbench trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json"
+
+    _: KW_ONLY
+    free: Names = option("Inputs to find; repeatable.", metavar="U,..", default=())
+    fix: Values | None = option("Value that a state, input or output must have; repeatable.", default=None)
+    bound: Limits | None = option(
+        "Lowest and highest value of a state, input or output; a bound input is free; repeatable.", default=None
+    )
+    floating: Names = option(
+        "States whose derivative need not vanish; repeatable.", flag="--float", metavar="X,..", default=()
+    )
+    x0: Values | None = option(
+        "Value of a state at which the search begins, in place of the operating point's; repeatable.", default=None
+    )
+    u0: Values | None = option(
+        "Value that an input is held at, or at which the search begins if it is free or bound; repeatable.",
+        default=None,
+    )
+    time: float | None = option(
+        "Session time of the point; else that of the operating point, or where the model starts.",
+        unit="s",
+        metavar="T",
+        default=None,
+    )
+    family: str = option(
+        "Which one to take of a family of equilibria: the one with the least floating derivatives, or the one nearest "
+        "to the start.",
+        choices=("slowest", "nearest"),
+        default="slowest",
+        group=_HOW,
+    )
+    period: float | None = option(
+        "Basic time period of a sampled model; else found from its time events.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        default=None,
+        group=_HOW,
+    )
+    step: float | None = option(
+        "Communication step of co-simulation; else the model's own, or 1 ms, and finer where that does not do.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        default=None,
+        group=_HOW,
+    )
+    longest: float | None = option(
+        "Longest run of a co-simulation whose states cannot be set; else 200 000 steps.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        default=None,
+        group=_HOW,
+    )
+    tolerance: float = option(
+        "Largest residual over the change that each unknown makes in it when it moves by its nominal value, or by "
+        "itself where that is more.",
+        positive=True,
+        python=True,
+        default=1e-8,
+    )
+
+    def went_well(self, record: TrimResult) -> bool:
+        """Return whether the point is an equilibrium.
+
+        Args:
+            record: of this request.
+        """
+        return record.converged
+
+
+trim = function(Trim)
