@@ -228,7 +228,7 @@ def test_wrong_directional_derivatives_are_noticed() -> None:
         ({"bound": {"x": (1.0, 1.0)}}, "LO below HI"),
         ({"fix": {"x": math.nan}}, "finite"),
         ({"family": "any"}, "family 'any' is unknown"),
-        ({"tolerance": 0.0}, "tolerance must be positive"),
+        ({"tolerance": 0.0}, "tolerance: 0 is not a positive number"),
     ],
 )
 def test_bad_input_is_named(call: dict[str, object], words: str) -> None:

@@ -84,7 +84,7 @@ PICTURES: dict[str, str] = {
     "workbench.analysis.simulate.result.SimulationResult": "workbench.plotting.time_history:time_history",
     "workbench.analysis.spectra.coherence.Coherence": "workbench.plotting.spectra:plot_coherence",
     "workbench.analysis.spectra.density.SpectralDensity": "workbench.plotting.spectra:plot_density",
-    "workbench.analysis.trim_result.TrimResult": "workbench.plotting.residual_bars:plot_residuals",
+    "workbench.analysis.trim.result.TrimResult": "workbench.plotting.residual_bars:plot_residuals",
     "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.plotting.identify:plot_bootstrap",
     "workbench.analysis.validate.overlay.Overlay": "workbench.plotting.overlay:plot_overlay",
 }
