@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from tests.fakes import EulerOscillator, FakeModel, Rows
+from workbench.analysis.certificate import Certificate
 from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr_point import NfrPoint, PointTask
+from workbench.analysis.nfr_step import refine
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.signals import Sine
@@ -50,6 +54,58 @@ def test_an_answer_that_never_converges_fails_and_says_what_to_do() -> None:
     assert np.isnan(result.gain[0, 0])
     assert "depends on the communication step" in result.failed[0].reason
     assert "--interface me" in result.failed[0].reason
+
+
+def explicit_euler(a: Floats, b: Floats, c: Floats, frequency: float, h: float) -> complex:
+    """Return the response of x(k+1) = (I + hA) x(k) + hB u(k) at that frequency."""
+    z = np.exp(2j * math.pi * frequency * h)
+    return complex((c @ np.linalg.solve((z - 1.0) / h * np.eye(len(a)) - a, b)).item())
+
+
+@pytest.mark.parametrize("errcrit", [0.1, 0.01])
+def test_the_error_left_by_the_step_is_stated(errcrit: float) -> None:
+    """300 random plants of one to three lightly damped modes, stepped by Euler's explicit method inside the FMU.
+
+    Independent truth: C (sI − A)⁻¹ B, which the response tends to as the step goes to zero.
+    """
+    random = np.random.default_rng(13)
+    covered, errors, steps = list[bool](), list[float](), 0
+    for _ in range(300):
+        modes = [(random.uniform(0.3, 3.0), 10.0 ** random.uniform(-2.0, 0.0)) for _ in range(random.integers(1, 4))]
+        n = 2 * len(modes)
+        a, b, c = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n))
+        for k, (f0, zeta) in enumerate(modes):
+            w = 2.0 * math.pi * f0
+            a[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, 1.0], [-w * w, -2.0 * zeta * w]]
+            b[2 * k + 1], c[0, 2 * k] = random.normal(), w * w
+        frequency = random.uniform(0.2, 4.0)
+        task = PointTask(
+            input="u", output="y", frequency=frequency, amplitude=1.0, errcrit=errcrit, max_periods=20, rows=200
+        )
+
+        def run(tasks: Sequence[PointTask], model: tuple[Floats, Floats, Floats] = (a, b, c)) -> list[NfrPoint]:
+            known = Certificate(errcrit=errcrit, max_periods=20)
+            return [
+                NfrPoint(
+                    frequency=t.frequency, amplitude=1.0, offset=0.0,
+                    response=explicit_euler(*model, t.frequency, 1.0 / (t.frequency * t.rows)),
+                    periods=5, error=0.0, resolved=True, step=1.0 / (t.frequency * t.rows), certificate=known,
+                )
+                for t in tasks
+            ]  # fmt: skip
+
+        (found,) = refine([task], run)
+        truth = complex((c @ np.linalg.solve(2j * math.pi * frequency * np.eye(n) - a, b)).item())
+        assert found.response is not None and found.error is not None and found.step is not None
+        error = abs(found.response / truth - 1.0)
+        covered.append(error <= found.error)
+        if found.status == "settled":
+            errors.append(error)
+        steps += round(1.0 / (frequency * found.step))
+    assert np.mean(covered) >= 0.99
+    assert len(errors) >= 297
+    assert max(errors) <= 0.1 * errcrit
+    assert steps / 300 < 3000.0  # rows per period
 
 
 def test_a_model_unstable_at_any_step_fails_with_that_reason() -> None:

@@ -21,6 +21,9 @@ _CHANGE, _PART = 0.005, 0.05
 # With a method of first order, what is left after a halving is this many times what it changed, at most.
 _LEFT = 1.25
 
+# Each halving changes a method of first order by half as much as the one before: by 2 within this, it is taken for one.
+_FIRST_ORDER = 0.35
+
 # With an explicit step a change beyond this is told (gain relative; phase in rad: the same error of the phasor).
 _TELL = 0.01
 
@@ -45,27 +48,63 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
     run is reported. With a method of first order inside the FMU the error left is about the change seen (1.08 times
     it for an explicit Euler method at a third of its resonance); 1.25 times the change is added to the point's.
 
-    A point that needs more than 400 000 communication steps fails and says so.
+    Where three runs show a method of first order (each halving changes half as much), the answer is what they tend to,
+    2 R(h) − R(2h), and is taken when this changes as little from the last two pairs; what it changes is three times
+    what is left of the next order, and is added to the point's error.
+
+    A point that needs more than 400 000 communication steps fails and says so, unless that limit is known.
 
     Args:
         tasks: one point, or the points of a carried sweep, which are run together.
         run: measures them in the order given.
+
+    Source: Richardson extrapolation, e.g. Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, II.9.
     """
+    old: list[NfrPoint] = []
     new = run(tasks)
     budget = _MOST_STEPS * len(tasks) - _cost(tasks, new)
     while True:
-        old, tasks = new, [replace(t, rows=2 * t.rows) for t in tasks]
+        before, old = old, new
+        tasks = [replace(t, rows=2 * t.rows) for t in tasks]
         new = run(tasks)
         budget -= _cost(tasks, new)
-        agreed = [_agree(o, n, t.errcrit) for o, n, t in zip(old, new, tasks, strict=True)]
-        if all(agreed) or budget < 2 * _cost(tasks, new):
-            ends = zip(
-                old,
-                (_certified(n, o, n, by="step", times=_LEFT) for o, n in zip(old, new, strict=True)),
-                agreed,
-                strict=True,
-            )
-            return [n if good else _unconverged(o, n) for o, n, good in ends]
+        limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
+        last = budget < 2 * _cost(tasks, new)
+        ends = [_end(*of_point, last=last) for of_point in zip(old, new, limits, tasks, strict=True)]
+        if last or all(found is not None for found in ends):
+            return [found or _unconverged(o, n) for found, o, n in zip(ends, old, new, strict=True)]
+
+
+def _end(
+    old: NfrPoint, new: NfrPoint, limit: tuple[NfrPoint, float] | None, task: PointTask, *, last: bool
+) -> NfrPoint | None:
+    """Return the answer of a point; None: a finer run is needed."""
+    if _agree(old, new, task.errcrit):
+        return _certified(new, old, new, by="step", left=_LEFT * _apart(old, new))
+    if limit is not None and (last or limit[1] <= _asked(task.errcrit)):
+        return _certified(limit[0], old, new, by="step", left=limit[1])
+    return None
+
+
+def _limit(before: NfrPoint, old: NfrPoint, new: NfrPoint) -> tuple[NfrPoint, float] | None:
+    """Return what three runs of a method of first order tend to, and its error (relative); None: it is no such method.
+
+    Args:
+        before: with four times the step of the last.
+        old: with twice that step.
+        new: the last run.
+    """
+    runs = (before, old, new)
+    first, second, third = (p.response for p in runs)
+    if first is None or second is None or third is None or not all(p.resolved for p in runs):
+        return None
+    change_, last = second - first, third - second
+    if not last or abs(change_ / last - 2.0) > _FIRST_ORDER:
+        return None
+    response = third + last
+    offset = None if new.offset is None or old.offset is None else 2.0 * new.offset - old.offset
+    known = None if new.error is None or old.error is None else 2.0 * new.error + old.error
+    return replace(new, response=response, offset=offset, error=known), abs(2.0 * last - change_) / abs(response)
 
 
 def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]:
@@ -104,7 +143,7 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
     """
     if point.reason is not None:
         return point
-    point = _certified(point, point, other, by=by, times=times)
+    point = _certified(point, point, other, by=by, left=times * _apart(point, other))
     gain, phase_deg = change(point, other)
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
@@ -119,13 +158,13 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
     return replace(point, warning=warning)
 
 
-def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, times: float) -> NfrPoint:
-    """Return `point` with the change from `old` to `new` in its certificate and, so many times, in its error."""
+def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, left: float) -> NfrPoint:
+    """Return `point` with the change from `old` to `new` in its certificate, and what is left of it in its error."""
     if point.certificate is None:
         return point
     gain, phase_deg = map(finite, change(old, new))
     certificate = replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg)
-    error = None if point.error is None else finite(point.error + times * _apart(old, new))
+    error = None if point.error is None else finite(point.error + left)
     too_large = point.status == "settled" and (error is None or error > 0.1 * certificate.errcrit)
     return replace(
         point,
@@ -167,8 +206,11 @@ def _cost(tasks: Sequence[PointTask], points: Sequence[NfrPoint]) -> int:
 def _agree(old: NfrPoint, new: NfrPoint, errcrit: float) -> bool:
     if old.response == new.response == 0.0:
         return True
-    least = min(_CHANGE, _PART * errcrit)
-    return _apart(old, new) <= (least if old.resolved and new.resolved else max(_CHANGE, errcrit))
+    return _apart(old, new) <= (_asked(errcrit) if new.resolved else max(_CHANGE, errcrit))
+
+
+def _asked(errcrit: float) -> float:
+    return min(_CHANGE, _PART * errcrit)
 
 
 def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:
