@@ -96,7 +96,9 @@ def test_the_error_left_by_the_step_is_stated(errcrit: float) -> None:
 
         (found,) = refine([task], run)
         truth = complex((c @ np.linalg.solve(2j * math.pi * frequency * np.eye(n) - a, b)).item())
-        assert found.response is not None and found.error is not None and found.step is not None
+        assert found.response is not None
+        assert found.error is not None
+        assert found.step is not None
         error = abs(found.response / truth - 1.0)
         covered.append(error <= found.error)
         if found.status == "settled":
