@@ -127,6 +127,28 @@ def test_the_mean_of_harmonic_balance_is_that_of_the_switchings(
     assert not any("the point is moving" in note for note in loop.notes)
 
 
+@pytest.mark.parametrize(("levels", "count"), [(LEVELS[0], 7), (LEVELS[1], 7), (LEVELS[0], 25)])
+def test_the_driven_relay_answers_with_the_harmonics_of_its_pulse(
+    relay: Path, levels: tuple[float, float], count: int
+) -> None:
+    """Under c + A cos φ it is high from −arccos((h − c)/A) to arccos(−(h + c)/A): a pulse, of known coefficients."""
+    high, low = levels
+    with around(relay, "well damped", levels) as system, ExitStack() as keep:
+        ports = cut(system, "relay", at=None, time=0.0, keep=keep).ports
+        alone = keep.enter_context(driven_block(system, ports, 1, centre=0.0))
+        block = DrivenBlock(alone, count=1, name="relay", time=0.0)
+        keep.callback(block.close)
+        for amplitude, centre in [(0.5, 0.0), (0.37, 0.123), (0.23, -0.0731), (1.7, 0.511)]:
+            found = block.answer(np.array([centre, amplitude], dtype=np.complex128), 0.31, count)
+            up = -np.arccos((HALF_WIDTH - centre) / amplitude)
+            down = np.arccos(-(HALF_WIDTH + centre) / amplitude)
+            k = np.arange(1, count + 1)
+            pulse = (np.exp(-1j * k * up) - np.exp(-1j * k * down)) / (1j * k * np.pi)
+            wanted = np.append(low + (high - low) * (down - up) / (2.0 * np.pi), (high - low) * pulse)
+            assert np.abs(found - wanted).max() < block.accuracy * np.abs(wanted).max()
+    assert block.settled
+
+
 def test_the_command_gives_mean_0_in_every_row(relay: Path) -> None:
     with around(relay, "well damped", (1.0, -1.0)) as system:
         result = limit_cycle(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,7 +17,7 @@ from workbench.signals import Constant, Signal, Sine
 
 __all__ = ["DrivenBlock"]
 
-_ROWS = 400  # of a period
+_ROWS, _ROWS_AT_JUMPS = 400, 160.0  # of a period at least, and over (highest harmonic)^(2/3)
 _SETTLED = 1e-8  # relative change from period to period
 _ACCURACY = 1e-6  # of an answer: rows, settling and integration together
 _MOST = 200  # periods
@@ -64,9 +65,13 @@ class DrivenBlock(Block):
         signals = self._signals(v, frequency)
         begin = self._session.time
         found: Complex | None = None
+        # What `measure_period` leaves at jumps goes with (step)³·(harmonic)²; so many rows keep it below the accuracy.
+        rows = max(_ROWS, math.ceil(_ROWS_AT_JUMPS * count ** (2.0 / 3.0)))
         for turn in range(_MOST):
-            record = self._period(signals, begin + turn / frequency, begin + (turn + 1) / frequency)
-            before, found = found, _coefficients(record, begin, frequency, count)
+            points = np.linspace(begin + turn / frequency, begin + (turn + 1) / frequency, rows + 1)[1:]
+            record = self._period(signals, points)
+            even = points if self._session.communication_step is None else None
+            before, found = found, _coefficients(record, begin, frequency, count, even)
             found[0] -= self._rest
             self._along = {n: record.values[n] for n in self._states}
             if before is not None and np.abs(found - before).max() <= _SETTLED * np.abs(found).max():
@@ -83,9 +88,8 @@ class DrivenBlock(Block):
             signals[f"v{k}"] = Sine(amplitude=abs(size), frequency=k * frequency, phase=phase, start=self._session.time)
         return signals
 
-    def _period(self, signals: Mapping[str, Signal], begin: float, end: float) -> Record:
-        points = np.linspace(begin, end, _ROWS + 1)[1:]
-        return self._session.advance(end, signals=signals, record=["w", *self._states], points=points)
+    def _period(self, signals: Mapping[str, Signal], points: Floats) -> Record:
+        return self._session.advance(float(points[-1]), signals=signals, record=["w", *self._states], points=points)
 
     def states(self) -> tuple[dict[str, float], dict[str, float]]:
         """Return the block's states at phase 0 of the last answer, and how far each moved in its last period."""
@@ -97,13 +101,15 @@ class DrivenBlock(Block):
         self._session.close()
 
 
-def _coefficients(record: Record, begin: float, frequency: float, count: int) -> Complex:
-    """Return the coefficients of the output, shape (count + 1,).
+def _coefficients(record: Record, begin: float, frequency: float, count: int, points: Floats | None) -> Complex:
+    """Return the coefficients of the output, shape (count + 1,); `points` see `measure_period`.
 
     Raises:
         SimulationError: a value is not finite.
     """
-    period = measure_period(record, input="v1", output="w", begin=begin, frequency=frequency, orders=count)
+    period = measure_period(
+        record, input="v1", output="w", begin=begin, frequency=frequency, orders=count, points=points
+    )
     h = period.harmonics
     if not np.isfinite(h).all():
         raise SimulationError("the block's output is not finite", time=float(record.time[-1]))
