@@ -182,6 +182,28 @@ def test_a_coherence_scatters_as_it_says() -> None:
     assert scatter == pytest.approx(said, rel=0.08)  # 1,860 values: 1.6 % by chance, the formula is of first order
 
 
+@pytest.mark.parametrize("inputs", [1, 2, 3])
+@pytest.mark.parametrize("segments", [12, 40])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.15, 0.5, 0.9, 0.99])
+def test_the_interval_of_a_coherence_holds_the_true_one(inputs: int, segments: int, share: float) -> None:
+    """620 values for each case: 0.9 % by chance."""
+    held = []
+    for seed in range(20):
+        low, high = uncorrelated(inputs, segments, share, 1000 + seed).interval_95
+        held.append((inner(low) <= share) & (share <= inner(high)))
+    assert 0.93 < np.mean(held) <= 1.0
+
+
+def test_the_interval_of_a_coherence_is_two_sided() -> None:
+    """Misses on both sides about as often, and it is no wider than the scatter: ±1.96 σ, σ² = 1/(2 (n − 1)), in z."""
+    many = [uncorrelated(1, 40, 0.5, seed) for seed in range(60)]
+    low, high = (np.concatenate([inner(c.interval_95[side]) for c in many]) for side in (0, 1))
+    assert np.mean(low > 0.5) == pytest.approx(0.025, abs=0.01)  # 1,860 values: 0.0036
+    assert np.mean(high < 0.5) == pytest.approx(0.025, abs=0.01)
+    width = np.arctanh(np.sqrt(high)) - np.arctanh(np.sqrt(low))
+    assert np.median(width) == pytest.approx(2.0 * 1.96 / np.sqrt(78.0), rel=1e-3)
+
+
 def test_unrelated_data_exceed_the_level_of_chance_in_five_per_cent() -> None:
     """With m inputs and n averages the multiple coherence of unrelated data is Beta(m, n − m): mean m/n."""
     many = [uncorrelated(3, 8, 0.0, seed) for seed in range(120)]

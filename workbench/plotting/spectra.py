@@ -62,7 +62,7 @@ def plot_coherence(result: Coherence, path: str | Path | None = None) -> Figure:
     figure, axes = rows(len(result.output_names), title=f"{result.name}: coherence with {source}")
     for i, ax in enumerate(axes):
         _draw(ax, result, i)
-    _foot(axes[-1], result.settings.nyquist_hz, result.settings.describe())
+    _foot(axes[-1], result.settings.nyquist_hz, f"{result.settings.describe()}; shaded: 95 %")
     if len(result.input_names) > 1:
         axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
     if path is not None:
@@ -74,6 +74,8 @@ def _draw(ax: Axes, result: Coherence, output: int) -> None:
     """Draw one output's coherence into a picture."""
     frequency = result.frequency_hz[1:]
     several = len(result.input_names) > 1
+    low, high = (bound[1:, output] for bound in result.interval_95)
+    ax.fill_between(frequency, low, high, color=COLOURS[0], alpha=0.18, linewidth=0.0)
     for j, name in enumerate(result.input_names if several else ()):
         colour = COLOURS[(j + 1) % len(COLOURS)]
         ax.plot(frequency, result.ordinary[1:, output, j], color=colour, linewidth=0.9, label=f"{name} alone")
