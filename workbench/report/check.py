@@ -65,4 +65,4 @@ def _pictures(card: HealthCard) -> Sequence[Section]:
 
 def _questions() -> Section:
     rows = [(name, check.question) for name, check in CHECKS.items()]
-    return Section("What the checks ask", tables=[Table(("check", "question"), rows)], folded=True)
+    return Section("What the checks ask", tables=[Table(("check", "question"), rows)], folded=True, explains=True)

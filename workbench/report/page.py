@@ -76,6 +76,7 @@ class Section:
         code: command lines or code, one block each, below the text.
         parts: sections inside this one.
         folded: shown by its heading alone until it is opened; always open in print.
+        explains: whether it explains the page, and says nothing of the result: a terminal does not show it.
     """
 
     title: str
@@ -87,6 +88,7 @@ class Section:
     code: Sequence[str] = ()
     parts: Sequence[Section] = ()
     folded: bool = False
+    explains: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import worst_first
@@ -11,6 +12,7 @@ from workbench.report.tones import worst_first
 __all__ = ["text_of"]
 
 _GAP = "  "
+_LEAST_WORDS = 30  # a column of sentences is made no narrower
 _MOST_ROWS = 60  # of a table; more belong into a file
 
 
@@ -28,14 +30,13 @@ def text_of(page: Page, width: int | None, how: str = "") -> str:
 
 def _page(page: Page, width: int | None, how: str) -> Iterator[str]:
     yield f"{page.title} ({how})" if how else page.title
-    if page.lead:
-        yield page.lead
-    for name, value in page.facts.items():
-        yield f"{name}: {value}"
-    for verdict in worst_first(page.summary):
-        yield f"{verdict.word}: {verdict.text}"
+    verdicts = [f"{verdict.word}: {verdict.text}" for verdict in worst_first(page.summary)]
+    facts = [f"{name}: {value}" for name, value in page.facts.items()]
+    for text in (*filter(None, [page.lead]), *facts, *verdicts):
+        yield from _folded(text, width)
     for section in page.sections:
-        yield from _section(section, width)
+        if not section.explains:
+            yield from _section(section, width)
 
 
 def _section(section: Section, width: int | None) -> Iterator[str]:
@@ -47,11 +48,19 @@ def _section(section: Section, width: int | None) -> Iterator[str]:
     if lines or section.tables:
         yield ""
         yield section.title
-    yield from lines
+    for line in lines:
+        yield from _folded(line, width)
     for table in section.tables:
         yield from _table(table, width)
     for part in section.parts:
         yield from _section(part, width)
+
+
+def _folded(text: str, width: int | None) -> list[str]:
+    """Break a text between words only."""
+    if width is None or len(text) <= width:
+        return [text]
+    return textwrap.wrap(text, width, subsequent_indent=_GAP, break_long_words=False, break_on_hyphens=False)
 
 
 def _table(table: Table, width: int | None) -> Iterator[str]:
@@ -60,14 +69,28 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
     if table.title:
         yield table.title
     rows = table.rows[:_MOST_ROWS]
-    sizes = [max(len(r[k]) for r in (table.headings, *rows)) for k in range(len(table.headings))]
+    sizes = _sizes(table, rows, width)
     for columns in _blocks(sizes, width):
-        yield _row(table.headings, columns, sizes, table.at_right)
+        yield from _row(table.headings, columns, sizes, table.at_right)
         yield _GAP.join("─" * sizes[k] for k in columns)
-        yield from (_row(row, columns, sizes, table.at_right) for row in rows)
+        for row in rows:
+            yield from _row(row, columns, sizes, table.at_right)
         yield ""
     if len(table.rows) > len(rows):
         yield f"{len(table.rows) - len(rows)} more rows: --csv writes all"
+
+
+def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
+    """Return the width of each column; the widest one of words gives way where that fits the table into the line."""
+    sizes = [max(len(r[k]) for r in (table.headings, *rows)) for k in range(len(table.headings))]
+    words = [k for k in range(len(sizes)) if k not in table.at_right]
+    if width is None or not words:
+        return sizes
+    widest = max(words, key=sizes.__getitem__)
+    room = width - sum(sizes) - len(_GAP) * (len(sizes) - 1) + sizes[widest]
+    if _LEAST_WORDS <= room < sizes[widest]:
+        sizes[widest] = room
+    return sizes
 
 
 def _blocks(sizes: Sequence[int], width: int | None) -> Iterator[list[int]]:
@@ -82,5 +105,9 @@ def _blocks(sizes: Sequence[int], width: int | None) -> Iterator[list[int]]:
     yield block
 
 
-def _row(cells: Sequence[str], columns: Sequence[int], sizes: Sequence[int], right: frozenset[int]) -> str:
-    return _GAP.join(cells[k].rjust(sizes[k]) if k in right else cells[k].ljust(sizes[k]) for k in columns)
+def _row(cells: Sequence[str], columns: Sequence[int], sizes: Sequence[int], right: frozenset[int]) -> Iterator[str]:
+    parts = [_folded(cells[k], sizes[k]) for k in columns]
+    for line in zip_longest(*parts, fillvalue=""):
+        yield _GAP.join(
+            text.rjust(sizes[k]) if k in right else text.ljust(sizes[k]) for k, text in zip(columns, line, strict=True)
+        )
