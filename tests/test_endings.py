@@ -145,7 +145,7 @@ def test_a_signal_that_comes_twice_at_once_is_one(tmp_path: Path) -> None:
         ),
         (
             ["excite", "--input", "u", "--output", "y", "--prbs", "amplitude=1,rate=10", "--step", "0.1"],
-            "interrupted after ",
+            "interrupted: the result is written",
         ),
         (["simulate", "--stop", "1"], "interrupted: the result is written"),
     ],

@@ -12,11 +12,16 @@ import pytest
 from scipy.linalg import expm
 
 from tests.hybrid_fmus import Hybrid, open_fake
-from workbench.analysis.excite import Excitation, ExciteResult, MultisineDesign, PrbsDesign, excite
 from workbench.analysis.excite import sampling as sampling_module
+from workbench.analysis.excite.multisine import MultisineDesign
+from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.excite.request import Excite, excite
+from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.experiment import read_experiment
 from workbench.cli.app import run
+from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.where import Worker
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
@@ -24,7 +29,6 @@ from workbench.model.load import load
 from workbench.session import Session
 from workbench.session.base import Floats
 from workbench.signals import Signal
-from workbench.workers import Workers
 
 PRBS = PrbsDesign(rate=7.0)
 
@@ -231,11 +235,13 @@ def test_a_model_in_python_is_excited_as_well() -> None:
 
 
 def test_what_was_recorded_before_a_failure_is_kept() -> None:
-    excitation = Excitation(PythonModel(Failing, "me"), "u", "y", samples=300, dt=0.005, workers=Workers())
+    told: list[tuple[object, int, int]] = []
+    job = Job(lambda what, done, total: told.append((what, done, total)))
     with pytest.raises(SimulationError, match=r"not a finite number"):
-        list(excitation.run())
-    result = excitation.result()
-    assert excitation.recorded
+        Excite("u", "y", samples=300, dt=0.005, workers=Worker()).run(PythonModel(Failing, "me"), job)
+    assert told[-1] == ("200 of 600 samples", 200, 600)
+    result = job.partial()
+    assert isinstance(result, ExciteResult)
     assert result.identification.n_samples == 200
     assert (result.validation, result.notes) == (None, ("ended early: 200 of 600 samples were run",))
 
@@ -248,10 +254,10 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
         ({"outputs": "u"}, "both an input and an output"),
         ({"outputs": []}, "an output to record are needed"),
         ({"dt": None}, "has no sampling period of its own"),
-        ({"dt": -1.0}, "must be positive"),
-        ({"samples": 1}, "samples: 1 are too few"),
-        ({"validation_samples": 1}, "validation: 1 samples are too few"),
-        ({"settle": -1.0}, "settle must be 0 s or more"),
+        ({"dt": -1.0}, "dt: -1 is not a positive number [s]"),
+        ({"samples": 1}, "samples: 1 is too small; take at least 2"),
+        ({"validation_samples": 1}, "validation samples: 1 is too few"),
+        ({"settle": -1.0}, "settle: -1 is too small; take at least 0 [s]"),
         ({"at": OperatingPoint(x={"xx": 1.0}, u={})}, "FirstOrderLag has no state 'xx'"),
     ],
 )

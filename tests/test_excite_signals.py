@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from workbench.analysis.excite import MultisineDesign, PrbsDesign, parse_design
 from workbench.analysis.excite.design import crest_factors, cross_correlation
-from workbench.analysis.excite.multisine import low_crest
+from workbench.analysis.excite.multisine import MultisineDesign, low_crest
+from workbench.analysis.excite.parse import parse_design
+from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.errors import InputError
 from workbench.shift_register import TAPS, jump, register_bits
 from workbench.signals import Prbs

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
     from workbench.analysis.divergence import Divergence, DivergenceError
-    from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
+    from workbench.analysis.excite.multisine import MultisineDesign
+    from workbench.analysis.excite.prbs import PrbsDesign
+    from workbench.analysis.excite.request import excite
+    from workbench.analysis.excite.result import ExciteResult
     from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
     from workbench.analysis.feed_forward.feed_forward import feed_forward
     from workbench.analysis.feed_forward.result import FeedForwardResult
@@ -265,7 +268,10 @@ _HOMES = {
     "workbench.analysis.loop": ("LoopResult", "Margins", "loop"),
     "workbench.build.export": ("ExportResult", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
-    "workbench.analysis.excite": ("ExciteResult", "MultisineDesign", "PrbsDesign", "excite"),
+    "workbench.analysis.excite.multisine": ("MultisineDesign",),
+    "workbench.analysis.excite.prbs": ("PrbsDesign",),
+    "workbench.analysis.excite.request": ("excite",),
+    "workbench.analysis.excite.result": ("ExciteResult",),
     "workbench.analysis.experiment": ("Experiment", "make_experiment", "read_experiment"),
     "workbench.analysis.divergence": ("Divergence", "DivergenceError"),
     "workbench.analysis.feed_forward.feed_forward": ("feed_forward",),

@@ -8,7 +8,7 @@ algorithm is named and imported when it is called: what is only asked about need
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, TypeVar
 
@@ -17,37 +17,61 @@ from workbench.core.option import Options, documented, option, with_options
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
-    from workbench.model import Model
+    from workbench.model import Model  # noqa: F401 - the subject's type, below
 
-__all__ = ["Analysis", "function"]
+__all__ = ["Analysis", "Request", "Subject", "function"]
 
+_Subject = TypeVar("_Subject")
 _Record = TypeVar("_Record")
 _Options = ParamSpec("_Options")
 
-_FIRST = ("model", "Model", "The model to analyse; it stays open.")
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What a request is run on.
+
+    Attributes:
+        name: of the argument.
+        type: in Python.
+        help: in Python.
+        metavar: what `--help` shows in its place.
+        words: help on the command line.
+    """
+
+    name: str
+    type: str
+    help: str
+    metavar: str
+    words: str
 
 
-class Analysis(Options, Generic[_Record]):
-    """An analysis with its options: a value that can be run on a model.
+class Request(Options, Generic[_Subject, _Record]):
+    """Work with its options: a value that can be run on a model, on data, or on whatever its `subject` says.
 
     Obligations of a subclass:
       1. It is made of fields as `Options` says.
       2. The docstring's first paragraph stands in `--help`; equations and sources follow.
       3. Its module imports no numerics.
-      4. The algorithm is a function of model, request and job. It tells the job what is finished, stops soon after
+      4. The algorithm is a function of subject, request and job. It tells the job what is finished, stops soon after
          `job.stop`, and leaves in `job.partial` what it has if it ends early.
 
     Attributes:
         command: name on the command line.
         algorithm: where it is, "module:function".
         example: a command line that works.
+        subject: what it is run on.
         usual_tolerance: relative, of the integration, where the command line names none; None: the model's own.
+        counts: what the job counts, in the plural.
+        parts: attributes of the record that are results themselves.
     """
 
     command: ClassVar[str]
     algorithm: ClassVar[str]
     example: ClassVar[str]
+    subject: ClassVar[Subject]
     usual_tolerance: ClassVar[float | None] = None
+    counts: ClassVar[str] = "points"
+    parts: ClassVar[tuple[str, ...]] = ()
 
     _: KW_ONLY
     progress: Progress | None = option(
@@ -60,15 +84,15 @@ class Analysis(Options, Generic[_Record]):
         super().__init_subclass__()
         cls.__doc__ = documented(cls)
 
-    def run(self, model: Model, job: Job) -> _Record:
-        """Run the analysis.
+    def run(self, subject: _Subject, job: Job) -> _Record:
+        """Do the work.
 
         Args:
-            model: what is analysed; it stays open.
+            subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
         module, _, name = self.algorithm.partition(":")
-        record: _Record = getattr(import_module(module), name)(model, self, job)
+        record: _Record = getattr(import_module(module), name)(subject, self, job)
         return record
 
     def went_well(self, record: _Record) -> bool:
@@ -80,15 +104,31 @@ class Analysis(Options, Generic[_Record]):
         return True
 
 
-def function(request: Callable[_Options, Analysis[_Record]]) -> Callable[Concatenate[Model, _Options], _Record]:
-    """Return the function that runs a request on a model, with the request's options as its parameters.
+class Analysis(Request["Model", _Record]):
+    """An analysis of a model; the command line opens the model."""
+
+    subject = Subject(
+        name="model",
+        type="Model",
+        help="The model to analyse; it stays open.",
+        metavar="MODEL",
+        words="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME.",
+    )
+
+
+def function(
+    request: Callable[_Options, Request[_Subject, _Record]],
+) -> Callable[Concatenate[_Subject, _Options], _Record]:
+    """Return the function that runs a request, with the request's options as its parameters.
 
     Args:
-        request: class of the analysis.
+        request: class of what is asked for.
     """
     kind: Any = request
-    return with_origin()(with_options(request, _run, name=kind.command.replace("-", "_"), first=_FIRST))
+    subject: Subject = kind.subject
+    first = (subject.name, subject.type, subject.help)
+    return with_origin(*kind.parts)(with_options(request, _run, name=kind.command.replace("-", "_"), first=first))
 
 
-def _run(model: Model, asked: Analysis[_Record]) -> _Record:
-    return asked.run(model, Job(asked.progress))
+def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
+    return asked.run(subject, Job(asked.progress))

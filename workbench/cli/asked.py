@@ -29,9 +29,15 @@ def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = No
 def spoken(message: str) -> str:
     """Return a message of the library with the command's options as one types them: `max_order` is --max-order.
 
+    One that begins with an option of another name, as "dt: …" of --step, begins with that.
+
     Args:
         message: one line.
     """
+    head, colon, rest = message.partition(":")
+    flag = _options.get(head.replace(" ", "_"))
+    if flag is not None and flag.removeprefix("--").replace("-", " ") != head:
+        message = f"{flag}{colon}{rest}"
     return _NAME.sub(lambda found: _options.get(found[0], found[0]), message)
 
 

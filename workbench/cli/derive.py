@@ -4,60 +4,96 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from workbench.analysis.request import Analysis
-from workbench.cli.options import Csv, Json, ModelName, Plot, Report, open_model
+from workbench.analysis.request import Analysis, Request, function
+from workbench.cli.options import Csv, Json, Plot, Report, open_model
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, Options, options_of
+from workbench.core.option import Declared, Options, options_of, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError
 
 if TYPE_CHECKING:
     from workbench.cli.output import Output
+    from workbench.origin import Origin
     from workbench.report import Page
 
-__all__ = ["command"]
+__all__ = ["Extras", "command"]
 
 _OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
 _NOT_WELL = 1  # exit code of a record that says so
 
 
-def command(request: type[Analysis[Any]], *, drawn: Mapping[str, tuple[Any, Any]] | None = None) -> Callable[..., int]:
+@dataclass(frozen=True, kw_only=True)
+class Extras:
+    """What a command has besides the options of its request.
+
+    Attributes:
+        drawn: options of pages and pictures alone: name → (type, default).
+        pictures: files besides `--plot`: name → (type, what draws it from record and path).
+        before: is given the request, what typer read and the files; returns the request that is run.
+    """
+
+    drawn: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    pictures: Mapping[str, tuple[Any, Callable[[Any, Path], object]]] = field(default_factory=dict)
+    before: Callable[[Any, Mapping[str, Any], Output], Any] = lambda asked, *_: asked
+
+    @property
+    def options(self) -> dict[str, tuple[Any, Any]]:
+        """All of these as options: name → (type, default)."""
+        return {**self.drawn, **{name: (kind, None) for name, (kind, _) in self.pictures.items()}}
+
+
+def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> Callable[..., int]:
     """Return the command of a request, as typer takes it.
 
     Args:
-        request: the analysis.
-        drawn: options that only pages and pictures have: name → (type, default).
+        request: what is asked for.
+        extras: what the command has besides.
     """
-    own = drawn or {}
+    more = extras or Extras()
 
-    def run(model: str, **given: Any) -> int:  # noqa: ANN401 - what typer read
+    def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given[name] for name in _OUTPUT})
-        asked, loading = _request(request, given), _request(Loading, given)
-        if loading.tolerance is None:
-            loading = replace(loading, tolerance=request.usual_tolerance)
-        with open_model(model, loading) as loaded:
-            return _run(loaded, asked, out, {name: given[name] for name in own})
+        asked = more.before(_request(request, given), given, out)
+        with _opened(request, given) as subject:
+            return _run(subject, asked, out, more, given)
 
     run.__doc__ = _help(request)
     run.__name__ = request.command.replace("-", "_")
-    run.__signature__ = _signature(request, own)  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in _signature(request, own).parameters.values()}
+    run.__signature__ = _signature(request, more)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in _signature(request, more).parameters.values()}
     return run
 
 
-def _run(model: Any, asked: Analysis[Any], out: Output, drawn: Mapping[str, Any]) -> int:  # noqa: ANN401
+@contextmanager
+def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield what the request is run on: a model is opened, anything else is what was typed."""
+    named = given[request.subject.name]
+    if not issubclass(request, Analysis):
+        yield named
+        return
+    loading = _request(Loading, given)
+    if loading.tolerance is None:
+        loading = replace(loading, tolerance=request.usual_tolerance)
+    with open_model(named, loading) as model:
+        yield model
+
+
+def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, given: Mapping[str, Any]) -> int:  # noqa: ANN401
     """Run a request; whatever ends it, what it has is shown and written."""
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import note
     from workbench.cli.progress import Bar
     from workbench.core.job import Job
+    from workbench.origin.call import origin_of_call
 
     bar = Bar(1.0)
     reached = [0, 0]
@@ -70,30 +106,32 @@ def _run(model: Any, asked: Analysis[Any], out: Output, drawn: Mapping[str, Any]
     stopped: BaseException | None = None
     with bar, OnInterrupt(job.stop):
         try:
-            record: object = asked.run(model, job)
+            record: object = asked.run(subject, job)
         except (KeyboardInterrupt, WorkbenchError) as error:
             stopped, record = error, job.partial()
     if record is not None:
         for text in job.notes:
             note(text)
-        _show(record, out, drawn)
+        origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0)
+        _show(record, out, extras, given, origin)
         if stopped is None:
             return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
-        note(f"{interrupted()} after {reached[0]} of {reached[1]} points")
+        note(f"{interrupted()} after {reached[0]} of {reached[1]} {asked.counts}")
         return INTERRUPTED
     assert stopped is not None  # noqa: S101
     raise stopped
 
 
-def _show(record: Any, out: Output, drawn: Mapping[str, Any]) -> None:  # noqa: ANN401 - of any class that has a page
+def _show(record: Any, out: Output, extras: Extras, given: Mapping[str, Any], origin: Origin) -> None:  # noqa: ANN401 - of any class that has a page
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
     from workbench.report.results import page_of
     from workbench.report.terminal import text_of
 
+    drawn = {name: given[name] for name in extras.drawn}
     page: Page = page_of(record, **drawn)
-    for text in page.notes:
+    for text in [*page.notes, *out.unsaid(record)]:
         note(text)
     flush()
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
@@ -104,7 +142,11 @@ def _show(record: Any, out: Output, drawn: Mapping[str, Any]) -> None:  # noqa: 
         plot=lambda path: record.plot(path, **drawn),
         report=record,
         page=lambda: page,
+        origin=origin,
     )
+    for name, (_, draw) in extras.pictures.items():
+        if given[name] is not None:
+            draw(record, given[name])
 
 
 # -- options -----------------------------------------------------------------------------------
@@ -125,18 +167,23 @@ def _is_part(declared: Declared) -> bool:
     return inspect.isclass(declared.type) and issubclass(declared.type, Options)
 
 
-def _signature(request: type[Analysis[Any]], drawn: Mapping[str, tuple[Any, Any]]) -> inspect.Signature:
-    """Return the options of the analysis, then those by which models are opened, then the files.
+def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Signature:
+    """Return the options of the request, then those by which models are opened, then the files.
 
-    An option that the analysis declares itself, as its own `step`, is given to the model as well.
+    An option that the analysis declares itself, as its own `step`, is given to the model as well; where the flag alone
+    is the same, the model does without.
     """
+    subject = request.subject
     own = {name: (declared, group) for name, declared, group in _flat(request)}
-    own |= {name: found for name, *found in _flat(Loading, "Model") if name not in own}  # type: ignore[misc]
-    parameters = [_parameter("model", ModelName, inspect.Parameter.empty)]
+    if issubclass(request, Analysis):
+        flags = {declared.flag for declared, _ in own.values()}
+        own |= {n: (d, g) for n, d, g in _flat(Loading, "Model") if n not in own and d.flag not in flags}
+    argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
+    parameters = [_parameter(subject.name, argument, inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
-    for options in (drawn, _OUTPUT):
+    for options in (extras.options, _OUTPUT):
         parameters += [_parameter(name, kind, default) for name, (kind, default) in options.items()]
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
 
@@ -157,7 +204,8 @@ def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type
         flag = f"{flag}/--no-{flag.removeprefix('--')}"
     form = declared.form
     metavar = declared.option.metavar or (form.metavar if form is not None else None)
-    option = typer.Option(flag, help=declared.help, metavar=metavar, rich_help_panel=group or None)
+    flags = [flag, *filter(None, [declared.option.also])]
+    option = typer.Option(*flags, help=declared.help, metavar=metavar, rich_help_panel=group or None)
     return Annotated[_typer_type(declared), option]
 
 
@@ -182,7 +230,7 @@ def _request(request: type[Options], given: Mapping[str, Any]) -> Any:  # noqa: 
             continue
         if _is_part(declared):
             values[declared.name] = _request(declared.type, given)
-        elif given[declared.name] is not None:
+        elif given.get(declared.name) is not None:
             values[declared.name] = _read(declared, given[declared.name])
     return request(**values)
 
@@ -197,6 +245,6 @@ def _read(declared: Declared, value: Any) -> Any:  # noqa: ANN401
         raise InputError(f"{declared.flag}: {error}{unit}") from None
 
 
-def _help(request: type[Analysis[Any]]) -> str:
+def _help(request: type[Request[Any, Any]]) -> str:
     first = inspect.cleandoc(request.__doc__ or "").split("\n\n")[0]
     return f"{first}\n\nExample: `{request.example}`"

@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from workbench.analysis.nfr import Nfr
-from workbench.cli.derive import command
+from workbench.cli.derive import Extras, command
 
 __all__ = ["nfr"]
 
 _OFFSET = Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")]
-nfr = command(Nfr, drawn={"offset": (_OFFSET, False)})
+nfr = command(Nfr, Extras(drawn={"offset": (_OFFSET, False)}))

@@ -6,7 +6,7 @@ import json
 import shutil
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -89,11 +89,21 @@ class Output:
         if "-" not in {self.json_path, self.csv_path}:
             sys.stdout.write(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None))
 
+    def unsaid(self, record: object) -> list[str]:
+        """Return what has to be told on standard error, where standard output belongs to JSON or CSV.
+
+        Args:
+            record: that is written; its `warnings` stand on its page, its `not_in_stream` only files hold.
+        """
+        quiet = "-" in {self.json_path, self.csv_path}
+        missing = getattr(record, "not_in_stream", "") if self.csv_path == "-" else ""
+        return [*(getattr(record, "warnings", ()) if quiet else ()), *([f"--csv -: {missing}"] if missing else [])]
+
     def write(
         self,
         result: Mapping[str, Any],
         *,
-        csv: Callable[[str | TextIO], None] | None = None,
+        csv: Callable[[str | TextIO], Iterable[Path] | None] | None = None,
         plot: Callable[[Path], object] | None = None,
         report: object = None,
         page: Callable[[], Page] | None = None,
@@ -103,7 +113,7 @@ class Output:
 
         Args:
             result: for JSON; command, version and seconds are added.
-            csv: writes the CSV to a path or stream.
+            csv: writes the CSV to a path or stream; it may return the files that it wrote.
             plot: writes the picture.
             report: the result itself, whose class has a page in `workbench.report.results.PAGES`.
             page: makes the page in place of that one, where the command knows more than the result.
@@ -125,7 +135,7 @@ class Output:
         self,
         result: Mapping[str, Any],
         *,
-        csv: Callable[[str | TextIO], None] | None,
+        csv: Callable[[str | TextIO], Iterable[Path] | None] | None,
         plot: Callable[[Path], object] | None,
         report: object,
         page: Callable[[], Page] | None,
@@ -136,17 +146,20 @@ class Output:
             self.console.print(f"at {point.words()}", soft_wrap=True, markup=False)
         wanted = self.json_path is not None or self.report is not None
         full = self._full(result) if wanted else {}
+        written: Iterable[Path] = ()
+        if self.csv_path is not None and csv is not None:
+            written = csv(sys.stdout if self.csv_path == "-" else self.csv_path) or ()
+        if written:
+            full["files"] = [str(path) for path in written]
         if self.json_path is not None:
             self._write_json(full)
-        if self.csv_path is not None and csv is not None:
-            csv(sys.stdout if self.csv_path == "-" else self.csv_path)
         if self.plot is not None and plot is not None:
             plot(self.plot)
         if self.report is not None:
             self._write_report(page() if page is not None else report, origin or origin_of(report), full)
-        for path in (self.json_path, self.csv_path, self.plot, self.report):
-            if path is not None and path != "-":
-                self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
+        files = (self.json_path, self.csv_path, self.plot, self.report, *written)
+        for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
+            self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
 
     def _full(self, result: Mapping[str, Any]) -> dict[str, Any]:
         seconds = round(time.monotonic() - self._begin, 3)

@@ -43,6 +43,7 @@ class Option:
         help: one sentence that stands alone, with a full stop.
         unit: of the value; empty: it has none, or the sentence says it.
         flag: on the command line, "--max-periods"; empty: made from the name.
+        also: another flag of the same meaning; empty: none.
         metavar: what `--help` shows in place of the value; empty: that of its form.
         group: heading under which `--help` shows it; empty: the first one.
         python: whether only Python has it.
@@ -58,6 +59,7 @@ class Option:
     help: str
     unit: str = ""
     flag: str = ""
+    also: str = ""
     metavar: str = ""
     group: str = ""
     python: bool = False
@@ -145,6 +147,7 @@ def option(
     default_factory: Any = MISSING,  # noqa: ANN401 - it makes a default that can be changed, as a dictionary
     unit: str = "",
     flag: str = "",
+    also: str = "",
     metavar: str = "",
     group: str = "",
     python: bool = False,
@@ -158,8 +161,8 @@ def option(
 ) -> Any:  # noqa: ANN401 - a field of whatever type is annotated
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
-        help=help, unit=unit, flag=flag, metavar=metavar, group=group, python=python, least=least, positive=positive,
-        below=below, finite=finite, choices=choices, needed=needed, form=form,
+        help=help, unit=unit, flag=flag, also=also, metavar=metavar, group=group, python=python, least=least,
+        positive=positive, below=below, finite=finite, choices=choices, needed=needed, form=form,
     )  # fmt: skip
     made: Any = field(
         metadata={_DECLARED: declared},

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.analysis.excite import ExciteResult
+from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.experiment import Experiment as Record
 from workbench.analysis.identify import IdentifyResult, identify
 from workbench.analysis.spectra import Coherence, coherence, sdf

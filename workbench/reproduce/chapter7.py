@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.excite import ExciteResult
+from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.identify import IdentifyResult, identify
 from workbench.analysis.lin.linearise import lin
 from workbench.analysis.lin.result import LinResult

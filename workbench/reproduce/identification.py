@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.advice import advise
-from workbench.analysis.excite import ExciteResult, MultisineDesign, PrbsDesign, excite
+from workbench.analysis.excite.multisine import MultisineDesign
+from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.excite.request import excite
+from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.identify import IdentifyResult, identify
 from workbench.analysis.spectra import coherence

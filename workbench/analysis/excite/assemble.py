@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.analysis.excite.design import crest_factors, cross_correlation
+from workbench.analysis.excite.playing import Begin, Rows
+from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult, SignalFacts
-from workbench.analysis.excite.run import Begin, ExciteTask, Rows
 from workbench.analysis.experiment import Experiment, make_experiment
 from workbench.model import Model
 from workbench.session.base import Floats
@@ -19,13 +20,13 @@ CORRELATED = 0.2  # two inputs more alike than this are hard to tell apart
 
 
 def assemble(
-    model: Model, task: ExciteTask, begin: Begin, pieces: Sequence[Rows], *, notes: Sequence[str]
+    model: Model, asked: Excite, begin: Begin, pieces: Sequence[Rows], *, notes: Sequence[str]
 ) -> ExciteResult:
     """Return the result of a run, also of one that ended early.
 
     Args:
         model: what ran.
-        task: what it was told.
+        asked: the experiment.
         begin: what was known before.
         pieces: the samples, in their order; two of the identification part at least.
         notes: found out while it ran.
@@ -35,10 +36,10 @@ def assemble(
     rows = (np.round(begin.time + begin.sampling.dt * np.arange(len(u)), 12), u, y)
     first, second = begin.sequences.identification, begin.sequences.validation
     start = len(first.values)
-    identification = _part(model, task, rows, slice(first.skip, start))
+    identification = _part(model, asked, rows, slice(first.skip, start))
     validation = None
     if second is not None and len(u) >= start + second.skip + 2:
-        validation = _part(model, task, rows, slice(start + second.skip, None))
+        validation = _part(model, asked, rows, slice(start + second.skip, None))
     facts = _facts(begin, identification)
     every = [*begin.sampling.notes, *begin.sequences.notes, *begin.notes, *_doubts(facts), *_missing(begin, u), *notes]
     return ExciteResult(
@@ -48,26 +49,26 @@ def assemble(
         identification=identification,
         validation=validation,
         design=facts,
-        u0=dict(zip(task.inputs, begin.u0.tolist(), strict=True)),
-        y0=dict(zip(task.outputs, begin.y0.tolist(), strict=True)),
+        u0=dict(zip(asked.inputs, begin.u0.tolist(), strict=True)),
+        y0=dict(zip(asked.outputs, begin.y0.tolist(), strict=True)),
         notes=tuple(dict.fromkeys(every)),
         operating_point=begin.operating_point,
     )
 
 
-def _part(model: Model, task: ExciteTask, rows: tuple[Floats, Floats, Floats], chosen: slice) -> Experiment:
+def _part(model: Model, asked: Excite, rows: tuple[Floats, Floats, Floats], chosen: slice) -> Experiment:
     time, u, y = rows
     known = {v.name: v.unit for v in (*model.parameters, *model.states, *model.outputs, *model.inputs)}
     return make_experiment(
         time[chosen],
         u[chosen],
         y[chosen],
-        input_names=task.inputs,
-        output_names=task.outputs,
-        input_units=[known.get(n) for n in task.inputs],
-        output_units=[known.get(n) for n in task.outputs],
+        input_names=asked.inputs,
+        output_names=asked.outputs,
+        input_units=[known.get(n) for n in asked.inputs],
+        output_units=[known.get(n) for n in asked.outputs],
         name=model.name,
-        loops=model.closed_loops([*task.inputs, *task.outputs], until=float(time[-1])),
+        loops=model.closed_loops([*asked.inputs, *asked.outputs], until=float(time[-1])),
     )
 
 

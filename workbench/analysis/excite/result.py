@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from workbench.analysis.experiment import Experiment
 from workbench.core.operating_point import OperatingPoint, point_in_json
@@ -72,11 +72,18 @@ class ExciteResult(Reportable):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
-    def to_csv(self, path: str | Path) -> tuple[Path, ...]:
+    @property
+    def not_in_stream(self) -> str:
+        """What `to_csv` leaves out where it writes to a stream; empty: nothing."""
+        if self.validation is None:
+            return ""
+        return "the validation data are not written; name a file, or take --validation 0"
+
+    def to_csv(self, path: str | Path | TextIO) -> tuple[Path, ...]:
         """Write the identification part to `path`, the validation part beside it as NAME_validation.
 
         Args:
-            path: of the first file.
+            path: of the first file, or an open text stream for the identification part alone.
 
         Returns:
             The files written.
@@ -84,11 +91,15 @@ class ExciteResult(Reportable):
         Raises:
             InputError: a file cannot be written.
         """
+        if not isinstance(path, str | Path):
+            self.identification.to_csv(path)
+            return ()
         first = Path(path)
-        self.identification.to_csv(first)
         if self.validation is None:
+            self.identification.to_csv(first)
             return (first,)
         second = validation_path(first)
+        self.identification.to_csv(first)
         self.validation.to_csv(second)
         return (first, second)
 
@@ -111,6 +122,7 @@ class ExciteResult(Reportable):
             "u0": dict(self.u0),
             "y0": dict(self.y0),
             "notes": list(self.notes),
+            "files": [],
             **point_in_json(self.operating_point),
         }
 

@@ -1,257 +1,156 @@
-"""Play sequences into one resumed session and record what comes out."""
+"""Record identification experiments on a model."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.analysis.excite.design import Design, Sequences, each
-from workbench.analysis.excite.sampling import Sampling, sampling_of
-from workbench.analysis.lin.response import communication_step
+from workbench.analysis.excite.assemble import assemble
+from workbench.analysis.excite.playing import Begin, Rows, measure
+from workbench.analysis.excite.request import Excite
+from workbench.analysis.excite.result import ExciteResult
+from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, suggest
-from workbench.model import DescribedModel, Model
-from workbench.model.placing import standing
-from workbench.session.base import Floats, Record, Session
-from workbench.signals import Constant, Signal, Table
+from workbench.core.option import values_of
+from workbench.errors import InputError, SimulationError
+from workbench.model import Model
+from workbench.model.placing import find_point
+from workbench.session.base import Floats
+from workbench.workers import Job, Remark, Reply, Workers, choose, perform
 
-__all__ = ["Begin", "ExciteTask", "Rows", "measure"]
+__all__ = ["run"]
 
-CHUNKS = 50  # pieces in which a run is reported, unless they are out of these bounds [samples]
-_SHORTEST_CHUNK, _LONGEST_CHUNK = 100, 2000
-_LOOKS = 100  # at the outputs while they settle
-_SAME = 1e-9  # of an interval: two times closer than that are one
-_OFF = 1e-3  # relative: by how much an output may miss the operating point without a word
-_REST = 0.01  # of its magnitude: by how much an output may still move after settling
+WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExciteTask:
-    """One experiment.
-
-    Attributes:
-        inputs, outputs: names.
-        design: of the signals.
-        dt: sampling interval [s]; None: the model's own.
-        samples, validation: lengths of the two parts.
-        at: operating point; None: the model's start values.
-        settle: so long the inputs rest before [s].
-        step: longest communication step of a co-simulation [s]; None: the FMU's own, or dt.
-    """
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    design: Design
-    dt: float | None
-    samples: int
-    validation: int
-    at: OperatingPoint | None = None
-    settle: float = 0.0
-    step: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Begin:
-    """What is known before the first sample.
-
-    Attributes:
-        sampling: the grid.
-        sequences: what will be played.
-        u0: middles of the inputs as the model sees them, shape (m,).
-        y0: outputs before the first sample, shape (p,).
-        time: of the first sample [s].
-        total: samples that will be run.
-        step: communication step of a co-simulation [s].
-        notes: doubts about the point.
-        operating_point: where the session stands at first.
-    """
-
-    sampling: Sampling
-    sequences: Sequences
-    u0: Floats
-    y0: Floats
-    time: float
-    total: int
-    step: float | None = None
-    notes: tuple[str, ...] = ()
-    operating_point: OperatingPoint | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Some samples.
-
-    Attributes:
-        first: which one the first of them is, counted from the first one that is run.
-        u, y: shapes (n, m) and (n, p); the inputs as the model saw them.
-    """
-
-    first: int
-    u: Floats
-    y: Floats
-
-
-def measure(model: Model, task: ExciteTask) -> Iterator[Begin | Rows]:
-    """Run the experiment; yields `Begin`, then the samples in their order.
-
-    Args:
-        model: what to run; it stays open.
-        task: the experiment.
-
-    Raises:
-        InputError: unknown name, a design that does not fit, an operating point of another model.
-        FmuError: the FMU cannot be instantiated.
-        SimulationError: the model failed while running.
-    """
-    _check(model, task)
-    sampling = sampling_of(model, task.at, task.dt)
-    sequences = task.design.sequences(
-        len(task.inputs), dt=sampling.dt, samples=task.samples, validation=task.validation
+def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
+    """Record an experiment; see `Excite`."""
+    point, remarks = find_point(model, asked.at)
+    place = {"in_process": True} if asked.workers is None else {**values_of(asked.workers), "jobs": 1}
+    runner, notes = choose(model, Workers(**place))
+    plain = replace(
+        asked,
+        inputs=tuple(dict.fromkeys(asked.inputs)),
+        outputs=tuple(dict.fromkeys(asked.outputs)),
+        at=None,
+        workers=None,
+        progress=None,
     )
-    step = communication_step(model, sampling.dt) if task.step is None else task.step
-    with _open(model, task, step) as session:
-        notes = [*model.remarks()]
-        where = standing(model, session)
-        start = np.array(list(session.values(task.inputs).values()))
-        bias = _bias(model, task)
-        middle = start - bias if task.design.offset is None else each("offset", task.design.offset, len(task.inputs))
-        time = sampling.begin(session.time + task.settle)
-        notes += _settle(session, task, middle, time - sampling.lead)
-        if task.settle > 0.0 and task.design.offset is None:
-            notes += _misses(session, task.at)
-        if task.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
-            notes.append("the signal's middle is not the operating point's input: let it settle first")
-        y0 = np.array(list(session.values(task.outputs).values()))
-        played = _Played.of(task, sampling, sequences, middle=middle, time=time)
-        total = len(played.reads)
-        yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes), where)
-        yield from played.run(session)
+    recording = _Recording(model, plain, [*remarks, *notes])
+    job.partial = recording.result
+    with runner, job.ended_by(runner.stop):
+        for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
+            if not isinstance(event, Reply):
+                raise SimulationError(event.reason)
+            recording.take(event.value)
+            job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
+    found = recording.result()
+    if found is None:
+        raise SimulationError("nothing was recorded")
+    return found
 
 
-def _check(model: Model, task: ExciteTask) -> None:
-    if not task.inputs or not task.outputs:
-        raise InputError("an input to force and an output to record are needed; name them")
-    known = [v.name for v in model.inputs]
-    for name in task.inputs:
-        if name not in known:
-            raise InputError(f"'{name}' is not an input of the model; {suggest(name, known)}")
-        if name in task.outputs:
-            raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
-    if task.samples < 2:
-        raise InputError(f"samples: {task.samples} are too few; 2 are the least")
-    if task.validation < 0 or task.validation == 1:
-        raise InputError(f"validation: {task.validation} samples are too few; 2 are the least, 0 for none")
-    if not (np.isfinite(task.settle) and task.settle >= 0.0):
-        raise InputError(f"settle must be 0 s or more, not {task.settle:g} s")
-
-
-def _open(model: Model, task: ExciteTask, step: float | None) -> Session:
-    """Return a session at the operating point."""
-    at = task.at
-    if at is None:
-        return model.open_session(step=step)
-    # What is to settle is looked at when it has.
-    outputs = at.y if task.settle <= 0.0 else {}
-    return model.open_at(time=at.time, values=at.values, outputs=outputs, step=step)
-
-
-def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
-    """Return a remark where the session has settled elsewhere than at the operating point."""
-    if at is None or not at.y:
-        return ()
-    found = session.values(list(at.y))
-    far = [n for n, y in at.y.items() if abs(found[n] - y) > _OFF * max(abs(y), abs(found[n]), _OFF)]
-    if not far:
-        return ()
-    return (f"{far[0]} is {found[far[0]]:.6g} after settling, but {at.y[far[0]]:.6g} at the operating point",)
-
-
-def _settle(session: Session, task: ExciteTask, middle: Floats, until: float) -> tuple[str, ...]:
-    """Let the inputs rest at their middles; return a remark where outputs still move at the end."""
-    if not until > session.time:
-        return ()
-    points = np.linspace(session.time, until, _LOOKS + 1)[1:]
-    held = {name: Constant(value) for name, value in zip(task.inputs, middle.tolist(), strict=True)}
-    record = session.advance(until, signals=held, record=task.outputs, points=points)
-    if task.settle <= 0.0:
-        return ()
-    late = record.time >= points[-_LOOKS // 5]
-    for name in task.outputs:
-        values = record.values[name][late]
-        if np.ptp(values) > _REST * max(float(np.max(np.abs(values))), 1e-300):
-            return (f"{name} still moves by {np.ptp(values):.3g} at the end of settling; settle longer, or trim first",)
-    return ()
-
-
-def _bias(model: Model, task: ExciteTask) -> Floats:
-    """Return what the session adds to each forced input of its own accord, shape (m,)."""
-    if not isinstance(model, DescribedModel):
-        return np.zeros(len(task.inputs))
-    led = {} if task.at is None else task.at.u
-    return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in task.inputs])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Played:
-    """Sequences laid out in time.
+@dataclass
+class _Recording:
+    """An experiment under way: what is recorded is kept, whatever ends it.
 
     Attributes:
-        outputs: names.
-        signals: what forces each input.
-        begins: where each sample's interval begins, and the last one ends, shape (n + 1,) [s].
-        reads: when each sample is read, shape (n,) [s].
-        late: read the left limit there, else the right one.
-        tiny: times closer than that are one [s].
+        model: what runs.
+        asked: the experiment.
+        notes: found out while it runs.
+        begin: what is known before the first sample; None: it has not begun.
+        pieces: the samples so far.
+        done: how many samples were run, those of a repetition counted.
+        total: how many there will be.
     """
 
-    outputs: tuple[str, ...]
-    signals: Mapping[str, Signal]
-    begins: Floats
-    reads: Floats
-    late: bool
-    tiny: float
+    model: Model
+    asked: Excite
+    notes: list[str]
+    begin: Begin | None = None
+    pieces: list[Rows] = field(default_factory=list)
+    done: int = 0
+    total: int = 1
 
-    @classmethod
-    def of(cls, task: ExciteTask, sampling: Sampling, sequences: Sequences, *, middle: Floats, time: float) -> _Played:
-        parts = [p for p in (sequences.identification, sequences.validation) if p is not None]
-        values = np.vstack([part.values for part in parts])
-        begins = np.asarray(time - sampling.lead + sampling.dt * np.arange(len(values) + 1), dtype=np.float64)
-        reads = begins[1:] if sampling.late else begins[:-1] + 2.0 * sampling.lead
-        return cls(
-            outputs=task.outputs,
-            signals={n: _staircase(begins, middle[i] + values[:, i]) for i, n in enumerate(task.inputs)},
-            begins=begins,
-            reads=reads,
-            late=sampling.late,
-            tiny=_SAME * sampling.dt,
-        )
+    def take(self, item: object) -> None:
+        """Take what the job yields."""
+        if isinstance(item, Begin):
+            self.begin = item
+            again = self.model.interface == "cs" and self.asked.verify_step
+            self.total = item.total + (len(item.sequences.identification.values) if again else 0)
+        elif isinstance(item, Rows):
+            self.pieces.append(item)
+            self.done += len(item.u)
+        elif isinstance(item, int):
+            self.done += item
+        elif isinstance(item, Remark):
+            self.notes.append(item.text)
 
-    def run(self, session: Session) -> Iterator[Rows]:
-        """Advance to the end, a piece at a time."""
-        count = len(self.reads)
-        size = min(max(_SHORTEST_CHUNK, -(-count // CHUNKS)), _LONGEST_CHUNK)
-        for first in range(0, count, size):
-            last = min(first + size, count)
-            reads, end = self.reads[first:last], float(self.begins[last])
-            points = reads[reads > session.time]
-            record = session.advance(end, signals=self.signals, record=self.outputs, points=points)
-            yield self._rows(record, first, reads)
+    def result(self) -> ExciteResult | None:
+        """Return what was recorded so far; None: too little.
 
-    def _rows(self, record: Record, first: int, reads: Floats) -> Rows:
-        if self.late:
-            rows = np.searchsorted(record.time, reads - self.tiny, side="left")
-        else:
-            rows = np.searchsorted(record.time, reads + self.tiny, side="right") - 1
-        return Rows(
-            first,
-            np.column_stack([record.inputs[n][rows] for n in self.signals]),
-            np.column_stack([record.values[n][rows] for n in self.outputs]),
-        )
+        Raises:
+            SimulationError: it is not finite.
+        """
+        if self.begin is None or sum(len(p.u) for p in self.pieces) < self.begin.sequences.identification.skip + 2:
+            return None
+        return assemble(self.model, self.asked, self.begin, self.pieces, notes=self.notes)
 
 
-def _staircase(begins: Floats, values: Floats) -> Table:
-    """Return the held signal; values that stay make no step."""
-    changes = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
-    return Table(begins[changes].tolist(), values[changes].tolist(), interpolate="hold")
+# -- in a worker -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _ExciteJob(Job):
+    """The experiment where a crash of the FMU ends in an error.
+
+    Attributes:
+        asked: the experiment.
+        at: operating point; None: the model's start values.
+    """
+
+    asked: Excite
+    at: OperatingPoint | None
+
+    def run(self, model: Model) -> Iterator[Begin | Rows | Remark | int]:
+        begin: Begin | None = None
+        pieces: list[Rows] = []
+        for item in measure(model, self.asked, self.at):
+            if isinstance(item, Begin):
+                begin = item
+            else:
+                pieces.append(item)
+            yield item
+        if self.asked.verify_step and model.interface == "cs" and begin is not None:
+            yield from self._verify(model, begin, np.vstack([p.y for p in pieces]))
+
+    def _verify(self, model: Model, begin: Begin, y: Floats) -> Iterator[Remark | int]:
+        """Repeat the identification part with half the communication step; yields progress, then remarks."""
+        step = begin.step or begin.sampling.dt
+        advice = f"use a step below {step:.3g} s, or interface me"
+        try:
+            other = yield from self._again(model, 0.5 * step, len(begin.sequences.identification.values))
+        except SimulationError as error:
+            yield Remark(f"with half the communication step the run fails ({error}); {advice}")
+            return
+        except InputError:  # a constant step that cannot be halved
+            return
+        change = np.max(np.abs(other - y[: len(other)]), axis=0) / np.maximum(np.ptp(other, axis=0), 1e-300)
+        for name, value in zip(self.asked.outputs, change.tolist(), strict=True):
+            if value > WORRYING_CHANGE:
+                words = f"{name} changes by {100.0 * value:.3g} % of its range with half the communication step"
+                yield Remark(f"{words}; {advice}")
+
+    def _again(self, model: Model, step: float, count: int) -> Generator[int, None, Floats]:
+        """Run the first `count` samples with another communication step; yields progress, returns the outputs."""
+        seen: list[Floats] = []
+        for item in measure(model, self.asked, self.at, step):
+            if isinstance(item, Rows):
+                seen.append(item.y)
+                yield len(item.y)
+            if sum(len(y) for y in seen) >= count:
+                break
+        return np.vstack(seen)[:count]

@@ -55,10 +55,8 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
         dt: sampling interval [s]; None: the model's own period.
 
     Raises:
-        InputError: no interval, neither given nor the model's own, or it is not positive.
+        InputError: no interval, neither given nor the model's own.
     """
-    if dt is not None and not (np.isfinite(dt) and dt > 0.0):
-        raise InputError(f"step: the sampling interval must be positive, not {dt:g} s")
     ticks = time_events(model, at)
     rates = rates_of(ticks, at)
     period = float(f"{basic_period(rates, TOGETHER):.12g}") if rates else None

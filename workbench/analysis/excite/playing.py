@@ -1,0 +1,229 @@
+"""Play sequences into one resumed session and record what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.excite.design import Sequences, each
+from workbench.analysis.excite.request import Excite
+from workbench.analysis.excite.sampling import Sampling, sampling_of
+from workbench.analysis.lin.response import communication_step
+from workbench.core.operating_point import OperatingPoint
+from workbench.errors import InputError, suggest
+from workbench.model import DescribedModel, Model
+from workbench.model.placing import standing
+from workbench.session.base import Floats, Record, Session
+from workbench.signals import Constant, Signal, Table
+
+__all__ = ["Begin", "Rows", "measure"]
+
+CHUNKS = 50  # pieces in which a run is reported, unless they are out of these bounds [samples]
+_SHORTEST_CHUNK, _LONGEST_CHUNK = 100, 2000
+_LOOKS = 100  # at the outputs while they settle
+_SAME = 1e-9  # of an interval: two times closer than that are one
+_OFF = 1e-3  # relative: by how much an output may miss the operating point without a word
+_REST = 0.01  # of its magnitude: by how much an output may still move after settling
+
+
+@dataclass(frozen=True, eq=False)
+class Begin:
+    """What is known before the first sample.
+
+    Attributes:
+        sampling: the grid.
+        sequences: what will be played.
+        u0: middles of the inputs as the model sees them, shape (m,).
+        y0: outputs before the first sample, shape (p,).
+        time: of the first sample [s].
+        total: samples that will be run.
+        step: communication step of a co-simulation [s].
+        notes: doubts about the point.
+        operating_point: where the session stands at first.
+    """
+
+    sampling: Sampling
+    sequences: Sequences
+    u0: Floats
+    y0: Floats
+    time: float
+    total: int
+    step: float | None = None
+    notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Some samples.
+
+    Attributes:
+        first: which one the first of them is, counted from the first one that is run.
+        u, y: shapes (n, m) and (n, p); the inputs as the model saw them.
+    """
+
+    first: int
+    u: Floats
+    y: Floats
+
+
+def measure(
+    model: Model, asked: Excite, at: OperatingPoint | None, step: float | None = None
+) -> Iterator[Begin | Rows]:
+    """Run the experiment; yields `Begin`, then the samples in their order.
+
+    Args:
+        model: what to run; it stays open.
+        asked: the experiment.
+        at: operating point; None: the model's start values.
+        step: longest communication step of a co-simulation [s]; None: the FMU's own, or the sampling interval.
+
+    Raises:
+        InputError: unknown name, a design that does not fit, an operating point of another model.
+        FmuError: the FMU cannot be instantiated.
+        SimulationError: the model failed while running.
+    """
+    _check(model, asked)
+    sampling = sampling_of(model, at, asked.dt)
+    design = asked.design
+    sequences = design.sequences(len(asked.inputs), dt=sampling.dt, samples=asked.samples, validation=asked.validation)
+    step = communication_step(model, sampling.dt) if step is None else step
+    with _open(model, asked, at, step) as session:
+        notes = [*model.remarks()]
+        where = standing(model, session)
+        start = np.array(list(session.values(asked.inputs).values()))
+        bias = _bias(model, asked, at)
+        middle = start - bias if design.offset is None else each("offset", design.offset, len(asked.inputs))
+        time = sampling.begin(session.time + asked.settle)
+        notes += _settle(session, asked, middle, time - sampling.lead)
+        if asked.settle > 0.0 and design.offset is None:
+            notes += _misses(session, at)
+        if asked.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
+            notes.append("the signal's middle is not the operating point's input: let it settle first")
+        y0 = np.array(list(session.values(asked.outputs).values()))
+        played = _Played.of(asked, sampling, sequences, middle=middle, time=time)
+        total = len(played.reads)
+        yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes), where)
+        yield from played.run(session)
+
+
+def _check(model: Model, asked: Excite) -> None:
+    if not asked.inputs or not asked.outputs:
+        raise InputError("an input to force and an output to record are needed; name them")
+    known = [v.name for v in model.inputs]
+    for name in asked.inputs:
+        if name not in known:
+            raise InputError(f"'{name}' is not an input of the model; {suggest(name, known)}")
+        if name in asked.outputs:
+            raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
+
+
+def _open(model: Model, asked: Excite, at: OperatingPoint | None, step: float | None) -> Session:
+    """Return a session at the operating point."""
+    if at is None:
+        return model.open_session(step=step)
+    # What is to settle is looked at when it has.
+    outputs = at.y if asked.settle <= 0.0 else {}
+    return model.open_at(time=at.time, values=at.values, outputs=outputs, step=step)
+
+
+def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
+    """Return a remark where the session has settled elsewhere than at the operating point."""
+    if at is None or not at.y:
+        return ()
+    found = session.values(list(at.y))
+    far = [n for n, y in at.y.items() if abs(found[n] - y) > _OFF * max(abs(y), abs(found[n]), _OFF)]
+    if not far:
+        return ()
+    return (f"{far[0]} is {found[far[0]]:.6g} after settling, but {at.y[far[0]]:.6g} at the operating point",)
+
+
+def _settle(session: Session, asked: Excite, middle: Floats, until: float) -> tuple[str, ...]:
+    """Let the inputs rest at their middles; return a remark where outputs still move at the end."""
+    if not until > session.time:
+        return ()
+    points = np.linspace(session.time, until, _LOOKS + 1)[1:]
+    held = {name: Constant(value) for name, value in zip(asked.inputs, middle.tolist(), strict=True)}
+    record = session.advance(until, signals=held, record=asked.outputs, points=points)
+    if asked.settle <= 0.0:
+        return ()
+    late = record.time >= points[-_LOOKS // 5]
+    for name in asked.outputs:
+        values = record.values[name][late]
+        if np.ptp(values) > _REST * max(float(np.max(np.abs(values))), 1e-300):
+            return (f"{name} still moves by {np.ptp(values):.3g} at the end of settling; settle longer, or trim first",)
+    return ()
+
+
+def _bias(model: Model, asked: Excite, at: OperatingPoint | None) -> Floats:
+    """Return what the session adds to each forced input of its own accord, shape (m,)."""
+    if not isinstance(model, DescribedModel):
+        return np.zeros(len(asked.inputs))
+    led = {} if at is None else at.u
+    return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in asked.inputs])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Played:
+    """Sequences laid out in time.
+
+    Attributes:
+        outputs: names.
+        signals: what forces each input.
+        begins: where each sample's interval begins, and the last one ends, shape (n + 1,) [s].
+        reads: when each sample is read, shape (n,) [s].
+        late: read the left limit there, else the right one.
+        tiny: times closer than that are one [s].
+    """
+
+    outputs: tuple[str, ...]
+    signals: Mapping[str, Signal]
+    begins: Floats
+    reads: Floats
+    late: bool
+    tiny: float
+
+    @classmethod
+    def of(cls, asked: Excite, sampling: Sampling, sequences: Sequences, *, middle: Floats, time: float) -> _Played:
+        parts = [p for p in (sequences.identification, sequences.validation) if p is not None]
+        values = np.vstack([part.values for part in parts])
+        begins = np.asarray(time - sampling.lead + sampling.dt * np.arange(len(values) + 1), dtype=np.float64)
+        reads = begins[1:] if sampling.late else begins[:-1] + 2.0 * sampling.lead
+        return cls(
+            outputs=tuple(asked.outputs),
+            signals={n: _staircase(begins, middle[i] + values[:, i]) for i, n in enumerate(asked.inputs)},
+            begins=begins,
+            reads=reads,
+            late=sampling.late,
+            tiny=_SAME * sampling.dt,
+        )
+
+    def run(self, session: Session) -> Iterator[Rows]:
+        """Advance to the end, a piece at a time."""
+        count = len(self.reads)
+        size = min(max(_SHORTEST_CHUNK, -(-count // CHUNKS)), _LONGEST_CHUNK)
+        for first in range(0, count, size):
+            last = min(first + size, count)
+            reads, end = self.reads[first:last], float(self.begins[last])
+            points = reads[reads > session.time]
+            record = session.advance(end, signals=self.signals, record=self.outputs, points=points)
+            yield self._rows(record, first, reads)
+
+    def _rows(self, record: Record, first: int, reads: Floats) -> Rows:
+        if self.late:
+            rows = np.searchsorted(record.time, reads - self.tiny, side="left")
+        else:
+            rows = np.searchsorted(record.time, reads + self.tiny, side="right") - 1
+        return Rows(
+            first,
+            np.column_stack([record.inputs[n][rows] for n in self.signals]),
+            np.column_stack([record.values[n][rows] for n in self.outputs]),
+        )
+
+
+def _staircase(begins: Floats, values: Floats) -> Table:
+    """Return the held signal; values that stay make no step."""
+    changes = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+    return Table(begins[changes].tolist(), values[changes].tolist(), interpolate="hold")

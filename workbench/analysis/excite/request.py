@@ -1,0 +1,161 @@
+"""Identification experiments: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, fields
+from typing import TYPE_CHECKING, Annotated, Any
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Form, Names
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.core.where import InWorker
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.analysis.excite.design import Design
+    from workbench.analysis.excite.multisine import MultisineDesign
+    from workbench.analysis.excite.prbs import PrbsDesign
+    from workbench.analysis.excite.result import ExciteResult  # noqa: F401 - the record's type, below
+
+__all__ = ["Excite", "excite"]
+
+
+def _form(kind: str) -> Form:
+    """Return how a design of one kind is written: KEY=VALUE pairs with commas between."""
+    return Form(
+        metavar="KEY=VALUE,..",
+        read=lambda texts: _design(kind, texts[-1]),
+        write=lambda value: [_written(value)],
+        take=lambda value: _design(kind, value),
+    )
+
+
+def _design(kind: str, value: Design | str) -> Design:
+    """Return the design that a text describes."""
+    from workbench.analysis.excite.parse import parse_design  # noqa: PLC0415  --help needs no numerics
+
+    return parse_design(kind, value) if isinstance(value, str) else value
+
+
+def _written(design: Design) -> str:
+    given = {f.name: getattr(design, f.name) for f in fields(design)}  # type: ignore[arg-type]
+    texts = {k: v if isinstance(v, str) else ":".join(map(repr, v if isinstance(v, tuple) else (v,)))
+             for k, v in given.items() if v is not None}  # fmt: skip
+    return ",".join(f"{key}={text}" for key, text in texts.items())
+
+
+if TYPE_CHECKING:
+    _Prbs = PrbsDesign | str
+    _Multisine = MultisineDesign | str
+else:
+    _Prbs = Annotated[object, _form("prbs")]
+    _Multisine = Annotated[object, _form("multisine")]
+
+
+class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
+    """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
+
+    One session runs from the operating point: it settles, where asked, then the identification and the
+    validation part are recorded one after the other. u[k] is held over an interval, y[k] is read right after u[k]
+    took effect; in models that are sampled, after their sample.
+
+    Not for an unstable model: close its loop first. A co-simulation FMU alone shows no sampling of its own: whether
+    its outputs follow an input at once or one interval later is then its own affair.
+
+    Returns:
+        Both parts, and how good the signal is.
+
+    Raises:
+        InputError: unknown name, a design that does not fit the sampling, an operating point of another model.
+        FmuError: the FMU cannot be instantiated.
+        SimulationError: the model failed while running.
+
+    Source: the source report, chapter 5.2; L. Ljung, System Identification, 2nd ed., chapter 13.
+    """
+
+    command = "excite"
+    algorithm = "workbench.analysis.excite.run:run"
+    example = "workbench excite fmu:Rudder --input delC --output del --prbs amplitude=2 --step 0.01 --csv rudder.csv"
+    # Tighter than for a time history: integration errors must stay far below the model's own noise.
+    usual_tolerance = 1e-8
+    counts = "samples"
+    parts = ("identification", "validation")
+
+    inputs: Names = option(
+        "Inputs to force; repeatable. The others keep the operating point's values.",
+        flag="--input",
+        also="--inputs",
+        metavar="U,..",
+    )
+    outputs: Names = option(
+        "Outputs to record, or any other variables; repeatable.", flag="--output", also="--outputs", metavar="Y,.."
+    )
+    _: KW_ONLY
+    signal: Design | None = option(
+        "PrbsDesign or MultisineDesign; a PRBS of amplitude 1 with one bit a sample if nothing is named.",
+        python=True,
+        default=None,
+    )
+    prbs: _Prbs | None = option(
+        "Binary sequence: amplitude, rate [Hz] (one bit a sample), order (the shortest that does not repeat), seed, "
+        "offset (the operating point). Several values go with a colon, one for each input: amplitude=2:0.5.",
+        default=None,
+    )
+    multisine: _Multisine | None = option(
+        "Sines of a band: band=LOW:HIGH [Hz], amplitude (peak), periods, lines (all or odd), seed, offset; several "
+        "values as above.",
+        default=None,
+    )
+    dt: float | None = option(
+        "Sampling interval; the model's own period where it has one.",
+        unit="s",
+        flag="--step",
+        metavar="DT",
+        positive=True,
+        default=None,
+    )
+    samples: int = option("Length of the part for identification.", metavar="N", least=2, default=3000)
+    validation_samples: int | None = option(
+        "Length of the part for validation; as long as the other by default, 0 for none. It is written beside the CSV "
+        "file, as NAME_validation.",
+        flag="--validation",
+        metavar="N",
+        least=0,
+        default=None,
+    )
+    settle: float = option(
+        "How long the inputs rest at their middles before.", unit="s", metavar="T", least=0.0, finite=True, default=0.0
+    )
+    verify_step: bool = option(
+        "Co-simulation: run the identification part again with half the communication step, and note where that "
+        "changes more than 1 % of an output's range.",
+        default=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self._designs) > 1:
+            raise InputError(f"{' and '.join(self._designs)}: only one of them at a time")
+        if self.validation_samples == 1:
+            raise InputError("validation samples: 1 is too few; take at least 2, or 0 for none")
+
+    @property
+    def _designs(self) -> dict[str, Design]:
+        given: dict[str, Any] = {"signal": self.signal, "prbs": self.prbs, "multisine": self.multisine}
+        return {name: design for name, design in given.items() if design is not None}
+
+    @property
+    def design(self) -> Design:
+        """What kind of signal forces the inputs."""
+        from workbench.analysis.excite.prbs import PrbsDesign  # noqa: PLC0415  --help needs no numerics
+
+        return next(iter(self._designs.values()), None) or PrbsDesign()
+
+    @property
+    def validation(self) -> int:
+        """Length of the validation part [samples]."""
+        return self.samples if self.validation_samples is None else self.validation_samples
+
+
+excite = function(Excite)
