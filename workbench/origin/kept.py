@@ -26,6 +26,23 @@ _ORIGINS: dict[int, tuple[weakref.ref[object], Origin]] = {}
 class Reportable:
     """A result that can be drawn and written as a page; `workbench.report.results` has the tables that say how."""
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
+            cls.__repr__ = Reportable.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return one line: what it is, and its page's first sentence."""
+        from workbench.report.results import line_of  # noqa: PLC0415
+
+        return line_of(self)
+
+    def _repr_html_(self) -> str:
+        """Return the page for a notebook."""
+        from workbench.report.results import notebook_of  # noqa: PLC0415  pages need pictures, and those matplotlib
+
+        return notebook_of(self)
+
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the result.
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from html import escape
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench import __version__
 from workbench.core.operating_point import point_of_json
-from workbench.errors import InputError
+from workbench.errors import InputError, one_line
 from workbench.json_values import finite
 from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
+from workbench.report.svg import svg_of
+from workbench.report.terminal import text_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["PAGES", "PICTURES", "page_of", "picture_of", "write_report"]
+__all__ = ["PAGES", "PICTURES", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
 
 _NAMED = 12  # inputs and states of an operating point
 
@@ -126,6 +129,32 @@ def _function(table: Mapping[str, str], result: object, what: str) -> Any:  # no
         raise InputError(f"{kind.__name__} has no {what}; results that have one: {known}")
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)
+
+
+def line_of(result: object) -> str:
+    """Return what a result is in one line; one that is put together by hand may be too incomplete for a page.
+
+    Args:
+        result: any.
+    """
+    name = type(result).__name__
+    try:
+        page = page_of(result)
+    except Exception:  # noqa: BLE001 - whatever is missing: a debugger shows such objects, too
+        return f"<{name}>"
+    return one_line(f"<{name}: {page.title}. {page.lead}>")
+
+
+def notebook_of(result: object) -> str:
+    """Return the page of a result for a notebook: what a terminal shows, and the first picture.
+
+    Args:
+        result: of a class in `PAGES`.
+    """
+    page = page_of(result)
+    figures = [figure for section in page.sections for figure in section.figures][:1]
+    pictures = [svg_of(draw(), "workbench", words) for draw, words in figures]
+    return "".join([f"<pre>{escape(text_of(page, None))}</pre>", *pictures])
 
 
 def write_report(result: object, path: str | Path, origin: Origin | None = None) -> None:
