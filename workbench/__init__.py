@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from workbench.analysis.advice.advise import advise
     from workbench.analysis.certificate import Certificate
     from workbench.analysis.check import HealthCard, HealthLine, check
+    from workbench.analysis.delays.request import delays
+    from workbench.analysis.delays.result import DelayReport, NoDelays
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
     from workbench.analysis.divergence import Divergence, DivergenceError
@@ -98,7 +100,6 @@ if TYPE_CHECKING:
         SystemDescription,
     )
     from workbench.system.load import load
-    from workbench.system.master.delays import DelayReport
     from workbench.system.master.model import MasterModel
     from workbench.system.model import SystemModel
     from workbench.system.read import read_system
@@ -174,6 +175,7 @@ __all__ = [
     "NfrPoint",
     "NfrResult",
     "NfrSweep",
+    "NoDelays",
     "NyquistResult",
     "OperatingPoint",
     "Overlay",
@@ -216,6 +218,7 @@ __all__ = [
     "compare_motions",
     "connect",
     "cut_settling",
+    "delays",
     "describing_function",
     "detrend",
     "estimate",
@@ -256,6 +259,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "workbench.analysis.delays.request": ("delays",),
+    "workbench.analysis.delays.result": ("DelayReport", "NoDelays"),
     "workbench.analysis.describing.base": ("Block",),
     "workbench.analysis.describing.describe": ("DescribingFunction", "describing_function", "standard_block"),
     "workbench.analysis.limit_cycle.branch": ("Branch", "BranchPoint"),
@@ -337,7 +342,6 @@ _HOMES = {
         "SystemDescription",
     ),
     "workbench.system.load": ("load",),
-    "workbench.system.master.delays": ("DelayReport",),
     "workbench.system.master.model": ("MasterModel",),
     "workbench.system.model": ("SystemModel",),
     "workbench.system.read": ("read_system",),

@@ -63,6 +63,8 @@ class Request(Options, Generic[_Subject, _Record]):
         usual_tolerance: relative, of the integration, where the command line names none; None: the model's own.
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
+        withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
+        unwritten: files that its record has not: "csv_path", "plot".
     """
 
     command: ClassVar[str]
@@ -72,6 +74,8 @@ class Request(Options, Generic[_Subject, _Record]):
     usual_tolerance: ClassVar[float | None] = None
     counts: ClassVar[str] = "points"
     parts: ClassVar[tuple[str, ...]] = ()
+    withheld: ClassVar[tuple[str, ...]] = ()
+    unwritten: ClassVar[tuple[str, ...]] = ()
 
     _: KW_ONLY
     progress: Progress | None = option(

@@ -61,7 +61,7 @@ def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> C
     def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.output import Output
 
-        out = Output(request.command, **{name: given[name] for name in _OUTPUT})
+        out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
         asked = more.before(_request(request, given), given, out)
         with _opened(request, given) as subject:
             return _run(subject, asked, out, more, given)
@@ -80,7 +80,7 @@ def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Itera
     if not issubclass(request, Analysis):
         yield named
         return
-    loading = _request(Loading, given)
+    loading = _request(Loading, {**given, **dict.fromkeys(request.withheld)})
     if loading.tolerance is None:
         loading = replace(loading, tolerance=request.usual_tolerance)
     with open_model(named, loading) as model:
@@ -170,8 +170,8 @@ def _is_part(declared: Declared) -> bool:
 def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Signature:
     """Return the options of the request, then those by which models are opened, then the files.
 
-    An option that the analysis declares itself, as its own `step`, is given to the model as well; where the flag alone
-    is the same, the model does without.
+    An option that the analysis declares itself, as its own `step`, is given to the model as well, unless it is
+    withheld; where the flag alone is the same, the model does without.
     """
     subject = request.subject
     own = {name: (declared, group) for name, declared, group in _flat(request)}
@@ -183,7 +183,8 @@ def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Sign
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
-    for options in (extras.options, _OUTPUT):
+    files = {name: found for name, found in _OUTPUT.items() if name not in request.unwritten}
+    for options in (extras.options, files):
         parameters += [_parameter(name, kind, default) for name, (kind, default) in options.items()]
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from workbench.analysis.delays.result import ConnectionDelay, DelayReport, NoDelays
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, number
 from workbench.report.tones import Verdict
-from workbench.system.master.delays import ConnectionDelay, DelayReport
 
 __all__ = ["delays_page", "no_delays_page"]
 
@@ -23,20 +23,17 @@ def delays_page(result: DelayReport) -> Page:
             "runs": f"to {result.stop:g} s, with the step, half and a quarter of it",
             "sampled parts": ", ".join(f"{name} every {p:.6g} s" for name, p in result.periods.items()) or "none",
         },
-        sections=[_connections(result), *_loops(result), *_outputs(result), Section("In words", items=result.lines())],
-        summary=[_verdict(c) for c in result.connections],
+        sections=[_connections(result), *_loops(result), *_outputs(result)],
+        summary=[*(_verdict(c) for c in result.connections), *(Verdict("watch", w) for w in result.conclusions)],
+        notes=result.notes,
         kind="delays",
     )
 
 
-def no_delays_page(name: str, words: str) -> Page:
-    """Return the page of a system without a master.
-
-    Args:
-        name: of the system.
-        words: why no connection carries a delay.
-    """
-    return Page(f"Delays in {name}", words, {}, [], summary=[Verdict("good", words)], kind="delays")
+def no_delays_page(result: NoDelays) -> Page:
+    """Return the page of a model without a master."""
+    verdict = Verdict("good", result.words)
+    return Page(f"Delays in {result.model}", "", {}, [], summary=[verdict], notes=[result.words], kind="delays")
 
 
 def _verdict(c: ConnectionDelay) -> Verdict:
@@ -78,9 +75,19 @@ def _loops(result: DelayReport) -> list[Section]:
 
 def _outputs(result: DelayReport) -> list[Section]:
     rows = [
-        (o.name, f"{o.error:.3g}", f"{100.0 * o.error / o.span:.3g}" if o.span else "–", number(o.order, ".3g"))
+        (
+            o.name,
+            f"{o.change:.3g}",
+            number(o.order, ".3g"),
+            f"{o.error:.3g}",
+            f"{o.span:.3g}",
+            f"{100.0 * o.error / o.span:.3g}" if o.span else "–",
+        )
         for o in result.outputs
     ]
-    headings = ("output", "estimated error", "of its range [%]", "order")
-    words = "From runs with the step, half and a quarter of it; the order says how fast the error falls with the step."
+    headings = ("output", "change with half the step", "order", "estimated error", "range", "of the range [%]")
+    words = (
+        "From runs with the step, half and a quarter of it. The order says how fast the error falls with the step; "
+        "without one it falls unevenly, and the error is a guess."
+    )
     return [Section("Error at this step", paragraphs=[words], tables=[Table(headings, rows)])] if rows else []

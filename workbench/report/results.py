@@ -30,6 +30,8 @@ _NAMED = 12  # inputs and states of an operating point
 PAGES: dict[str, str] = {
     "workbench.analysis.advice.result.Advice": "workbench.report.data:advice_page",
     "workbench.analysis.check.result.HealthCard": "workbench.report.check:check_page",
+    "workbench.analysis.delays.result.DelayReport": "workbench.report.delays:delays_page",
+    "workbench.analysis.delays.result.NoDelays": "workbench.report.delays:no_delays_page",
     "workbench.analysis.describing.describe.DescribingFunction": "workbench.report.limit_cycle:describing_page",
     "workbench.analysis.excite.result.ExciteResult": "workbench.report.excite:excite_page",
     "workbench.analysis.feed_forward.result.FeedForwardResult": "workbench.report.feed_forward:feed_forward_page",
@@ -62,7 +64,6 @@ PAGES: dict[str, str] = {
     "workbench.build.export.ExportResult": "workbench.report.build:export_page",
     "workbench.build.fmu.BuildResult": "workbench.report.build:build_page",
     "workbench.system.container.ContainerResult": "workbench.report.build:container_page",
-    "workbench.system.master.delays.DelayReport": "workbench.report.delays:delays_page",
 }
 
 # Class of the result → function that draws its picture, given the result and the path of a file or None.

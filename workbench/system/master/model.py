@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from types import MethodType
+from typing import TYPE_CHECKING
 
 from workbench.core.closed_loop import ClosedLoop
-from workbench.core.operating_point import At
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
 from workbench.model.load import check_biases, check_starts, choose_driver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
-from workbench.origin import with_origin
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.solvers import choose_solver
-from workbench.signals import Signal
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.master.crossover import opened_loop
-from workbench.system.master.delays import DelayReport, delay_report
 from workbench.system.master.instance import MasterInstance, MasterPlan
 from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
@@ -28,6 +26,9 @@ from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
 from workbench.system.model import Opened, connections_of, starts_of
 from workbench.system.recipe import SystemRecipe
+
+if TYPE_CHECKING:
+    from workbench.analysis.delays.result import DelayReport
 
 __all__ = ["MasterModel"]
 
@@ -133,34 +134,13 @@ class MasterModel(DescribedModel):
         finally:
             self._probing = before
 
-    @with_origin()
-    def delays(
-        self,
-        *,
-        stop: float | None = None,
-        inputs: Mapping[str, Signal] | None = None,
-        at: At | None = None,
-        step: float | None = None,
-        frequency: float | None = None,
-    ) -> DelayReport:
-        """Return what the master costs: delays of connections, phase lost, change when the step is halved.
+    @property
+    def delays(self) -> Callable[..., DelayReport]:
+        """`system.delays(stop=5.0, …)` is `workbench.delays(system, stop=5.0, …)`: what the master costs."""
+        # The way of `.plot()`: looked up when it is used, so that systems know no analysis and its options stand once.
+        from workbench.analysis.delays.request import delays  # noqa: PLC0415
 
-        The system runs three times, with the step, half of it and a quarter.
-
-        Args:
-            stop: how long [s]; None: the default experiment's end, else 500 steps.
-            inputs: forced inputs of these runs; the others keep their start values, or those of `at`.
-            at: operating point at which they start: a point, a result that has one, or the file of either; None: where
-                the system starts.
-            step: communication step [s]; None: the one that a run would use, controlled or not.
-            frequency: at which the phase is told [Hz]; None: the crossover of each loop, where the components'
-                model exchange sides give it.
-
-        Raises:
-            InputError: unknown input, stop not positive.
-            FmuError, SimulationError: as for a run.
-        """
-        return delay_report(self.placed(at), stop=stop, inputs=inputs or {}, step=step, frequency=frequency)
+        return MethodType(delays, self)
 
     def shows_input(self, output: str) -> bool:
         """Whether an output of the system shows what a component sees, which depends on the step by nature."""

@@ -1,195 +1,51 @@
-"""What a master costs: which connections carry a delay, the phase lost, the error at this communication step.
-
-A value that is held over a step of length h is h/2 late on average, which turns a sine of frequency f by 360·f·h/2
-[deg]. Source: G. Franklin, J. Powell, M. Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3.
-"""
+"""What a master costs: which connections carry a delay, the phase lost, the error at this communication step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.operating_point import OperatingPoint
+from workbench.analysis.delays.request import Delays
+from workbench.analysis.delays.result import ConnectionDelay, DelayReport, LoopDelay, NoDelays
+from workbench.core.job import Job
 from workbench.errors import InputError, WorkbenchError
-from workbench.model.placing import standing
-from workbench.origin import Reportable
-from workbench.signals import Signal
+from workbench.model import Model
+from workbench.model.placing import standing, start_at
+from workbench.signals import Signal, signals_of
 from workbench.system.master.crossover import crossover
 from workbench.system.master.instance import MasterInstance
+from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import Halving, halving
 from workbench.system.master.units import Units, moves
 
-if TYPE_CHECKING:
-    from workbench.system.master.model import MasterModel
-
-__all__ = ["ConnectionDelay", "DelayReport", "LoopDelay", "delay_report"]
+__all__ = ["run"]
 
 _STEPS = 500  # where nothing says how long to run
 _MOST_POINTS = 500
 _MOST_LOOPS = 20
-_SMALL = 0.01  # of the span: errors below that are called small
+_DIVISORS = (1.0, 2.0, 4.0)  # of the step: the error is told from how the answers differ
 
 
-@dataclass(frozen=True)
-class ConnectionDelay:
-    """One connection between components that are stepped by themselves.
-
-    Attributes:
-        connection: "component.output → component.input".
-        how: what the destination sees over a step.
-        mean_s: how late the value is on average [s]; negative: early.
-        longest_s: how old it gets [s].
-        phase_lost_deg: at the report's frequency [deg]; None without one.
-    """
-
-    connection: str
-    how: str
-    mean_s: float
-    longest_s: float
-    phase_lost_deg: float | None
+def run(model: Model, asked: Delays, job: Job) -> DelayReport | NoDelays:
+    """Tell what the master of a system costs; see `Delays`."""
+    if not isinstance(model, MasterModel):
+        if model.interface == "me":
+            return NoDelays(model=model.name, interface=model.interface, solver=model.solver)
+        raise InputError(f"{model.name}: one co-simulation FMU has no connections; connect it to a system first")
+    system, remarks = start_at(model, asked.at)
+    return _report(system, asked, signals_of(asked.inputs), remarks, job)
 
 
-@dataclass(frozen=True)
-class LoopDelay:
-    """One loop through several components.
-
-    Attributes:
-        components: in the direction of the signals.
-        mean_s: once around [s].
-        crossover_hz: where the gain of the loop, opened at one connection, falls through 1 [Hz]; None: not known.
-        phase_lost_deg: at the report's frequency, else at the crossover [deg]; None if neither is known.
-    """
-
-    components: tuple[str, ...]
-    mean_s: float
-    crossover_hz: float | None
-    phase_lost_deg: float | None
-
-
-@dataclass(frozen=True)
-class DelayReport(Reportable):
-    """What the master costs at this communication step.
-
-    Attributes:
-        system: its name.
-        order: "gauss-seidel" or "jacobi".
-        stages: the units in the order in which they are stepped; those of one stage side by side.
-        step: communication step [s].
-        fixed: why the step is not controlled; empty if it is, in runs without a given step.
-        periods: sampled components → [s] (the longest time between two instants).
-        frequency: for which phases are given [Hz]; None: each loop's crossover.
-        connections: all that lead from one unit to another.
-        loops: through several units.
-        outputs: how they change when the step is halved, and their estimated error.
-        stop: length of the runs [s].
-        operating_point: where they start; None: not known.
-    """
-
-    system: str
-    order: str
-    stages: tuple[tuple[str, ...], ...]
-    step: float
-    fixed: str
-    periods: Mapping[str, float]
-    frequency: float | None
-    connections: tuple[ConnectionDelay, ...]
-    loops: tuple[LoopDelay, ...]
-    outputs: tuple[Halving, ...]
-    stop: float
-    operating_point: OperatingPoint | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return asdict(self)
-
-    def lines(self) -> tuple[str, ...]:
-        """Return the report in plain words, one statement a line."""
-        return (
-            self._head(),
-            *(
-                f"{name} is sampled, at most {1e3 * p:.6g} ms apart; it is stepped then"
-                for name, p in self.periods.items()
-            ),
-            *(_connection_words(c, self.frequency) for c in self.connections),
-            *(_loop_words(loop, self.frequency) for loop in self.loops),
-            *(_output_words(o, self.step) for o in self.outputs),
-            *self._conclusion(),
-        )
-
-    def __str__(self) -> str:
-        return "\n".join(self.lines())
-
-    def _head(self) -> str:
-        order = " → ".join(" | ".join(stage) for stage in self.stages)
-        control = f"fixed: {self.fixed}" if self.fixed else "controlled in runs without a given step"
-        return f"{self.system}: {self.order}, {order}; communication step {1e3 * self.step:.6g} ms ({control})"
-
-    def _conclusion(self) -> list[str]:
-        found = []
-        late = [c for c in self.connections if c.mean_s != 0.0]
-        orders = [o.order for o in self.outputs if o.order is not None]
-        if not late and orders and min(orders) < 1.5:
-            found.append(
-                "no connection is late on average, and still the error falls only as the step does: an FMU makes one "
-                "simple step of its own (explicit Euler) in each communication step, or ignores its inputs' slopes"
-            )
-        worst = max(self.outputs, key=lambda o: o.error / o.span if o.span else 0.0, default=None)
-        if worst is not None and worst.error > _SMALL * worst.span:
-            found.append(f"the error of {worst.name} is more than {100 * _SMALL:g} % of its range: use a shorter step")
-        return found
-
-
-def _connection_words(c: ConnectionDelay, frequency: float | None) -> str:
-    if c.mean_s == 0.0:
-        return f"{c.connection}: {c.how}: no delay on average"
-    side = "late" if c.mean_s > 0.0 else "early"
-    phase = "" if c.phase_lost_deg is None else f", {c.phase_lost_deg:+.3g}° lost at {frequency:g} Hz"
-    return f"{c.connection}: {c.how}: {1e3 * abs(c.mean_s):.4g} ms {side} on average{phase}"
-
-
-def _loop_words(loop: LoopDelay, frequency: float | None) -> str:
-    way = " → ".join([*loop.components, loop.components[0]])
-    delay = f"loop {way}: {1e3 * loop.mean_s:.4g} ms in all"
-    if loop.phase_lost_deg is None:
-        return delay + ("; its crossover is not known, give a frequency for the phase" if loop.mean_s else "")
-    if frequency is not None:
-        return f"{delay}, {loop.phase_lost_deg:.3g}° lost at {frequency:g} Hz"
-    return f"{delay}, {loop.phase_lost_deg:.3g}° of its phase margin lost at its crossover, {loop.crossover_hz:.4g} Hz"
-
-
-def _output_words(o: Halving, step: float) -> str:
-    if o.change == 0.0:
-        return f"{o.name}: the same with half the step"
-    order = "unevenly, the error is a guess" if o.order is None else f"with order {o.order:.2f}"
-    return (
-        f"{o.name}: changes by {o.change:.3g} when the step of {1e3 * step:.6g} ms is halved, falling {order}; "
-        f"estimated error {o.error:.3g}, of a range of {o.span:.3g}"
-    )
-
-
-# -- making it ----------------------------------------------------------------------------------
-
-
-def delay_report(
-    model: MasterModel,
-    *,
-    stop: float | None,
-    inputs: Mapping[str, Signal],
-    step: float | None,
-    frequency: float | None,
+def _report(
+    model: MasterModel, asked: Delays, inputs: Mapping[str, Signal], remarks: tuple[str, ...], job: Job
 ) -> DelayReport:
-    """Return the report; see `MasterModel.delays`."""
-    for name, value in (("step", step), ("stop", stop), ("frequency", frequency)):
-        if value is not None and not 0.0 < value < float("inf"):
-            raise InputError(f"{name} must be positive, not {value:g}")
+    stop, frequency = asked.stop, asked.frequency
     if stop is None and model.stop_time is not None and model.stop_time > model.start_time:
         stop = model.stop_time - model.start_time
-    step = step or _usual_step(model, stop, inputs)
+    step = asked.step or _usual_step(model, stop, inputs)
     stop = stop or _STEPS * step
-    outputs, takes = _outputs(model, stop, inputs, step)
+    outputs, takes = _outputs(model, stop, inputs, step, job)
     decided = model.decided
     connections = _connections(model, takes, step, frequency)
     names = [u.name for u in decided.units.units]
@@ -205,6 +61,9 @@ def delay_report(
         loops=tuple(_loops(model, connections, frequency)),
         outputs=outputs,
         stop=stop,
+        interface=model.interface,
+        solver=model.solver,
+        notes=remarks,
         operating_point=standing(model),
     )
 
@@ -217,14 +76,14 @@ def _usual_step(model: MasterModel, stop: float | None, inputs: Mapping[str, Sig
 
 
 def _outputs(
-    model: MasterModel, stop: float, inputs: Mapping[str, Signal], step: float
+    model: MasterModel, stop: float, inputs: Mapping[str, Signal], step: float, job: Job
 ) -> tuple[tuple[Halving, ...], dict[int, str]]:
     """Run with the step, half of it and a quarter; also return how the units took their inputs."""
     names = [v.name for v in model.outputs if v.is_number and not model.shows_input(v.name)]
     count = max(1, round(stop / step))
     points = model.start_time + stop * np.arange(1, count + 1)[:: max(1, count // _MOST_POINTS)] / count
     found, takes = [], dict[int, str]()
-    for divisor in (1.0, 2.0, 4.0):
+    for divisor in _DIVISORS:
         with model.open_session(step=stop / count / divisor, signals=inputs) as session:
             at = points + (session.time - model.start_time)
             record = session.advance(session.time + stop, signals=inputs, record=names, points=at)
@@ -232,6 +91,7 @@ def _outputs(
             found.append({n: record.values[n][first] for n in names})
             if isinstance(session.instance, MasterInstance):
                 takes = {k: session.instance.takes(k) for k in range(len(model.decided.units.units))}
+        job.done(f"step {1e3 * stop / count / divisor:.4g} ms", len(found), len(_DIVISORS))
     return tuple(halving(n, *(f[n] for f in found)) for n in names), takes
 
 

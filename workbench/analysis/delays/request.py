@@ -1,0 +1,73 @@
+"""Delays of a system with co-simulation parts: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.delays.result import DelayReport, NoDelays  # noqa: F401 - the record's type, below
+
+__all__ = ["Delays", "delays"]
+
+
+class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
+    """Tell which connections of a system carry a delay, what phase that costs, and how far the answer is off.
+
+    For systems with co-simulation parts. The system runs three times, with the step, half of it and a quarter. A value
+    that is held over a step of length h is h/2 late on average, which turns a sine of frequency f by 360·f·h/2 [deg].
+
+    Returns:
+        The report; of model exchange parts alone, that there is no delay.
+
+    Raises:
+        InputError: one co-simulation FMU, an unknown input, a value out of its range.
+        FmuError, SimulationError: as for a run.
+
+    Source: G. Franklin, J. Powell, M. Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3.
+    """
+
+    command = "delays"
+    algorithm = "workbench.analysis.delays.run:run"
+    example = "workbench delays drive.toml --stop 5 --input reference=1 --step 0.01"
+    withheld = ("step",)
+    unwritten = ("csv_path", "plot")
+
+    _: KW_ONLY
+    stop: float | None = option(
+        "Length of each run; else to the end of the default experiment, or 500 steps.",
+        unit="s",
+        metavar="T",
+        positive=True,
+        default=None,
+    )
+    inputs: Signals = option(
+        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. The others "
+        "keep their start value, or that of the operating point.",
+        flag="--input",
+        default_factory=dict,
+    )
+    step: float | None = option(
+        "Communication step; else the one that a run would use, controlled or not.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        default=None,
+    )
+    frequency: float | None = option(
+        "Frequency at which the lost phase is told; else the crossover of each loop, where the model exchange sides of "
+        "the parts give it.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F",
+        positive=True,
+        default=None,
+    )
+
+
+delays = function(Delays)
