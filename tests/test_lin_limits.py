@@ -1,0 +1,114 @@
+"""The limits from which linearisation says something, each against a model whose motion is a closed form."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.lin_fmus import built
+from workbench.analysis.lin.realise import realise
+
+# All-pass: its gain is 1 at every pole, so that another pole changes the phase alone.
+TURNING = """
+model AllPass
+  input Real u(start = 0);
+  output Real y;
+  Real x(start = 0, fixed = true);
+equation
+  der(x) = (if time < 0.01 then 1 else 1.3) * (u - x);
+  y = 2 * x - u;
+end AllPass;
+"""
+
+ACCUMULATOR = """
+model Accumulator
+  input Real u(start = 0);
+  output Real y;
+  parameter Real drift = 0;
+  discrete Real z(start = 2, fixed = true, nominal = 1);
+equation
+  when sample(0, 0.1) then
+    z = pre(z) + u + drift;
+  end when;
+  y = z;
+end Accumulator;
+"""
+
+DELAYED = """
+model Sampled
+  input Real u(start = 0);
+  output Real y;
+  discrete Real z(start = 0, fixed = true, nominal = 1);
+equation
+  when sample(0, 0.1) then
+    z = 0.5 * pre(z) + u;
+  end when;
+  y = z;
+end Sampled;
+"""
+
+
+def _moving(notes: tuple[str, ...]) -> list[str]:
+    return [note for note in notes if note.startswith("the point is moving")]
+
+
+@pytest.mark.parametrize(("share", "told"), [(2e-3, True), (5e-4, False)])
+def test_a_black_box_moves_where_its_drift_is_seen_beside_the_answers(share: float, told: bool) -> None:
+    """x' = u − x from x0 drifts by x0 e^(−h) (1 − e^(−T)); a pulse of width w for h moves it by w (1 − e^(−h))."""
+    width, period, points = 0.02, 0.1, 200
+    drift = share * width * -math.expm1(-period)
+    x0 = drift * math.exp(period) / -math.expm1(-period * (points - 1))
+    with wb.load("fmu:FirstOrderLag", "me") as model:
+        notes = wb.lin(model, method="response", x0={"x": x0}, du=width, period=period, points=points).result.notes
+    assert bool(_moving(notes)) is told
+    if told:
+        assert f"y changes by {drift:.4g} within {period * (points - 1):.4g} s" in _moving(notes)[0]
+
+
+@pytest.mark.parametrize(("drift", "told"), [(1e-5, True), (1e-7, False)])
+def test_a_sampled_model_moves_where_a_state_is_another_after_a_period(drift: float, told: bool) -> None:
+    """z grows by the drift with every sample; rounding of the run is far below 1e-7 of it."""
+    with wb.load(built(ACCUMULATOR, "Accumulator"), "me", start_values={"drift": drift}) as model:
+        result = wb.lin(model, method="kalman-bertram").result
+    assert float(result.A.item()) == pytest.approx(1.0, abs=1e-9)
+    assert bool(_moving(result.notes)) is told
+    if told:
+        assert f"z goes from 2 to {2.0 + drift:.4g} in one period" in _moving(result.notes)[0]
+
+
+def test_sampled_models_are_compared_up_to_0_4_of_the_nyquist_frequency() -> None:
+    """Half the rate is 5 Hz; the pole, ln 2/0.1 s, alone would reach to 3·6.93/2π = 3.3 Hz."""
+    with wb.load(built(DELAYED, "Sampled"), "me") as model:
+        found = wb.compare(model, "u", "y", measure=False)
+    frequencies = [v.frequency_hz for v in found.verdicts]
+    assert max(frequencies) == pytest.approx(0.4 * 5.0, rel=1e-9)
+
+
+def test_equal_gains_with_other_phases_differ() -> None:
+    """(a − s)/(a + s) with a = 1 where it is linearised and 1.3 where it is measured: a phase of −2 atan(ω/a)."""
+    frequencies = [0.05, 0.2, 1.5]
+    s = 2j * np.pi * np.array(frequencies)
+    wanted = [math.degrees(cmath.phase(z)) for z in (1.0 - s) / (1.0 + s) * (1.3 + s) / (1.3 - s)]
+    assert min(abs(abs(w) - 5.0) for w in wanted) > 0.5
+    assert {abs(w) < 5.0 for w in wanted} == {True, False}
+    with wb.load(built(TURNING, "AllPass"), "me") as model:
+        found = wb.compare(model, "u", "y", frequencies=frequencies)
+    verdicts = [v for v in found.verdicts if v.method == "exact (me)"]
+    assert [v.gain_db for v in verdicts] == pytest.approx([0.0] * 3, abs=1e-3)
+    assert [v.phase_deg for v in verdicts] == pytest.approx(wanted, abs=1e-2)
+    assert [v.agrees for v in verdicts] == [abs(w) < 5.0 for w in wanted]
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-5])
+def test_a_plateau_of_singular_values_is_not_dynamics_and_what_stands_out_of_it_is(size: float) -> None:
+    """Two modes, the second of the given size, under errors of a hundredth of it that nobody stated as noise."""
+    k = np.arange(201.0)
+    true = np.where(k > 0, 0.9 ** (k - 1.0) + size * (-0.8) ** (k - 1.0), 0.0)
+    errors = 1e-2 * size * np.random.default_rng(11).uniform(-1.0, 1.0, len(k))
+    found = realise((true + errors)[:, None, None], noise=0.0)
+    assert len(found.A) == 2
+    assert sorted(np.linalg.eigvals(found.A).real) == pytest.approx([-0.8, 0.9], abs=0.05)
