@@ -16,7 +16,8 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
-from workbench.analysis.check import CHECKS, VERDICTS
+from workbench.analysis.check.registry import CHECKS
+from workbench.analysis.check.result import VERDICTS
 from workbench.analysis.check.validation import structured_name
 from workbench.cli.app import run
 from workbench.workers import Workers
@@ -243,7 +244,10 @@ def test_an_ssp_stays_unpacked_while_it_is_checked(tmp_path: Path) -> None:
     wb.write_ssp(wb.read_system(ROOT / "systems" / "failed_aileron.toml"), tmp_path / "failed.ssp")
     seen: list[tuple[float, str]] = []
     card = wb.check(
-        tmp_path / "failed.ssp", only=["runs"], workers=HERE, progress=lambda done, text: seen.append((done, text))
+        tmp_path / "failed.ssp",
+        only=["runs"],
+        workers=HERE,
+        progress=lambda text, done, total: seen.append((done / total, text)),
     )
     assert [str(c.component) for c in card.checks] == ["aircraft", "aircraft", "damper", "damper"]
     assert card.worst == "good"
@@ -326,7 +330,7 @@ def test_the_command_ends_with_0_where_no_promise_is_broken(capsys: pytest.Captu
         (["check", "fmu:Rudder", "--skip", "drfit"], "did you mean drift?"),
         (["check", "fmu:Rudder", "--timeout", "0"], "timeout: 0 s is not a positive number"),
         (["check", "fmu:Rudder", "--set", "nosuch=1"], "'nosuch' is not a variable"),
-        (["check", "fmu:Rudder", "--step", "-1"], "step must be positive"),
+        (["check", "fmu:Rudder", "--step", "-1"], "step: -1 is not a positive number"),
         (["check", "fmu:Rudder", "--report", "card.txt"], "--report"),
         (["check", "fmu:Rudder", "--bias", "delC=x"], "'x' is not a number"),
     ],

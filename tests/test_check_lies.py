@@ -10,7 +10,9 @@ import pytest
 from scipy.linalg import expm
 
 from tests.lying_fmus import LIES, build_lying
-from workbench.analysis.check import CHECKS, HealthCard, HealthLine, check
+from workbench.analysis.check.registry import CHECKS
+from workbench.analysis.check.request import check
+from workbench.analysis.check.result import HealthCard, HealthLine
 from workbench.workers import Workers
 
 HERE = Workers(in_process=True)  # these lies end no process

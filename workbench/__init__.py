@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise
     from workbench.analysis.certificate import Certificate
-    from workbench.analysis.check import HealthCard, HealthLine, check
+    from workbench.analysis.check.request import check
+    from workbench.analysis.check.result import HealthCard, HealthLine
     from workbench.analysis.delays.request import delays
     from workbench.analysis.delays.result import DelayReport, NoDelays
     from workbench.analysis.describing.base import Block
@@ -302,7 +303,8 @@ _HOMES = {
     "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
     "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
     "workbench.analysis.certificate": ("Certificate",),
-    "workbench.analysis.check": ("HealthCard", "HealthLine", "check"),
+    "workbench.analysis.check.request": ("check",),
+    "workbench.analysis.check.result": ("HealthCard", "HealthLine"),
     "workbench.analysis.lin.compare": ("LinComparison", "Verdict", "compare"),
     "workbench.analysis.lin.linearise": ("lin",),
     "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),

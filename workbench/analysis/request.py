@@ -19,7 +19,7 @@ from workbench.origin import with_origin
 if TYPE_CHECKING:
     from workbench.model import Model  # noqa: F401 - the subject's type, below
 
-__all__ = ["Analysis", "Request", "Subject", "function"]
+__all__ = ["MODEL_FILE", "Analysis", "Request", "Subject", "function"]
 
 _Subject = TypeVar("_Subject")
 _Record = TypeVar("_Record")
@@ -108,16 +108,16 @@ class Request(Options, Generic[_Subject, _Record]):
         return True
 
 
+_MODEL = {"metavar": "MODEL", "words": "FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME."}
+
+# A model that the request opens itself.
+MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`, or a system: .toml, .ssp.", **_MODEL)
+
+
 class Analysis(Request["Model", _Record]):
     """An analysis of a model; the command line opens the model."""
 
-    subject = Subject(
-        name="model",
-        type="Model",
-        help="The model to analyse; it stays open.",
-        metavar="MODEL",
-        words="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME.",
-    )
+    subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", **_MODEL)
 
 
 def function(

@@ -157,14 +157,16 @@ def _flat(request: type[Options], group: str = "") -> Iterator[tuple[str, Declar
     for declared in options_of(request):
         if declared.option.python:
             continue
-        if _is_part(declared):
-            yield from _flat(declared.type, declared.option.group)
+        if part := _part(declared):
+            yield from _flat(part, declared.group)
         else:
-            yield declared.name, declared, declared.option.group or group
+            yield declared.name, declared, declared.group or group
 
 
-def _is_part(declared: Declared) -> bool:
-    return inspect.isclass(declared.type) and issubclass(declared.type, Options)
+def _part(declared: Declared) -> type[Options] | None:
+    """Return the options that stand for one; None: it is an option itself."""
+    kind = declared.option.part or declared.type
+    return kind if inspect.isclass(kind) and issubclass(kind, Options) else None
 
 
 def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Signature:
@@ -177,7 +179,7 @@ def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Sign
     own = {name: (declared, group) for name, declared, group in _flat(request)}
     if issubclass(request, Analysis):
         flags = {declared.flag for declared, _ in own.values()}
-        own |= {n: (d, g) for n, d, g in _flat(Loading, "Model") if n not in own and d.flag not in flags}
+        own |= {n: (d, g) for n, d, g in _flat(Loading) if n not in own and d.flag not in flags}
     argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
     parameters = [_parameter(subject.name, argument, inspect.Parameter.empty)]
     parameters += [
@@ -229,8 +231,8 @@ def _request(request: type[Options], given: Mapping[str, Any]) -> Any:  # noqa: 
     for declared in options_of(request):
         if declared.option.python:
             continue
-        if _is_part(declared):
-            values[declared.name] = _request(declared.type, given)
+        if part := _part(declared):
+            values[declared.name] = _request(part, given)
         elif given.get(declared.name) is not None:
             values[declared.name] = _read(declared, given[declared.name])
     return request(**values)

@@ -23,14 +23,16 @@ class Loading(Options):
         FmuError: a file is no usable FMU, or has no binary for this platform.
     """
 
+    group = "Model"
+
     interface: str = option(
         "Model exchange or co-simulation; auto takes model exchange where the FMU offers it.",
         choices=("auto", *INTERFACES),
         default="auto",
     )
     solver: str = option(
-        "Integration of model exchange: Kutta-Merson or Gear (stiff); co-simulation FMUs bring their own.",
-        choices=("auto", "vkm", "gear", "fmu"),
+        "Integration of model exchange: Kutta-Merson, Gear (stiff), or none (no states); co-simulation FMUs bring their own.",
+        choices=("auto", "vkm", "gear", "none", "fmu"),
         default="auto",
     )
     _: KW_ONLY

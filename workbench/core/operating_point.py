@@ -161,12 +161,13 @@ At = OperatingPoint | HasPoint | Stands | str | Path
 class AtPoint(Options):
     """The part of a request that says where its runs start."""
 
+    group = "Model"
+
     _: KW_ONLY
     at: At | None = option(
         "Operating point to be at: what trim --json wrote, or the JSON of any other result.",
         metavar="POINT.JSON",
         form=FILE,
-        group="Model",
         default=None,
     )
 

@@ -12,6 +12,7 @@ from functools import cache
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Concatenate,
     ParamSpec,
     TypeVar,
@@ -45,7 +46,7 @@ class Option:
         flag: on the command line, "--max-periods"; empty: made from the name.
         also: another flag of the same meaning; empty: none.
         metavar: what `--help` shows in place of the value; empty: that of its form.
-        group: heading under which `--help` shows it; empty: the first one.
+        group: heading under which `--help` shows it; empty: that of the class it is declared in.
         python: whether only Python has it.
         least: smallest value; None: any.
         positive: whether it must be above 0.
@@ -54,6 +55,7 @@ class Option:
         choices: values that it can have; empty: any of its type.
         needed: why it has to be given, where a default is only for the order of the fields; empty: it need not.
         form: how values are written; None: as their type is.
+        part: options that stand for it on the command line; None: those of its type, if these are options.
     """
 
     help: str
@@ -70,6 +72,7 @@ class Option:
     choices: tuple[str, ...] = ()
     needed: str = ""
     form: Form | None = None
+    part: type[Options] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +85,7 @@ class Declared:
         form: how values are written as text; None: as their type is.
         default: if it is not given.
         required: whether there is no default.
+        group: heading under which `--help` shows it; empty: the first one.
         option: the rest.
     """
 
@@ -90,6 +94,7 @@ class Declared:
     form: Form | None
     default: Any
     required: bool
+    group: str
     option: Option
 
     @property
@@ -158,11 +163,12 @@ def option(
     choices: tuple[str, ...] = (),
     needed: str = "",
     form: Form | None = None,
+    part: type[Options] | None = None,
 ) -> Any:  # noqa: ANN401 - a field of whatever type is annotated
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
         help=help, unit=unit, flag=flag, also=also, metavar=metavar, group=group, python=python, least=least,
-        positive=positive, below=below, finite=finite, choices=choices, needed=needed, form=form,
+        positive=positive, below=below, finite=finite, choices=choices, needed=needed, form=form, part=part,
     )  # fmt: skip
     made: Any = field(
         metadata={_DECLARED: declared},
@@ -176,7 +182,12 @@ class Options:
     """Options that belong together: a request, or a part that several requests share.
 
     Every field of a subclass is made by `option`; those behind `_: KW_ONLY` are given by name.
+
+    Attributes:
+        group: heading under which `--help` shows those that are declared in this class; empty: the first one.
     """
+
+    group: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -208,11 +219,17 @@ def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class
             form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), None),
             default=None if f.default is MISSING else f.default,
             required=f.default is f.default_factory is MISSING or bool(f.metadata[_DECLARED].needed),
+            group=f.metadata[_DECLARED].group or _owner(request, f.name).group,
             option=f.metadata[_DECLARED],
         )
         for f in sorted(fields(request), key=lambda f: (bool(f.kw_only), f.name not in own))
         if _DECLARED in f.metadata
     )
+
+
+def _owner(request: Any, name: str) -> Any:  # noqa: ANN401 - a class
+    """Return the class that declares a field."""
+    return next(c for c in request.__mro__ if name in vars(c).get("__annotations__", {}))
 
 
 class _Known(dict[str, Any]):

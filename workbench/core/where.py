@@ -87,8 +87,7 @@ class Workers(Worker):
         asked = [name for name, wanted in places.items() if wanted]
         if len(asked) > 1:
             raise InputError(f"{' and '.join(asked)}: only one place can run the points")
-        limits = self.limits
-        if asked and limits != Limits():
+        if asked and self.limits != Limits(timeout=type(self).timeout):
             raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
 
 

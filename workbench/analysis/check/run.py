@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 from workbench.analysis.check.job import CheckJob, Done
 from workbench.analysis.check.registry import CHECKS, FILE, VALIDATION, choose
+from workbench.analysis.check.request import Check
 from workbench.analysis.check.result import Finding, HealthCard, HealthLine
 from workbench.analysis.check.validation import validation
+from workbench.core.job import Job
+from workbench.core.loading import Loading
+from workbench.core.option import options_of
 from workbench.errors import FmuError, InputError, WorkbenchError
 from workbench.fmi.description import Description
 from workbench.fmi.platforms import binary_path
-from workbench.fmi.variable import Value
 from workbench.model.fmu_model import FmuModel
-from workbench.model.load import load
+from workbench.model.load import load_fmu
 from workbench.model.recipe import content_hash
-from workbench.origin import with_origin
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.read import is_system_file, read_system
 from workbench.workers import Lost, Reply, Workers, perform
 from workbench.workers import choose as choose_runner
 
-__all__ = ["DEFAULT_PATIENCE", "check"]
-
-DEFAULT_PATIENCE = 60.0  # [s] for one check
-
-Progress = Callable[[float, str], None]
+__all__ = ["run"]
 
 _V = TypeVar("_V")
 
@@ -40,95 +38,41 @@ _CRASH = "it takes its process with it: leave the worker processes on (never --i
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """One FMU to be checked, with what `load` is told about it."""
+    """One FMU to be checked, and how it is loaded."""
 
     component: str
     file: str
-    interface: str
-    solver: str = "auto"
-    step: float | None = None
-    tolerance: float | None = None
-    start: float | None = None
-    start_values: Mapping[str, Value] = field(default_factory=dict)
-    bias: Mapping[str, float] = field(default_factory=dict)
+    loading: Loading
 
 
-@with_origin()
-def check(
-    path: str | Path,
-    *,
-    interface: str = "auto",
-    only: Iterable[str] | None = None,
-    skip: Iterable[str] | None = None,
-    solver: str = "auto",
-    step: float | None = None,
-    tolerance: float | None = None,
-    start: float | None = None,
-    start_values: Mapping[str, Value] | None = None,
-    bias: Mapping[str, float] | None = None,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-) -> HealthCard:
-    """Check whether an FMU keeps its promises, and say what that means for the analyses here.
-
-    The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.
-    After a run that fails on its way, the other checks look at a tenth of it. Of a system each FMU is checked by
-    itself, with the start values and steps of the system.
-
-    Not a proof: a check sees test runs near the start values. What it calls broken was seen to be.
-
-    Args:
-        path: an FMU, as for `load`, or a system: .toml, .ssp.
-        interface: "me", "cs", or "auto": both, where the FMU offers them.
-        only: names of checks (`CHECKS`); None: all.
-        skip: names of checks to leave out.
-        solver: of model exchange, see `load`.
-        step: natural communication step [s] in place of the FMU's.
-        tolerance: relative tolerance of the integration, see `load`.
-        start: time at which runs begin [s], see `load`.
-        start_values: parameters and start values by name; in a system "component.variable".
-        bias: constants added to inputs by name, likewise.
-        workers: where and under which limits; None: worker processes, 60 s for each check.
-        progress: called with the part that is done, 0 … 1, and the check that was last.
-
-    Returns:
-        The card; `card.passed` tells whether no promise is broken.
-
-    Raises:
-        InputError: no such file, an unknown name, a value out of range.
-        FmuError: the file cannot be read, or has no binary for this platform.
-    """
-    names = choose(only, skip)
-    given = _Given(solver, step, tolerance, start, dict(start_values or {}), dict(bias or {}))
-    where = workers or Workers(timeout=DEFAULT_PATIENCE)
+def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
+    """Check an FMU, or the FMUs of a system; see `Check`."""
+    names = choose(asked.only, asked.skip)
+    given = Loading(**{d.name: getattr(asked, d.name) for d in options_of(Loading)})
     system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
-    if system is not None:
-        parts = _parts_of(system, path, interface, given)
-    else:
-        parts = [_Part(component="", file=str(path), interface=interface, **vars(given))]
-    tell = progress or _silent
-    cards = [
-        _card(part, names, where, lambda done, text, k=k: tell((k + done) / len(parts), text))  # type: ignore[misc]
-        for k, part in enumerate(parts)
-    ]
+    parts = [_Part(component="", file=str(path), loading=given)] if system is None else _parts_of(system, path, given)
+    cards: list[HealthCard] = []
+    for part in parts:
+        cards.append(_card(part, names, asked.place, _Told(job, str(path), tuple(cards), len(parts))))
     return _joined(str(path), cards)
 
 
 @dataclass(frozen=True)
-class _Given:
-    solver: str
-    step: float | None
-    tolerance: float | None
-    start: float | None
-    start_values: dict[str, Value]
-    bias: dict[str, float]
+class _Told:
+    """What the job is told: the cards of the FMUs before, and how many there are in all."""
+
+    job: Job
+    source: str
+    before: tuple[HealthCard, ...]
+    parts: int
+
+    def line(self, card: Callable[[], HealthCard], text: str, done: int, total: int) -> None:
+        """Tell that a check is done; `card` returns what there is of this FMU's."""
+        self.job.partial = lambda: _joined(self.source, [*self.before, card()])
+        self.job.done(text, len(self.before) * total + done, self.parts * total)
 
 
-def _silent(done: float, text: str) -> None:
-    """Tell nobody."""
-
-
-def _parts_of(system: SystemDescription, path: str | Path, interface: str, given: _Given) -> list[_Part]:
+def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_Part]:
     """Return each FMU of a system; the interface that the system names, unless the user names one."""
     found = [c for c in system.components if isinstance(c, FmuComponent)]
     if not found:
@@ -137,13 +81,14 @@ def _parts_of(system: SystemDescription, path: str | Path, interface: str, given
         _Part(
             component=c.name,
             file=c.file,
-            interface=c.interface if interface == "auto" else interface,
-            solver=c.solver if given.solver == "auto" else given.solver,
-            step=given.step or c.step,
-            tolerance=given.tolerance,
-            start=given.start,
-            start_values={**c.set, **_own(c.name, given.start_values)},
-            bias=_own(c.name, given.bias),
+            loading=replace(
+                given,
+                interface=c.interface if given.interface == "auto" else given.interface,
+                solver=c.solver if given.solver == "auto" else given.solver,
+                step=given.step or c.step,
+                start_values={**c.set, **_own(c.name, given.start_values)},
+                bias=_own(c.name, given.bias),
+            ),
         )
         for c in found
     ]
@@ -157,40 +102,34 @@ def _own(component: str, values: Mapping[str, _V]) -> dict[str, _V]:
 # -- one FMU ------------------------------------------------------------------------------------
 
 
-def _card(part: _Part, names: tuple[str, ...], where: Workers, progress: Progress) -> HealthCard:
-    model = load(
-        part.file,
-        part.interface,
-        part.solver,
-        step=part.step,
-        tolerance=part.tolerance,
-        start=part.start,
-        start_values=part.start_values,
-        bias=part.bias,
-    )
-    with model:
-        interfaces = _interfaces(model, part.interface)
+def _card(part: _Part, names: tuple[str, ...], where: Workers, told: _Told) -> HealthCard:
+    with load_fmu(part.file, part.loading) as model:
+        interfaces = _interfaces(model, part.loading.interface)
         wanted = {i: tuple(n for n in names if i in CHECKS[n].interfaces) for i in interfaces}
         lines = [_validated(model)] if VALIDATION in names else []
         total = len(lines) + sum(map(len, wanted.values()))
-        for line in _run(model, wanted, where):
-            lines.append(line)
-            progress(len(lines) / total, f"{part.component} {line.interface} {line.name}".strip())
         about = model.description
         order = {(FILE, VALIDATION): 0} | {(i, n): k for k, (i, n) in enumerate(_pairs(wanted), 1)}
-        return HealthCard(
-            model=about.model_name,
-            source=part.file,
-            sha256=content_hash(Path(model.recipe.source)),
-            fmi_version=about.fmi_version,
-            generation_tool=about.generation_tool or "unknown tool",
-            interfaces=tuple(interfaces),
-            checks=tuple(
-                replace(line, component=part.component)
-                for line in sorted(lines, key=lambda c: order[c.interface, c.name])
-            ),
-            notes=_notes(about, interfaces),
-        )
+
+        def card() -> HealthCard:
+            return HealthCard(
+                model=about.model_name,
+                source=part.file,
+                sha256=content_hash(Path(model.recipe.source)),
+                fmi_version=about.fmi_version,
+                generation_tool=about.generation_tool or "unknown tool",
+                interfaces=tuple(interfaces),
+                checks=tuple(
+                    replace(line, component=part.component)
+                    for line in sorted(lines, key=lambda c: order[c.interface, c.name])
+                ),
+                notes=_notes(about, interfaces),
+            )
+
+        for line in _run(model, wanted, where, told.job):
+            lines.append(line)
+            told.line(card, f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
+        return card()
 
 
 def _pairs(wanted: Mapping[str, tuple[str, ...]]) -> list[tuple[str, str]]:
@@ -228,20 +167,20 @@ def _line(interface: str, done: Done) -> HealthLine:
     return HealthLine(interface=interface, name=done.name, seconds=round(done.seconds, 3), **vars(done.finding))
 
 
-def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers) -> Iterator[HealthLine]:
+def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers, job: Job) -> Iterator[HealthLine]:
     """Yield the lines as they are finished; what a crash cuts off goes on in a new worker."""
     jobs = deque(CheckJob(interface=i, names=names) for i, names in wanted.items() if names)
     open_names = {i: list(names) for i, names in wanted.items()}
     runner, _ = choose_runner(model, where)
-    with runner:
+    with runner, job.ended_by(runner.stop):
         try:
             for event in runner.run(perform, jobs):
-                job = event.job
+                of = event.job
                 if isinstance(event, Reply) and isinstance(event.value, Done):
-                    open_names[job.interface].remove(event.value.name)
-                    yield _line(job.interface, event.value)
+                    open_names[of.interface].remove(event.value.name)
+                    yield _line(of.interface, event.value)
                 elif isinstance(event, Lost):
-                    yield from _lost(event, open_names[job.interface], jobs)
+                    yield from _lost(event, open_names[of.interface], jobs)
         except WorkbenchError as error:
             for interface, names in open_names.items():
                 yield from (_line(interface, Done(n, Finding("broken", str(error), _CRASH), 0.0)) for n in names)

@@ -1,0 +1,90 @@
+"""The health card of an FMU: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import MODEL_FILE, Request, function
+from workbench.core.forms import Names
+from workbench.core.loading import INTERFACES, Loading
+from workbench.core.option import option
+from workbench.core.where import InWorkers, Workers
+
+if TYPE_CHECKING:
+    from workbench.analysis.check.result import HealthCard
+
+__all__ = ["Check", "check"]
+
+_PATIENCE = 60.0  # [s]
+
+
+class _Patient(Workers):
+    """Where the checks run, and for how long each of them may."""
+
+    scheduler: str | None = option("Not for checks.", default=None, python=True)
+    timeout: float | None = option(
+        "Longest time for one check [s]; 60 unless set, inf for none.", metavar="S", default=_PATIENCE
+    )
+
+
+class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
+    """Check whether an FMU keeps its promises: a health card of each interface; of a system, of each FMU in it.
+
+    Each line has a verdict (good, watch, broken, not applicable), the evidence, and what follows for the analyses.
+    The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.
+    After a run that fails on its way, the other checks look at a tenth of it. Of a system each FMU is checked by
+    itself, with the start values and steps of the system.
+
+    Not a proof: a check sees test runs near the start values. What it calls broken was seen to be.
+
+    Returns:
+        The card; `card.passed` tells whether no promise is broken.
+
+    Raises:
+        InputError: no such file, an unknown name, a value out of range.
+        FmuError: the file cannot be read, or has no binary for this platform.
+    """
+
+    command = "check"
+    algorithm = "workbench.analysis.check.run:run"
+    example = "workbench check fmu:Rudder --report health.html"
+    subject = MODEL_FILE
+    counts = "checks"
+
+    _: KW_ONLY
+    only: Names | None = option(
+        "These checks only: validation, runs, step, reset, determinism, instances, snapshots, directional, "
+        "dependencies, drift, start-time, nominals, inputs, jumps, memory.",
+        default=None,
+    )
+    skip: Names | None = option("Leave these checks out.", default=None)
+    interface: str = option(
+        "Model exchange or co-simulation; auto: each that is offered.",
+        choices=("auto", *INTERFACES),
+        default="auto",
+        group="Model",
+    )
+    workers: Workers | None = option(
+        "Where the FMU runs and under which limits; else in worker processes, 60 s for each check.",
+        default=None,
+        group="Where it runs",
+        part=_Patient,
+    )
+
+    @property
+    def place(self) -> Workers:
+        """Where the FMU runs."""
+        return self.workers or _Patient()
+
+    def went_well(self, record: HealthCard) -> bool:
+        """Return whether no promise is broken.
+
+        Args:
+            record: of this request.
+        """
+        return record.passed
+
+
+check = function(Check)
