@@ -31,7 +31,7 @@ class Loading(Options):
         default="auto",
     )
     solver: str = option(
-        "Integration of model exchange: Kutta-Merson, Gear (stiff), or none (no states); co-simulation FMUs bring their own.",
+        "Integration of model exchange: Kutta-Merson, Gear (stiff), none (no states); co-simulation brings its own.",
         choices=("auto", "vkm", "gear", "none", "fmu"),
         default="auto",
     )
