@@ -11,12 +11,7 @@ import pytest
 
 from tests.loop_models import saturation_gain
 from tests.three_lags import three_lags
-from workbench.cli import app as program
 from workbench.cli.app import run
-from workbench.cli.loop import loop
-
-if "loop" not in [c.name for c in program.app.registered_commands]:
-    program.app.command("loop")(loop)
 
 
 @pytest.fixture
@@ -29,12 +24,13 @@ def system(tmp_path: Path) -> str:
 def test_the_linear_loop_is_shown(system: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["loop", system, "--open", "y"]) == 0
     out = capsys.readouterr().out
-    assert "three lags: loop opened at c.y → e.u2" in out
+    assert "Loop of three lags at c.y\nOpened at c.y → e.u2" in out
     assert "the closed loop is stable" in out
-    assert "gain margin       2.4988 dB (factor 1.3333) at 0.27566 Hz" in out
-    assert "phase margin      10.167 deg at 0.24147 Hz" in out
-    assert "delay margin      0.11696 s" in out
-    assert "disk margin" in out
+    rows = {line[:17].strip(): line.split()[2:] for line in out.splitlines() if " margin  " in line}
+    assert rows["gain margin"] == ["2.4988", "dB", "(factor", "1.3333)", "0.27566"]
+    assert rows["phase margin"] == ["10.167", "deg", "0.24147"]
+    assert rows["delay margin"] == ["0.11696", "s"]
+    assert "disk margin" in rows
 
 
 def test_json_csv_and_picture_are_written(system: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,7 +39,7 @@ def test_json_csv_and_picture_are_written(system: str, tmp_path: Path, capsys: p
     measured = ["--amplitude", "2", "--band", "0.15:0.4", "--ratio", "1.4", "--how", "break", "--in-process"]
     assert run(["loop", system, "--open", "k.y -> s.u", "--trim", *measured, *options]) == 0
     out = capsys.readouterr().out
-    assert "measured (break), amplitude 2" in out
+    assert "Measured (break), amplitude 2" in out
     result = json.loads(files[0].read_text())
     assert result["command"] == "loop"
     assert result["connections"] == ["k.y -> s.u"]
@@ -68,7 +64,8 @@ def test_an_unstable_loop_is_told_before_its_crossovers(system: str, capsys: pyt
     assert "the closed loop is unstable" in out
     assert "margins mean nothing" in out
     assert "gain margin " not in out
-    assert "all phase crossovers: 0.27566 Hz (-7.959 dB)" in out
+    crossover = next(line for line in out.splitlines() if line.startswith("phase crossover"))
+    assert crossover.split()[2:] == ["0.27566", "-7.959", "dB"]
 
 
 @pytest.mark.parametrize(

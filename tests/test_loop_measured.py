@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
-from workbench.analysis.loop import loop
+from workbench.analysis.loop.request import loop
 from workbench.analysis.loop.curve_margins import curve_margins
 from workbench.analysis.loop.margins import margins_of
 from workbench.analysis.loop.result import LoopResult
@@ -178,11 +178,11 @@ def test_margins_of_a_curve_are_those_of_its_transfer_function() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"amplitudes": 1.0, "how": "brake"}, "how: 'brake' is unknown; did you mean break"),
+        ({"amplitudes": 1.0, "how": "brake"}, "how 'brake' is unknown; did you mean break"),
         ({"amplitudes": -1.0}, "amplitude"),
         ({"band": (0.1, 1.0)}, "frequencies are for measuring at amplitudes"),
-        ({"amplitudes": 1.0, "refine": 99}, "refine must be 0 … 10, not 99"),
-        ({"amplitudes": 1.0, "max_periods": 1}, "max_periods must be at least 2"),
+        ({"amplitudes": 1.0, "refine": 99}, "refine: 99 is too large; it must be below 11"),
+        ({"amplitudes": 1.0, "max_periods": 1}, "max periods: 1 is too small; take at least 2"),
         ({"method": "exat"}, "method 'exat' is unknown"),
     ],
 )

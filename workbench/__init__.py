@@ -52,8 +52,9 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
     from workbench.analysis.lin.step_check import StepCheck, step_check
     from workbench.analysis.lin.sweep import LinGrid, LinPoint, lin_along, lin_over
-    from workbench.analysis.loop import LoopResult, Margins
-    from workbench.analysis.loop.loop import loop
+    from workbench.analysis.loop.margins import Margins
+    from workbench.analysis.loop.request import loop
+    from workbench.analysis.loop.result import LoopResult
     from workbench.analysis.modes.modes import modes
     from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
     from workbench.analysis.motions.compare import compare_motions
@@ -271,7 +272,9 @@ _HOMES = {
     "workbench.analysis.nyquist.linear_part": ("LinearPart",),
     "workbench.analysis.nyquist.nyquist": ("nyquist",),
     "workbench.analysis.nyquist.result": ("Crossing", "NyquistResult"),
-    "workbench.analysis.loop": ("LoopResult", "Margins", "loop"),
+    "workbench.analysis.loop.margins": ("Margins",),
+    "workbench.analysis.loop.request": ("loop",),
+    "workbench.analysis.loop.result": ("LoopResult",),
     "workbench.build.export": ("ExportResult", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
     "workbench.analysis.excite.multisine": ("MultisineDesign",),

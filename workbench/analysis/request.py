@@ -36,6 +36,7 @@ class Subject:
         help: in Python.
         metavar: what `--help` shows in its place.
         words: help on the command line.
+        argument: its name there and in studies; empty: the same.
     """
 
     name: str
@@ -43,6 +44,12 @@ class Subject:
     help: str
     metavar: str
     words: str
+    argument: str = ""
+
+    @property
+    def spelt(self) -> str:
+        """Name of the argument on the command line and in studies."""
+        return self.argument or self.name
 
 
 class Request(Options, Generic[_Subject, _Record]):

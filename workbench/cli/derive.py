@@ -76,7 +76,7 @@ def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> C
 @contextmanager
 def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Iterator[Any]:
     """Yield what the request is run on: a model is opened, anything else is what was typed."""
-    named = given[request.subject.name]
+    named = given[request.subject.spelt]
     if not issubclass(request, Analysis):
         yield named
         return
@@ -181,7 +181,7 @@ def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Sign
         flags = {declared.flag for declared, _ in own.values()}
         own |= {n: (d, g) for n, d, g in _flat(Loading) if n not in own and d.flag not in flags}
     argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
-    parameters = [_parameter(subject.name, argument, inspect.Parameter.empty)]
+    parameters = [_parameter(subject.spelt, argument, inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
@@ -208,7 +208,9 @@ def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type
     form = declared.form
     metavar = declared.option.metavar or (form.metavar if form is not None else None)
     flags = [flag, *filter(None, [declared.option.also])]
-    option = typer.Option(*flags, help=declared.help, metavar=metavar, rich_help_panel=group or None)
+    option = typer.Option(
+        *flags, help=declared.help, metavar=metavar, rich_help_panel=group or None, hidden=declared.option.hidden
+    )
     return Annotated[_typer_type(declared), option]
 
 

@@ -22,10 +22,10 @@ _HEADINGS = (
 def loop_page(result: LoopResult) -> Page:
     """Return the page of a loop: verdict on the closed loop, margins, pictures, what was measured."""
     place = result.place
-    value = f"{result.value:.6g} {place.unit or ''}".strip()
+    unit = "" if place.unit in (None, "1") else f" {place.unit}"
     return Page(
         title=f"Loop of {result.system} at {place.source}",
-        lead=f"Opened at {place.label}, where the signal is {value} at the operating point.",
+        lead=f"Opened at {place.label}, where the signal is {result.value:.6g}{unit} at the operating point.",
         facts={
             "convention": "negative feedback: L is minus what returns over what is passed on; closed loop 1/(1 + L)",
             **({"measured so": result.why} if result.why else {}),
@@ -35,24 +35,23 @@ def loop_page(result: LoopResult) -> Page:
                 "Pictures", figures=[(result.plot, "Loop transfer L as Bode and Nyquist pictures, and |S| and |T|.")]
             ),
             *_linear(result),
-            *(_curve(c, place.unit) for c in result.curves),
+            *(_curve(c, unit) for c in result.curves),
         ],
-        summary=_verdicts(result),
+        summary=_verdicts(result, unit),
         notes=result.notes,
         kind="loop",
     )
 
 
-def _verdicts(result: LoopResult) -> list[Verdict]:
-    unit = result.place.unit or ""
+def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
     linear = [] if result.linear is None else [_verdict("linear loop", result.linear.margins)]
     found = [
         *linear,
-        *(_verdict(f"{c.how}, amplitude {c.amplitude:g} {unit}".strip(), c.margins) for c in result.curves),
+        *(_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
     ]
     failed = [(c, p) for c in result.curves for p in c.failed]
     return found + [
-        Verdict("failed", f"amplitude {c.amplitude:g} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
+        Verdict("failed", f"amplitude {c.amplitude:g}{unit} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
     ]
 
 
@@ -83,10 +82,10 @@ def _linear(result: LoopResult) -> list[Section]:
     ]
 
 
-def _curve(curve: LoopCurve, unit: str | None) -> Section:
+def _curve(curve: LoopCurve, unit: str) -> Section:
     points = Table(_HEADINGS, [_point(p) for p in curve.points], verdict=9, right=range(9))
     return Section(
-        f"Measured ({curve.how}), amplitude {curve.amplitude:g} {unit or ''}".strip(),
+        f"Measured ({curve.how}), amplitude {curve.amplitude:g}{unit}",
         items=curve.notes,
         tables=_margins(curve.margins),
         parts=[Section("Points", tables=[points], folded=True)],
@@ -121,7 +120,7 @@ def _crossovers(m: Margins) -> list[Table]:
 def _db(factor: float) -> str:
     if not math.isfinite(factor):
         return _unbounded(factor)
-    return "no lower limit" if factor <= 0.0 else f"{20.0 * math.log10(factor):.3f} dB (factor {factor:.5g})"
+    return "no lower limit" if factor <= 0.0 else f"{20.0 * math.log10(factor):.4f} dB (factor {factor:.5g})"
 
 
 def _unit(value: float, unit: str) -> str:

@@ -107,7 +107,7 @@ class SystemModel(DescribedModel):
     def loop(self) -> Callable[..., LoopResult]:
         """`system.loop("plant.y", …)` is `workbench.loop(system, "plant.y", …)`: margins of a loop."""
         # The way of `.plot()`: looked up when it is used, so that systems know no analysis and its options stand once.
-        from workbench.analysis.loop.loop import loop  # noqa: PLC0415
+        from workbench.analysis.loop.request import loop  # noqa: PLC0415
 
         return MethodType(loop, self)
 

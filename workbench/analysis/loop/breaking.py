@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from workbench.analysis.loop.bench import Bench
 from workbench.analysis.loop.cut import PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
-from workbench.analysis.loop.request import Request
+from workbench.analysis.loop.settings import Settings
 from workbench.analysis.nfr_point import NfrPoint
 
 __all__ = ["broken"]
 
 
-def broken(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def broken(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the broken loop.
 
     The signal passed on is a pure sine around its value at the operating point: L is the describing function of the
@@ -23,11 +23,11 @@ def broken(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]
 
     Args:
         bench: on the opened system.
-        request: how long to wait.
+        settings: how long to wait.
         wanted: frequency [Hz] and amplitude of the signal passed on.
     """
-    tasks = [request.task(PASSED, RETURNED, f, a) for f, a in wanted]
-    return [_point(p, request.value) for p in bench.measure(tasks)]
+    tasks = [settings.task(PASSED, RETURNED, f, a) for f, a in wanted]
+    return [_point(p, settings.value) for p in bench.measure(tasks)]
 
 
 def _point(found: NfrPoint, mean: float) -> LoopPoint:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
-from workbench.analysis.loop.place import Open, Place, find_place
+from workbench.analysis.loop.place import Place, find_place
+from workbench.analysis.loop.request import Open
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model

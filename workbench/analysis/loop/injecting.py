@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from workbench.analysis.loop.bench import Bench
 from workbench.analysis.loop.cut import INJECTED, PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
-from workbench.analysis.loop.request import Request
+from workbench.analysis.loop.settings import Settings
 from workbench.analysis.nfr_point import NfrPoint
 
 __all__ = ["injected"]
@@ -75,7 +75,7 @@ class _Try:
         return replace(self, injected=math.exp(aim), passed=None)
 
 
-def injected(bench: Bench, request: Request, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def injected(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the closed loop.
 
     With d the injected sine, y returned and z = y + d passed on, L = -Y/Z at the fundamental. d is changed until Z has
@@ -87,19 +87,19 @@ def injected(bench: Bench, request: Request, wanted: Sequence[tuple[float, float
 
     Args:
         bench: on the system with the sum.
-        request: how long to wait; its linear loop, where there is one, gives the first amplitudes.
+        settings: how long to wait; its linear loop, where there is one, gives the first amplitudes.
         wanted: frequency [Hz] and amplitude of the signal passed on.
     """
-    tries = [_Try(f, a, a * request.guess(f)) for f, a in wanted]
+    tries = [_Try(f, a, a * settings.guess(f)) for f, a in wanted]
     for _ in range(_ROUNDS):
         open_ones = [i for i, t in enumerate(tries) if not t.done]
         fresh = [tries[i] if tries[i].passed is None else tries[i].next() for i in open_ones]
-        found = bench.measure([request.task(INJECTED, PASSED, t.frequency, t.injected) for t in fresh])
+        found = bench.measure([settings.task(INJECTED, PASSED, t.frequency, t.injected) for t in fresh])
         for i, t, point in zip(open_ones, fresh, found, strict=True):
             tries[i] = t.with_point(point)
         if not open_ones:
             break
-    returned = bench.measure([request.task(INJECTED, RETURNED, t.frequency, t.injected) for t in tries])
+    returned = bench.measure([settings.task(INJECTED, RETURNED, t.frequency, t.injected) for t in tries])
     return [_point(t, y) for t, y in zip(tries, returned, strict=True)]
 
 

@@ -16,8 +16,8 @@ from workbench.analysis.loop.injecting import injected
 from workbench.analysis.loop.linear import LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
-from workbench.analysis.loop.request import Request
-from workbench.errors import InputError, suggest
+from workbench.analysis.loop.settings import Settings
+from workbench.core.job import Job
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers
 
@@ -26,7 +26,6 @@ __all__ = ["MEASUREMENTS", "Measurement", "choose_measurement", "measure"]
 _SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
 _HANDFUL = 4
 
-Progress = Callable[[LoopPoint, int, int], None]
 Points = dict[tuple[float, float], LoopPoint]
 
 
@@ -40,7 +39,7 @@ class Measurement:
     """
 
     cut: Callable[[CutLoop], AbstractContextManager[DescribedModel]]
-    run: Callable[[Bench, Request, Sequence[tuple[float, float]]], list[LoopPoint]]
+    run: Callable[[Bench, Settings, Sequence[tuple[float, float]]], list[LoopPoint]]
 
 
 MEASUREMENTS: Mapping[str, Measurement] = {
@@ -55,16 +54,11 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
     Args:
         how: "break", "inject", "both", or "auto".
         linear: the linear loop, if there is one.
-
-    Raises:
-        InputError: unknown.
     """
     if how == "both":
         return tuple(MEASUREMENTS), "both were asked for"
     if how in MEASUREMENTS:
         return (how,), f"{how} was asked for"
-    if how != "auto":
-        raise InputError(f"how: '{how}' is unknown; {suggest(how, ('auto', 'both', *MEASUREMENTS))}")
     if linear is None:
         return ("inject",), "auto: nothing is known of the open loop"
     poles = linear.transfer.poles
@@ -77,14 +71,14 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
 def measure(
     cut: CutLoop,
     name: str,
-    request: Request,
+    settings: Settings,
     *,
     frequencies: Sequence[float],
     amplitudes: Sequence[float],
     refine: int,
     workers: Workers,
     linear: LinearLoop | None,
-    progress: Progress | None,
+    job: Job,
     stopped: Callable[[], bool],
 ) -> list[LoopCurve]:
     """Return a curve for each amplitude.
@@ -92,13 +86,13 @@ def measure(
     Args:
         cut: the loop.
         name: of the measurement.
-        request: settings of the points.
+        settings: settings of the points.
         frequencies: [Hz], rising.
         amplitudes: of the signal passed on, rising.
         refine: so many rounds of more points, at the crossovers that the points so far show.
         workers: where the system runs.
         linear: the linear loop, for the verdict on stability.
-        progress: called with each new point, the number done and the number in all that is known of.
+        job: is told each new point, the number done and the number in all that is known of.
         stopped: asked between handfuls of points; true ends the measurement, a note says so.
     """
     way, points = MEASUREMENTS[name], Points()
@@ -108,10 +102,9 @@ def measure(
             for part in _parts(wanted):
                 if stopped():
                     break
-                for key, point in zip(part, way.run(bench, request, part), strict=True):
+                for key, point in zip(part, way.run(bench, settings, part), strict=True):
                     points[key] = point
-                    if progress is not None:
-                        progress(point, len(points), len({*points, *wanted}))
+                    job.done(point, len(points), len({*points, *wanted}))
             wanted = [] if stopped() else _closer(points, amplitudes)
             if not wanted:
                 break

@@ -49,6 +49,9 @@ class LoopPoint:
     periods: int = 0
     reason: str | None = None
 
+    def __str__(self) -> str:
+        return f"{self.frequency_hz:.4g} Hz"
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         value = self.value

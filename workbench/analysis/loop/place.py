@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from workbench.analysis.loop.request import Open
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.system.description import Resolved, SystemDescription, Wire
 
-__all__ = ["Open", "Place", "find_place"]
-
-Open = str | tuple[str, str]
+__all__ = ["Place", "find_place"]
 
 _ARROWS = ("→", "->")
 

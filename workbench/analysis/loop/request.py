@@ -1,45 +1,184 @@
-"""What is to be measured of a loop, and how long to wait for it."""
+"""Loops of systems: what can be asked."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import KW_ONLY, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from workbench.analysis.loop.transfer import Transfer
-from workbench.analysis.nfr_point import PointTask
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import FILE, Band, Form, Numbers
+from workbench.core.operating_point import At
+from workbench.core.option import option
+from workbench.core.where import InWorkers
+from workbench.errors import InputError
 
-__all__ = ["Request"]
+if TYPE_CHECKING:
+    from workbench.analysis.lin.task import Width
+    from workbench.analysis.loop.result import LoopResult
+
+__all__ = ["Loop", "Open", "loop"]
+
+_MEASURING = "Measuring at amplitudes"
+
+_CONNECTION = Form(
+    metavar="PLANT.Y",
+    read=lambda texts: texts[-1],
+    write=lambda value: [value if isinstance(value, str) else " -> ".join(value)],
+    take=lambda value: value,
+)
+Open = str | tuple[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Request:
-    """Settings of every point.
+class Loop(InWorkers, Analysis["LoopResult"]):
+    """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
-    Attributes:
-        errcrit: error criterion of `nfr`.
-        max_periods: most periods at a point.
-        value: of the signal at the operating point [unit of the source].
-        loop: linear L, for the first guess of injected amplitudes; None: not known.
+    ```python
+    with wb.load("drive.toml") as system:
+        result = wb.loop(system, "plant.w", at=wb.trim(system))
+        print(result.margins.words, result.margins.gain_margin_db, result.margins.phase_margin_deg)
+        saturated = wb.loop(system, "plant.w", [1.0, 4.0], band=(0.5, 20.0))
+    ```
+
+    Convention: negative feedback. The connection is cut; z is passed on in place of the source, y comes back in the
+    source, all other loops stay closed. L = -Y/Z, wherever the minus sign lies, and the closed loop is
+    S = 1/(1 + L), T = L/(1 + L). A loop with positive feedback thus has L < 0 at low frequency.
+
+    The linear L is that of `lin` for the opened system: exact, a state space, for sampled loops in z at their basic
+    period. Its crossovers are found over all frequencies, not on a grid. Stability of the closed loop is told from all
+    its poles; where it is not stable, margins mean nothing and are NaN.
+
+    With amplitudes, L is measured too, by sines (as by `nfr`), at an amplitude of the signal z that is passed on, once
+    or both ways: "break" opens the loop at the operating point, z biased at its value there, and measures the
+    describing function of the open loop; "inject" leaves the loop closed, adds a sine, and compares the signals on
+    both sides, the sine adjusted until z has the amplitude. Between the frequencies points are added at the crossovers.
+    Where a nonlinearity is not symmetric at the operating point, the sine moves the mean of z in closed loop, while the
+    broken loop holds it: the two differ. The distortion of z and y stands beside each point: margins of a loop whose z
+    is far from a sine are not to be trusted. Stability at an amplitude is counted by Nyquist's criterion from the
+    linear loop.
+
+    Not for co-simulation parts (their communication steps are a part of the loop). Measured values of a sampled loop
+    are those of its continuous signals, of which z-domain margins take the values at the samples only.
+
+    Returns:
+        The loop: `margins`, `loop`, `sensitivity` and `complementary` (python-control), `curves`, `plot()`.
+
+    Raises:
+        InputError: no system, no such connection, a connection that is in no loop, co-simulation parts, a value out of
+            its range.
+        SimulationError: the system cannot be evaluated at the point.
     """
 
-    errcrit: float = 0.1
-    max_periods: int = 20
-    value: float = 0.0
-    loop: Transfer | None = None
+    command = "loop"
+    algorithm = "workbench.analysis.loop.run:run"
+    example = "workbench loop system:rudder_loop --open plant.del --amplitude 1,4 --band 4:15 --plot loop.png"
+    subject = replace(
+        Analysis.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."
+    )
+    # Tighter than for a time history, as for a frequency response.
+    usual_tolerance = 1e-8
 
-    def task(self, input: str, output: str, frequency: float, amplitude: float) -> PointTask:
-        """Return the task of one point."""
-        return PointTask(
-            input=input,
-            output=output,
-            frequency=frequency,
-            amplitude=amplitude,
-            errcrit=self.errcrit,
-            max_periods=self.max_periods,
-        )
+    open: Open | None = option(
+        "Where the loop is opened: a source 'plant.y' (all connections that leave it), an input 'controller.u' (the "
+        "one that ends there), one connection 'plant.y -> controller.u', or an output of the system.",
+        form=_CONNECTION,
+        default=None,
+    )
+    amplitudes: Numbers | None = option(
+        "Measure too, at amplitudes of the signal passed on, in its unit; else the linear loop only.",
+        flag="--amplitude",
+        default=None,
+    )
+    frequencies: Numbers | None = option(
+        "Frequencies to measure at.", unit="Hz", flag="--freq", metavar="F,..", group=_MEASURING, default=None
+    )
+    _: KW_ONLY
+    at: At | Open | None = option(
+        "Operating point of the closed loop: what trim --json wrote, or the JSON of any other result; else where the "
+        "system starts.",
+        metavar="POINT.JSON",
+        form=FILE,
+        group="Model",
+        default=None,
+    )
+    band: Band | None = option(
+        "Lowest and highest frequency to measure, in place of a list; else around the linear crossovers.",
+        unit="Hz",
+        group=_MEASURING,
+        default=None,
+    )
+    ratio: float = option("Ratio of neighbouring frequencies in a band.", group=_MEASURING, default=1.2)
+    how: str = option(
+        "Break the loop, or inject a sine in closed loop; auto breaks loops that are stable when open.",
+        choices=("auto", "break", "inject", "both"),
+        group=_MEASURING,
+        default="auto",
+    )
+    point: At | None = option(
+        "Another word for at.", metavar="POINT.JSON", form=FILE, group="Model", hidden=True, default=None
+    )
+    trim: bool = option("Trim the closed loop first, and open it there.", default=False)
+    method: str = option(
+        "How to linearise; auto chooses.",
+        choices=("auto", "exact", "difference", "kalman-bertram", "response"),
+        default="auto",
+    )
+    dx: Width = option("Widths of `lin` for the states.", python=True, default=None)
+    du: float | None = option("Width of `lin` for the signal passed on.", python=True, default=None)
+    refine: int = option(
+        "Rounds of more points at the crossovers that were measured.", least=0, below=11, group=_MEASURING, default=2
+    )
+    errcrit: float = option(
+        "A point has settled when phase [rad] and 10 x gain change by less in a period.",
+        positive=True,
+        group=_MEASURING,
+        default=0.1,
+    )
+    max_periods: int = option(
+        "Average and mark a point that has not settled after so many periods.", least=2, group=_MEASURING, default=20
+    )
+    stopped: Callable[[], bool] | None = option(
+        "Asked every few points; true ends the measurement, and what was measured is returned.",
+        python=True,
+        default=None,
+    )
 
-    def guess(self, frequency: float) -> float:
-        """Return |1 + L|: the injected amplitude that passes an amplitude of 1 on, were the loop linear."""
-        found = 1.0 if self.loop is None else abs(1.0 + self.loop.at(frequency))
-        # At a pole or zero of 1 + L the guess is anything; the search begins nearby.
-        return min(max(found, 1e-3), 1e3) if math.isfinite(found) else 1.0
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _, at, _ = self.place_and_point()
+        if self.trim and at is not None:
+            raise InputError("--at and --trim: only one of them")
+        if self.amplitudes is None and (self.frequencies is not None or self.band is not None):
+            raise InputError(
+                "frequencies are for measuring at amplitudes; give amplitudes, or leave the frequencies out"
+            )
+
+    def place_and_point(self) -> tuple[Open, At | None, tuple[str, ...]]:
+        """Return where to open the loop, the operating point, and a note where `at` names the former, as it once did.
+
+        Raises:
+            InputError: no connection is named, or two points are.
+        """
+        opened, at, notes = self.open, self.at, list[str]()
+        if opened is None:
+            if not (isinstance(at, tuple) or (isinstance(at, str | Path) and not Path(at).is_file())):
+                raise InputError("--open: at which connection? Name its source, as in --open plant.y")
+            notes.append(f"--at {at} is taken as the connection: that is --open {at} now, and --at the operating point")
+            opened, at = at if isinstance(at, tuple) else str(at), None
+        if isinstance(at, tuple):
+            raise InputError("at: the operating point is needed here; open names the connection")
+        if at is not None and self.point is not None:
+            raise InputError("--at and --point: only one of them")
+        return opened, self.point if at is None else at, tuple(notes)
+
+    def went_well(self, record: LoopResult) -> bool:
+        """Return whether no point failed.
+
+        Args:
+            record: of this request.
+        """
+        return not any(curve.failed for curve in record.curves)
+
+
+loop = function(Loop)
