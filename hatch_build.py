@@ -36,7 +36,9 @@ class KernelHook(_Hook):
         everywhere = os.environ.get(ALL_PLATFORMS, "") not in ("", "0")
         platforms = PLATFORMS if everywhere else host_only()
         if not platforms:
-            self.app.display_warning("no compiled inner loop for this platform; the Python driver will run the FMUs")
+            self.app.display_warning(
+                "the inner loop cannot be compiled for this platform; models cannot be loaded here"
+            )
             return
         root = Path(self.root)
         libraries = compile_kernel(root / "workbench" / "kernel", platforms)

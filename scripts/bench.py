@@ -31,6 +31,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from scripts import bench_fmpy, bench_processes, bench_systems  # noqa: E402
+from tests.drivers import DRIVERS, driven_by  # noqa: E402
 from workbench.workers import Workers  # noqa: E402
 
 Floats = NDArray[np.float64]
@@ -93,15 +94,6 @@ def alternate(sides: Mapping[str, Callable[[], object]], repeats: int) -> dict[s
     return {name: statistics.median(values) for name, values in times.items()}
 
 
-def load(path: str | Path, interface: str, solver: str = "auto", *, driver: str, **options: float) -> wb.DescribedModel:
-    """Load with a driver."""
-    model = wb.load(path, interface, solver, driver=driver, **options)  # type: ignore[arg-type]
-    if model.driver != driver:
-        model.close()
-        raise MissingError(f"the {driver} driver is not there")
-    return model
-
-
 # Co-simulation
 
 
@@ -114,7 +106,7 @@ def cs(size: Size) -> Iterator[Row]:
     """
     n = size.steps
     for file, name in ((bench_fmpy.gain(), "Gain"), (ROOT / "fmus" / "fmi2" / "FirstOrderLag.fmu", "FirstOrderLag")):
-        held = partial(load, file, "cs", step=STEP, driver="compiled")
+        held = partial(wb.load, file, "cs", step=STEP)
         with (
             bench_fmpy.Slave(file) as slave,
             held(hold_inputs=True) as plain,
@@ -170,10 +162,10 @@ def me(size: Size) -> Iterator[Row]:
     stop, tolerance = 2.0, 1e-6
     points = np.linspace(0.0, stop, 201)[1:]
     signals = {"delC": wb.Sine(frequency=FREQUENCY, amplitude=2.0)}
-    with load(file, "me", "vkm", driver="python", tolerance=1e-11) as exact:
+    with driven_by("python"), wb.load(file, "me", "vkm", tolerance=1e-11) as exact:
         truth = _run_ours(exact, signals, points)
     fmpy_side = bench_fmpy.Exchange(file, "delC", "del", points, signals["delC"])
-    with load(file, "me", "gear", driver="compiled", tolerance=tolerance) as model:
+    with wb.load(file, "me", "gear", tolerance=tolerance) as model:
         ours_error = _error(_run_ours(model, signals, points), truth)
         choices = _accuracies(fmpy_side, truth, tolerance, ours_error)
         for label, interval, error in choices:
@@ -216,11 +208,11 @@ def _accuracies(
 
 
 def sweep(size: Size) -> Iterator[Row]:
-    """The sweep of the demo with the compiled and with the Python driver, in this process."""
+    """The sweep of the demo with the compiled sessions and with the tests' oracle in Python, in this process."""
     in_process = Workers(in_process=True)
-    sides = {driver: partial(_sweep, size, driver, in_process) for driver in ("compiled", "python")}
+    sides = {driver: partial(_sweep, size, driver, in_process) for driver in DRIVERS}
     times = alternate(sides, max(1, size.repeats // 3))
-    yield _ratio("demo sweep: Python driver / compiled", times["compiled"], times["python"], 30.0, "s")
+    yield _ratio("demo sweep: oracle in Python / compiled", times["compiled"], times["python"], 30.0, "s")
 
 
 def workers(size: Size) -> Iterator[Row]:
@@ -232,7 +224,7 @@ def workers(size: Size) -> Iterator[Row]:
 
 
 def _sweep(size: Size, driver: str, where: Workers, *, ratio: float = 1.2, solver: str = "auto") -> None:
-    with load("fmu:Rudder", "auto", solver, driver=driver) as model:
+    with driven_by(driver), wb.load("fmu:Rudder", "auto", solver) as model:
         wb.nfr(model, "delC", "del", band=size.sweep, ratio=ratio, amplitudes=size.amplitudes, workers=where)
 
 

@@ -66,7 +66,6 @@ def ring(
         start_values={"c0.x": 1.0},
         solver=solver,
         tolerance=tolerance,
-        driver="compiled",
     )
     if not isinstance(model, wb.SystemModel):
         raise TypeError(f"model exchange was meant, not {type(model).__name__}")
@@ -202,7 +201,7 @@ def _evaluation(model: wb.SystemModel, stop: float) -> float:
         session.advance(stop, signals={}, record=["y"], points=points)
         took = time.thread_time() - begin
         if not isinstance(session, CompiledMeSession):
-            raise TypeError("the compiled driver was meant: it counts right-hand sides")
+            raise TypeError("a compiled session was meant: it counts right-hand sides")
         return took / session.evaluations
 
 

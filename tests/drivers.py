@@ -1,30 +1,55 @@
-"""Runs a module's tests once with each driver: import `each_driver` there."""
+"""What advances sessions in tests: the kernel, or the oracle in its place (`tests/oracle`)."""
 
 from __future__ import annotations
 
-import importlib
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import pytest
 
-from tests import hybrid_fmus
-from workbench.kernel.library import why_kernel_missing
-from workbench.model.fmu_model import DRIVERS
+from tests.oracle.group import OracleGroupSession
+from tests.oracle.me import OracleMeSession
+from workbench.model import described
+from workbench.session.compiled import CompiledCsSession, CompiledMeSession
+from workbench.session.cs import CsSession
+from workbench.session.fmu import FmuSession, Setup
+from workbench.system.master import group_unit
+from workbench.system.master.group_session import CompiledGroupSession
 
-__all__ = ["each_driver", "needs_kernel"]
+__all__ = ["DRIVERS", "GROUPS", "driven_by", "driver", "each_driver"]
 
-needs_kernel = pytest.mark.skipif(
-    bool(why_kernel_missing()),
-    reason="the compiled kernel is not installed (pip install -e . compiles it); the Python driver runs",
-)
+# Driver → interface → session; the loop of co-simulation in Python is the package's own, the master runs on it.
+DRIVERS: Mapping[str, Mapping[str, Callable[[Setup], FmuSession]]] = {
+    "compiled": {"me": CompiledMeSession, "cs": CompiledCsSession},
+    "python": {"me": OracleMeSession, "cs": CsSession},
+}
+GROUPS = {"compiled": CompiledGroupSession, "python": OracleGroupSession}
+
+fakes = "python"  # what advances the fakes of tests/hybrid_fmus.py; `driven_by` sets it, too
 
 
-@pytest.fixture(params=[pytest.param("compiled", marks=needs_kernel), "python"], autouse=True)
-def each_driver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The driver of all sessions that the test opens without naming one."""
+@contextmanager
+def driven_by(name: str) -> Iterator[None]:
+    """Let a driver advance the sessions that are opened inside, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules[__name__], "fakes", name)
+        patch.setattr(described, "SESSIONS", DRIVERS[name])
+        patch.setattr(group_unit, "SESSION", GROUPS[name])
+        yield
+
+
+@pytest.fixture
+def driver(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The driver of all sessions of the test: `parametrize("driver", DRIVERS, indirect=True)`."""
     name: str = request.param
-    assert name in DRIVERS
-    monkeypatch.setattr(hybrid_fmus, "driver", name)
-    # As a name, `workbench.model.load` is the function.
-    module = importlib.import_module("workbench.model.load")
-    monkeypatch.setattr(module, "choose_driver", lambda wanted: (name if wanted == "auto" else wanted, ""))
-    return name
+    with driven_by(name):
+        yield name
+
+
+@pytest.fixture(params=DRIVERS, autouse=True)
+def each_driver(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Import it to run each test of a module once with each driver."""
+    name: str = request.param
+    with driven_by(name):
+        yield name

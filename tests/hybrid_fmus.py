@@ -13,18 +13,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tests import drivers
 from workbench.fmi.description import Capabilities, Description, Experiment
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.model.fmu_model import DRIVERS
 from workbench.session.fmu import FmuSession, Setup
 from workbench.session.probe import state_can_be_trusted
 
 OK, DISCARD, ERROR = 0, 2, 3
-
-driver = "python"  # what drives the sessions of `open_fake`; set by tests/drivers.py
 
 
 class Hybrid:
@@ -267,7 +265,7 @@ class LyingC(FakeC):
 class FakeInstance(Instance2):
     def __init__(self, description: Description, c: FakeC, interface: str) -> None:
         functions: dict[str, Any] = c.functions()
-        if driver == "compiled":
+        if drivers.fakes == "compiled":
             functions = as_c(functions, version=2, interface=interface)
         self._setup(description, Library(functions), interface=interface)
         self.source, self.folder, self.component, self.c = "fake", Path(), 1, c
@@ -330,7 +328,7 @@ def open_fake(
     def instance() -> Instance:
         return FakeInstance(description, c(make(), names), interface)
 
-    kind = DRIVERS[driver][interface]
+    kind = drivers.DRIVERS[drivers.fakes][interface]
     by_name = {v.name: v for v in description.variables}
     setup = Setup(instance, by_name, rtol=rtol, solver=solver, step=step, bias=bias or {})
     works = state and state_can_be_trusted(kind, setup)

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from workbench.fmi.instance import DiscardError
 from workbench.kernel.gear import gear_library
-from workbench.session.solvers import SOLVERS, Solver, Tolerance
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("vkm", "gear", "none", "locate")
@@ -163,7 +163,7 @@ class TwinProblem:
             for b, k in ((self._xbuf, self.n), (self._dxbuf, self.n), (self._zbuf, self.nz))
         )
         self.t = 0.0
-        # What the Python CVODE driver touches of an FMU's instance.
+        # What the oracle's CVODE touches of an FMU's instance.
         self.instance = SimpleNamespace(
             _xbuf=self._xbuf, _dxbuf=self._dxbuf, _zbuf=self._zbuf, get_indicators=self._get_indicators,
             description=SimpleNamespace(states=()),
@@ -196,8 +196,7 @@ class FixedTolerance(Tolerance):
     """Scales that do not grow, as the C solvers see them."""
 
     def __init__(self, rtol: float, scale: float, n: int) -> None:
-        super().__init__(rtol, np.full(n, scale), np.zeros(n, dtype=bool))
-        self.scale[:] = scale
+        super().__init__(rtol, np.full(n, scale), np.full(n, np.inf))
 
     def grow(self, x: np.ndarray) -> None:
         """The kernel, not the solver, grows scales."""

@@ -15,7 +15,7 @@ from workbench.session.fmu import FmuSession
 @pytest.mark.parametrize("name", bundled_names())
 def test_outputs_alone_and_after_everything_else_are_equal(name: str, version: str) -> None:
     random = np.random.default_rng(7)
-    with wb.load(f"fmu:{name}{version}", "me", driver="python") as model:
+    with wb.load(f"fmu:{name}{version}", "me") as model:
         first, second = model.open_session(), model.open_session()
         for time in (1e-4, 2e-4, 3e-4):
             move = 1.0 + 0.1 * random.standard_normal(first.instance.nx)
@@ -51,7 +51,7 @@ def _numbers(session: FmuSession, model: wb.DescribedModel) -> dict[str, float]:
 
 
 def test_a_saved_state_remembers_what_is_due() -> None:
-    with wb.load("fmu:Rudder", "me", driver="python") as model, model.open_session() as session:
+    with wb.load("fmu:Rudder", "me") as model, model.open_session() as session:
         instance = session.instance
         _moved(session, 1e-3, np.full(8, 1.5), np.zeros(4))
         after_outputs = _outputs(session, model)

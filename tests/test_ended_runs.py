@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drivers import DRIVERS
 from tests.foreign_fmus import build_foreign, build_shy
 from tests.hostile_fmus import build_hostile
 from workbench.analysis.nfr import nfr
@@ -17,7 +18,6 @@ from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.cli.app import run
 from workbench.errors import EndedError, SimulationError
-from workbench.model.fmu_model import DRIVERS
 from workbench.model.load import load
 from workbench.workers import Workers
 
@@ -25,10 +25,10 @@ GRID = np.linspace(0.03, 0.99, 33)  # 0.5 s lies between two of them
 LATE = 0.01  # a solver's step beyond the end, for the FMU that ends with a step
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 @pytest.mark.parametrize(("name", "interface"), [("event", "me"), ("event", "cs"), ("step", "me"), ("step", "cs")])
 def test_the_result_ends_where_the_fmu_ends_it(tmp_path: Path, name: str, interface: str, driver: str) -> None:
-    with load(build_foreign(tmp_path, name), interface, driver=driver, tolerance=1e-9, step=0.03) as model:
+    with load(build_foreign(tmp_path, name), interface, tolerance=1e-9, step=0.03) as model:
         result = simulate(model, stop=0.99, points=GRID)
     assert result.failed is None
     assert result.ended_at == pytest.approx(0.5, abs=1e-12 if (name, interface) != ("step", "me") else 0.5)
@@ -40,19 +40,19 @@ def test_the_result_ends_where_the_fmu_ends_it(tmp_path: Path, name: str, interf
     assert any("the FMU ended its run" in text and "before 0.99 s" in text for text in result.notes)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 def test_an_fmu_of_fmi_3_that_ends_its_run(tmp_path: Path, driver: str) -> None:
-    with load(build_shy(tmp_path, "ends"), driver=driver, step=0.03) as model:
+    with load(build_shy(tmp_path, "ends"), step=0.03) as model:
         result = simulate(model, stop=0.99, points=GRID)
     assert (result.ended_at, result.time[-1]) == (0.5, 0.5)
     np.testing.assert_allclose(result.signals["y"], 1.0 - np.exp(-result.time), rtol=1e-9)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 def test_a_session_keeps_what_it_recorded(tmp_path: Path, driver: str) -> None:
     words = r"the FMU ended its run \(at t = 0\.5 s\)"
     with (
-        load(build_foreign(tmp_path, "event"), "me", driver=driver) as model,
+        load(build_foreign(tmp_path, "event"), "me") as model,
         model.open_session() as session,
         pytest.raises(EndedError, match=words) as caught,
     ):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
+from tests.drivers import DRIVERS
 from tests.fmi1_fmus import MODELS, build_fmi1
 from workbench.analysis.simulate.request import simulate
 from workbench.build import build_fmu
 from workbench.errors import FmuError
 from workbench.fmi.platforms import host
-from workbench.model.fmu_model import DRIVERS
 from workbench.model.load import load
 from workbench.signals import Signal, Sine, Step
 
@@ -36,9 +36,9 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(file: Path, interface: str, names: list[str], driver: str) -> dict[str, np.ndarray]:
+def run(file: Path, interface: str, names: list[str]) -> dict[str, np.ndarray]:
     solver, step = ("vkm", None) if interface == "me" else ("auto", 1e-3)
-    with load(file, interface, solver, driver=driver, tolerance=1e-10, step=step) as model:
+    with load(file, interface, solver, tolerance=1e-10, step=step) as model:
         forced = FORCED[interface]
         result = simulate(model, stop=float(GRID[-1]), inputs=forced, outputs=names, points=GRID, verify_step=False)
     rows = np.searchsorted(result.time, GRID, side="right") - 1
@@ -51,7 +51,7 @@ def test_fmus_are_valid(fmus: Path, model: str, interface: str) -> None:
     assert validate_fmu(str(fmus / f"{model}_{interface}.fmu")) == []
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 @pytest.mark.parametrize("interface", ["me", "cs"])
 @pytest.mark.parametrize("model", MODELS)
 def test_the_answers_are_those_of_fmi_2(fmus: Path, model: str, interface: str, driver: str) -> None:
@@ -59,17 +59,17 @@ def test_the_answers_are_those_of_fmi_2(fmus: Path, model: str, interface: str, 
         assert opened.description.fmi_version == "1.0"
         assert opened.interface == interface
     names = OUTPUTS[model]
-    one = run(fmus / f"{model}_{interface}.fmu", interface, names, driver)
-    two = run(fmus / f"{model}.fmu", interface, names, driver)
+    one = run(fmus / f"{model}_{interface}.fmu", interface, names)
+    two = run(fmus / f"{model}.fmu", interface, names)
     for name in names:
         assert one[name] == pytest.approx(two[name], rel=1e-6, abs=1e-6), name
         assert np.ptp(one[name]) > 0.0, name
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 def test_gear_goes_through_the_events_too(fmus: Path, driver: str) -> None:
     with (
-        load(fmus / "Hybrid_me.fmu", solver="gear", driver=driver, tolerance=1e-9) as model,
+        load(fmus / "Hybrid_me.fmu", solver="gear", tolerance=1e-9) as model,
         model.open_session() as session,
     ):
         record = session.advance(STOP, signals=SIGNALS, record=["bounces", "h"])
@@ -80,10 +80,10 @@ def test_gear_goes_through_the_events_too(fmus: Path, driver: str) -> None:
     assert height[at] == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 def test_a_session_goes_back_by_replay(fmus: Path, driver: str) -> None:
     for interface in ("me", "cs"):
-        with load(fmus / f"Hybrid_{interface}.fmu", driver=driver, step=0.01) as model, model.open_session() as session:
+        with load(fmus / f"Hybrid_{interface}.fmu", step=0.01) as model, model.open_session() as session:
             assert model.snapshot_method() == "replay"
             session.advance(0.5, signals=SIGNALS)
             saved = session.snapshot()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests import hybrid_fmus
+from tests import drivers, hybrid_fmus
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import FakeC, Hybrid, describe
 from workbench.errors import FmuError, SimulationError
@@ -19,7 +19,6 @@ from workbench.fmi.fmi1 import Instance1
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.model.fmu_model import DRIVERS
 from workbench.session.fmu import FmuSession, Setup
 from workbench.signals import Constant, Sine, Step
 
@@ -126,7 +125,7 @@ class FakeInstance1(Instance1):
         names = [v.name for v in description.variables]
         self.c = FakeOne(Relay(), names)
         functions = self.c.functions()
-        if hybrid_fmus.driver == "compiled":
+        if drivers.fakes == "compiled":
             functions = hybrid_fmus.as_c(functions, version=1, interface=interface)
         self._setup(description, Library(functions), interface=interface)
         self.source, self.folder, self.component = "one", Path(), 1
@@ -139,7 +138,7 @@ def open_one(interface: str, solver: str, step: float | None = None) -> FmuSessi
     def instance() -> Instance:
         return FakeInstance1(interface)
 
-    kind = DRIVERS[hybrid_fmus.driver][interface]
+    kind = drivers.DRIVERS[drivers.fakes][interface]
     return kind(Setup(instance, by_name, solver=solver, rtol=1e-9, step=step))
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drivers import DRIVERS
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, SimulationError
-from workbench.model.fmu_model import DRIVERS
 from workbench.model.load import load
 from workbench.signals import Constant
 
@@ -21,8 +21,8 @@ INTERFACES = ["me", "cs"]
 GRID = np.linspace(0.01, 1.0, 100)
 
 
-def run(file: Path, interface: str, driver: str = "auto") -> float:
-    with load(file, interface, driver=driver) as model:
+def run(file: Path, interface: str) -> float:
+    with load(file, interface) as model:
         return float(simulate(model, stop=1.0, points=GRID, verify_step=False).signals["y"][-1])
 
 
@@ -31,7 +31,7 @@ def test_the_tame_one_runs(tmp_path: Path, interface: str) -> None:
     assert run(build_hostile(tmp_path, "nothing"), interface) == pytest.approx(1.0 - np.exp(-1.0), rel=5e-3)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 @pytest.mark.parametrize("interface", INTERFACES)
 @pytest.mark.parametrize("name", [n for n, h in HOSTILE.items() if h.message])
 def test_failures_while_running_are_one_line_with_the_time(
@@ -39,7 +39,7 @@ def test_failures_while_running_are_one_line_with_the_time(
 ) -> None:
     file = build_hostile(tmp_path, name)
     with pytest.raises(SimulationError, match=HOSTILE[name].message) as caught:
-        run(file, interface, driver)
+        run(file, interface)
     assert caught.value.time == pytest.approx(0.5, abs=0.05)
     assert "\n" not in str(caught.value)
 
@@ -54,12 +54,12 @@ def test_broken_files_are_refused_in_one_line(tmp_path: Path, name: str) -> None
     assert not list(tmp_path.parent.rglob("escaped.txt"))
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 @pytest.mark.parametrize("interface", INTERFACES)
 @pytest.mark.parametrize("name", ["lazy-restore", "wrong-restore", "random"])
 def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str, interface: str, driver: str) -> None:
     file = build_hostile(tmp_path, name)
-    with load(file, interface, driver=driver) as model, model.open_session() as session:
+    with load(file, interface) as model, model.open_session() as session:
         assert model.snapshot_method() == "replay"
         session.advance(0.3, signals={"u": Constant(2.0)})
         before = session.values(["x"])["x"]

@@ -1,4 +1,4 @@
-"""Errors of the compiled driver: the same class and the same words as the Python driver's."""
+"""Errors of the compiled sessions: the same class and the same words as the oracle's."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests import hybrid_fmus
-from tests.drivers import needs_kernel
+import workbench as wb
+from tests import drivers
+from tests.drivers import DRIVERS, GROUPS, driven_by
 from tests.hybrid_fmus import DISCARD, ERROR, FakeC, Hybrid, open_fake
+from tests.system_models import unity_feedback
 from tests.test_session_events import Ball, Integrator, Lag, Slider, Stiff
-from workbench.errors import InputError, WorkbenchError
+from tests.test_system_master import lags
+from workbench.cli.app import run
+from workbench.errors import WorkbenchError
 from workbench.fmi.instance import DiscardError
 from workbench.kernel import library
 from workbench.kernel.structs import FUNCTIONS, STRUCTURES
@@ -25,8 +29,9 @@ from workbench.model.load import load
 from workbench.session.compiled import CompiledSession
 from workbench.session.compiled_errors import FAILURES, PAUSED
 from workbench.signals import Constant, Signal, Sine
+from workbench.system.master.session import MasterSession
 
-pytestmark = needs_kernel
+ROOT = Path(__file__).parent.parent
 
 
 class ErrorC(FakeC):
@@ -72,7 +77,7 @@ class RefusedStep(Integrator):
 
 def complaint(driver: str, make: type[Hybrid], interface: str, c: type[FakeC], monkeypatch: pytest.MonkeyPatch) -> str:
     """What goes wrong in 2 s, as text with its class and its time."""
-    monkeypatch.setattr(hybrid_fmus, "driver", driver)
+    monkeypatch.setattr(drivers, "fakes", driver)
     forced: dict[str, Signal] = {n: Sine(frequency=1.0) for n in make.inputs}
     solver = "vkm" if interface == "me" else "fmu"
     session = open_fake(make, solver, interface=interface, c=c, step=0.1)
@@ -104,7 +109,7 @@ def test_same_words(
 
 
 def test_restore_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hybrid_fmus, "driver", "compiled")
+    monkeypatch.setattr(drivers, "fakes", "compiled")
     with open_fake(RefusedStep, "fmu", interface="cs", step=0.1) as session:
         saved = session.snapshot()
         with pytest.raises(DiscardError):
@@ -114,7 +119,7 @@ def test_restore_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_bound_stops_a_run_that_grows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hybrid_fmus, "driver", "compiled")
+    monkeypatch.setattr(drivers, "fakes", "compiled")
     with open_fake(Integrator, "vkm") as session:
         assert isinstance(session, CompiledSession)
         session.recording.bound = 0.75
@@ -132,7 +137,7 @@ class Faulty(Constant):
 
 @pytest.mark.parametrize("interface", ["me", "cs"])
 def test_the_exception_of_a_users_own_signal_comes_through(interface: str) -> None:
-    with load("fmu:FirstOrderLag", interface, driver="compiled", step=0.01) as model:
+    with load("fmu:FirstOrderLag", interface, step=0.01) as model:
         session = model.open_session()
         with session, pytest.raises(ZeroDivisionError, match="no signal here"):
             session.advance(1.0, signals={"u": Faulty(0.0)})
@@ -144,7 +149,7 @@ def test_the_exception_of_a_users_own_signal_comes_through(interface: str) -> No
 )
 @pytest.mark.parametrize(("interface", "step"), [("me", None), ("cs", 1e-6)])
 def test_a_long_run_can_be_interrupted_from_the_keyboard(interface: str, step: float | None) -> None:
-    with load("fmu:FirstOrderLag", interface, driver="compiled", step=step) as model, model.open_session() as session:
+    with load("fmu:FirstOrderLag", interface, step=step) as model, model.open_session() as session:
         timer = threading.Timer(0.1, os.kill, (os.getpid(), signals_of_the_system.SIGINT))
         timer.start()
         with pytest.raises(KeyboardInterrupt):
@@ -152,13 +157,13 @@ def test_a_long_run_can_be_interrupted_from_the_keyboard(interface: str, step: f
 
 
 def test_a_stiff_model_is_told_to_use_gear(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hybrid_fmus, "driver", "compiled")
+    monkeypatch.setattr(drivers, "fakes", "compiled")
     with open_fake(Stiff, "vkm") as session, pytest.raises(WorkbenchError, match=r"vkm: .*use solver gear"):
         session.advance(1.0, signals={})
 
 
 def test_a_closed_session_says_so() -> None:
-    with load("fmu:FirstOrderLag", "me", driver="compiled") as model:
+    with load("fmu:FirstOrderLag", "me") as model:
         session = model.open_session()
         session.close()
         session.close()
@@ -186,21 +191,30 @@ def unloaded() -> Iterator[None]:
 
 @pytest.mark.usefixtures("unloaded")
 class TestMissing:
-    def test_auto_falls_back_and_says_so(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize(
+        "file", ["fmu:FirstOrderLag", ROOT / "systems" / "rudder_loop.toml"], ids=["fmu", "system"]
+    )
+    def test_loading_says_what_to_do(self, file: str | Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(library, "FOLDER", tmp_path)
         library._load.cache_clear()
-        with load("fmu:FirstOrderLag") as model:
-            assert model.driver == "python"
-            assert any("driver: python" in note and "install" in note for note in model.notes)
-        with pytest.raises(InputError, match=r"driver compiled is not available: .*install"):
-            load("fmu:FirstOrderLag", driver="compiled")
-        with pytest.raises(library.KernelMissingError, match="not in this installation"):
-            library.kernel()
+        with pytest.raises(library.KernelMissingError, match=r"not in this installation; .*pip install \.") as caught:
+            wb.load(file)
+        assert "\n" not in str(caught.value)
+
+    def test_the_command_line_says_so_too(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr(library, "FOLDER", tmp_path)
+        library._load.cache_clear()
+        assert run(["simulate", "fmu:FirstOrderLag"]) == 2
+        assert capsys.readouterr().err.startswith("workbench: the compiled kernel for ")
 
     def test_another_version_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(library, "VERSION", library.VERSION + 1)
         library._load.cache_clear()
         assert "install the package again" in library.why_kernel_missing()
+        with pytest.raises(library.KernelMissingError, match=r"this package needs \d+; install the package again"):
+            wb.load("fmu:FirstOrderLag")
 
     def test_another_layout_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         class Cs(ctypes.Structure):
@@ -211,9 +225,16 @@ class TestMissing:
         assert "structure Cs has another size" in library.why_kernel_missing()
 
 
-def test_the_driver_is_a_name_of_the_table() -> None:
-    with pytest.raises(InputError, match="driver 'fortran' is unknown; known: auto, compiled, python"):
-        load("fmu:FirstOrderLag", driver="fortran")
-    for driver in ("compiled", "python"):
-        with load("fmu:FirstOrderLag", driver=driver) as model:
-            assert model.driver == driver
+@pytest.mark.parametrize("name", DRIVERS)
+def test_the_driver_is_a_name_of_the_table(name: str) -> None:
+    """What `driven_by` names advances FMUs, systems and the groups of a master."""
+    kinds = DRIVERS[name]
+    with driven_by(name):
+        for interface, kind in kinds.items():
+            with load("fmu:FirstOrderLag", interface) as model, model.open_session() as session:
+                assert type(session) is kind
+        with unity_feedback("fmu:FirstOrderLag", gain=4.0) as system, system.open_session() as session:
+            assert type(session) is kinds["me"]
+        with lags("me", step=0.05) as mixed, mixed.open_session() as session:
+            assert isinstance(session, MasterSession)
+            assert [type(group.session) for group in session.master._groups.values()] == [GROUPS[name]]

@@ -7,7 +7,6 @@ import ctypes
 import numpy as np
 import pytest
 
-from tests.drivers import needs_kernel
 from workbench.analysis.harmonics import measure_period
 from workbench.errors import InputError
 from workbench.kernel.library import kernel
@@ -16,8 +15,6 @@ from workbench.model.load import load
 from workbench.session.base import Record
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Prbs, Sine
-
-pytestmark = needs_kernel
 
 
 def random_rows(mean: float) -> Record:
@@ -50,7 +47,7 @@ def test_equal_to_numpy(mean: float, orders: int) -> None:
 def test_a_session_sums_what_it_would_record(name: str, interface: str, u: str, y: str) -> None:
     sine = Sine(amplitude=0.5, frequency=5.0)
     points = np.arange(1, 201) / 1000.0
-    with load(f"fmu:{name}", interface, driver="compiled", step=1e-3 if interface == "cs" else None) as model:
+    with load(f"fmu:{name}", interface, step=1e-3 if interface == "cs" else None) as model:
         with model.open_session(signals={u: sine}) as session:
             record = session.advance(0.2, signals={u: sine}, record=[y], points=points)
         with model.open_session(signals={u: sine}) as session:
@@ -104,7 +101,7 @@ def test_a_basis_that_is_known_at_some_rows_gives_the_same() -> None:
 
 def test_a_basis_of_another_shape_is_refused() -> None:
     points = np.arange(1, 11) / 10.0
-    with load("fmu:FirstOrderLag", driver="compiled") as model, model.open_session() as session:
+    with load("fmu:FirstOrderLag") as model, model.open_session() as session:
         assert isinstance(session, CompiledSession)
         with pytest.raises(InputError, match=r"basis has shape \(10, 5\), not \(10, 7\)"):
             session.harmonics(
@@ -122,7 +119,7 @@ def test_a_basis_of_another_shape_is_refused() -> None:
 def test_fourth_of_the_rows_is_kept_where_that_is_asked_for() -> None:
     points = np.arange(1, 101) / 100.0
     signal = {"u": Prbs(hold=0.25, order=4)}
-    with load("fmu:FirstOrderLag", driver="compiled") as model:
+    with load("fmu:FirstOrderLag") as model:
         with model.open_session() as session:
             whole = session.advance(1.0, signals=signal, record=["y"], points=points)
         with model.open_session() as session:

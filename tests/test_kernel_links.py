@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from tests.drivers import needs_kernel
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Connection
 from workbench.kernel.native_forcing import NativeForcing
@@ -21,8 +20,6 @@ from workbench.session.base import Floats
 from workbench.signals import Signal, Sine, Step
 from workbench.system.order import plan
 
-pytestmark = needs_kernel
-
 GAIN = -0.5
 
 
@@ -33,7 +30,7 @@ def named(model: FmuModel, name: str) -> Variable:
 def two_lags(version: str, interface: str, signal: Signal, points: Floats) -> Floats:
     """u → lag → gain → lag → y; columns time, u, y of the first, y of the second."""
     with (
-        load(f"fmu:FirstOrderLag{version}", interface, "auto", driver="python", step=1e-3) as model,
+        load(f"fmu:FirstOrderLag{version}", interface, "auto", step=1e-3) as model,
         model.open_session(signals={"u": signal}) as a,
         model.open_session() as b,
     ):

@@ -1,4 +1,4 @@
-"""The compiled driver against the Python driver: the same rows on random signals, points, resumes and snapshots."""
+"""The compiled sessions against the oracle: the same rows on random signals, points, resumes and snapshots."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.drivers import needs_kernel
+from tests.drivers import driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.kernel_signals import signals
 from workbench.build import build_all
@@ -22,9 +22,7 @@ from workbench.session.base import Record
 from workbench.session.fmu import FmuSession
 from workbench.signals import Signal
 
-pytestmark = needs_kernel
-
-# The drivers' vkm is the same to rounding. Their gear is not (CVODE looks for events in Python, the kernel
+# Their vkm is the same to rounding. Their gear is not (CVODE looks for events in Python, the kernel
 # itself in C), and what it computes, event times included, is right to its tolerance only.
 TOLERANCE = {"gear": 1e-9}
 USUAL = 1e-7
@@ -80,14 +78,14 @@ def perform(session: FmuSession, acts: Sequence[Act], names: Sequence[str]) -> l
 
 @contextmanager
 def both(file: str | Path, interface: str, solver: str, step: float | None) -> Iterator[list[FmuSession]]:
-    """Yield a session of the Python driver and one of the compiled driver."""
+    """Yield a session of the oracle and a compiled one."""
     with ExitStack() as stack:
         sessions = []
         tolerance = TOLERANCE.get(solver, USUAL)
         for driver in ("python", "compiled"):
-            opened = load(file, interface, solver, step=step, tolerance=tolerance, driver=driver)
-            model = stack.enter_context(opened)
-            sessions.append(stack.enter_context(model.open_session()))
+            model = stack.enter_context(load(file, interface, solver, step=step, tolerance=tolerance))
+            with driven_by(driver):
+                sessions.append(stack.enter_context(model.open_session()))
         yield sessions
 
 

@@ -9,13 +9,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tests.drivers import needs_kernel
 from tests.kernel_signals import signals
 from workbench.kernel.library import kernel
 from workbench.kernel.native_signals import Trouble, native_signal
 from workbench.signals import Prbs, Signal, Sine, Table
-
-pytestmark = needs_kernel
 
 TIMES = st.one_of(
     st.floats(-5.0, 50.0),

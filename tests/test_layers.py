@@ -116,3 +116,19 @@ def test_no_analysis_builds() -> None:
     """FMUs are built by commands; what examines them takes them as they are."""
     wrong = [i.where for i in EVERY if LEVEL.get(i.source, 99) <= LEVEL["plotting"] and i.target == "build"]
     assert not wrong, "\n".join(wrong)
+
+
+def test_the_package_needs_no_tests() -> None:
+    """The oracle and all that serves it stay outside."""
+    for path in sorted(ROOT.rglob("*.py")):
+        found = [
+            node
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Import | ast.ImportFrom)
+        ]
+        named = [
+            name
+            for n in found
+            for name in ([a.name for a in n.names] if isinstance(n, ast.Import) else [n.module or ""])
+        ]
+        assert not [name for name in named if name.split(".")[0] in ("tests", "scripts")], path

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.drivers import needs_kernel
 from tests.lin_fmus import built
 from workbench.analysis.harmonics import measure_period
 from workbench.analysis.nfr_error import quadrature
@@ -69,14 +68,17 @@ TRUTH: dict[str, tuple[Callable[[float], float], float]] = {
 }
 
 
-@needs_kernel
 @pytest.mark.parametrize(
-    ("output", "driver"), [*((name, "compiled") for name in TRUTH), ("cubic", "python"), ("pulse", "python")]
+    ("output", "driver"),
+    [*((name, "compiled") for name in TRUTH), ("cubic", "python"), ("pulse", "python")],
+    indirect=["driver"],
 )
 def test_the_response_is_the_closed_form_and_within_the_error(output: str, driver: str) -> None:
     truth, off = TRUTH[output]
-    with wb.load(built(SOURCE, "Events"), "me", driver=driver) as model:
-        result = wb.nfr(model, "u", output, frequencies=[1.3], amplitudes=AMPLITUDES)
+    with wb.load(built(SOURCE, "Events"), "me") as model:
+        result = wb.nfr(
+            model, "u", output, frequencies=[1.3], amplitudes=AMPLITUDES, workers=wb.Workers(in_process=True)
+        )
     for i, amplitude in enumerate(AMPLITUDES):
         wanted = truth(amplitude)
         error = abs(complex(result.response[i, 0]) - wanted) / abs(wanted)

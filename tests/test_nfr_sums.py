@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from tests.drivers import needs_kernel
 from workbench.analysis.nfr_point import PointTask, run_point
 from workbench.model.load import load
 from workbench.session import Record, Session, Snapshot
@@ -14,11 +13,9 @@ from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Signal
 
-pytestmark = needs_kernel
-
 
 class Rows(Session):
-    """A session of the compiled driver that only gives rows."""
+    """A compiled session that only gives rows."""
 
     def __init__(self, session: Session) -> None:
         assert isinstance(session, CompiledSession)
@@ -63,7 +60,7 @@ class Rows(Session):
 )
 def test_sums_are_rows(name: str, interface: str, u: str, y: str, amplitude: float) -> None:
     task = PointTask(input=u, output=y, frequency=1.3, amplitude=amplitude, errcrit=0.1, max_periods=8)
-    with load(f"fmu:{name}", interface, driver="compiled") as model:
+    with load(f"fmu:{name}", interface) as model:
         with model.open_session(step=1.0 / (1.3 * task.rows)) as session:
             summed = run_point(session, task)
         with Rows(model.open_session(step=1.0 / (1.3 * task.rows))) as session:

@@ -245,7 +245,7 @@ def test_mass_damper_stays_at_its_trim(interface: str, each_driver: str) -> None
     fmu = gemseo_fmu("Mass_Damper")  # s_rel = 1 − f/c − … at rest; y = 0.5 − s_rel
     if (interface, each_driver) == ("cs", "python"):
         pytest.skip(
-            "half a minute; the Python driver runs test_a_step_in_co_simulation_is_that_of_its_own_linear_model"
+            "half a minute; the oracle runs test_a_step_in_co_simulation_is_that_of_its_own_linear_model"
         )
     with load(fmu, "me") as model:
         point = trim(model, u0={"f": 10.0}).point
@@ -255,7 +255,7 @@ def test_mass_damper_stays_at_its_trim(interface: str, each_driver: str) -> None
             check = step_check(model, linear.result, input="f", output="y", height=1.0, stop=0.5)
             assert check.error < 1e-6
     with (
-        load(fmu, interface, step=1.25e-4 if interface == "cs" else None, driver="auto") as model,
+        load(fmu, interface, step=1.25e-4 if interface == "cs" else None) as model,
         model.open_at(time=point.time, values={**point.x, **point.u}, outputs=point.y) as session,
     ):
         grid = session.time + np.linspace(0.01, 1.0, 100)

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from tests.drivers import needs_kernel
+from tests.drivers import DRIVERS, driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import LAG, difference, loop_of_two_saturations, run, unity_feedback
 from workbench.analysis.lin.linearise import lin
@@ -28,7 +28,7 @@ from workbench.system.load import load as load_any
 from workbench.system.read import read_system
 from workbench.workers import Workers
 
-both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
+both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 
 SPRINGS = ("MassSpringSubSystem1", "MassSpringSubSystem2")
 
@@ -44,9 +44,8 @@ def test_two_mass_spring_subsystems_are_the_whole(driver: str) -> None:
             [("a.x1", "b.x1"), ("b.x2", "a.x2")],
             outputs={"x1": "a.x1", "x2": "b.x2", "v1": "a.v1", "v2": "b.v2"},
             tolerance=1e-10,
-            driver=driver,
         ) as system,
-        load(gemseo_fmu("MassSpringSystem"), tolerance=1e-10, driver=driver) as whole,
+        load(gemseo_fmu("MassSpringSystem"), tolerance=1e-10) as whole,
     ):
         parts, one = (run(m, 10.0, {}, names) for m in (system, whole))
         assert [s.name for s in system.states] == [f"{c}.{s.name}" for c, m in _opened(system) for s in m]
@@ -63,7 +62,7 @@ def _opened(system: Model) -> list[tuple[str, tuple[Variable, ...]]]:
 
 @both
 def test_feedback_follows_the_closed_form(driver: str) -> None:
-    with unity_feedback(LAG, gain=4.0, driver=driver) as model:
+    with unity_feedback(LAG, gain=4.0) as model:
         record = run(model, 2.0, {"r": Step(time=0.5, value=1.0)}, ["y", "u", "p.u"])
         found = lin(model)
     since = np.maximum(record.time - 0.5, 0.0)
@@ -83,7 +82,6 @@ def test_fmus_of_both_versions_are_trimmed_linearised_and_measured(driver: str) 
         inputs={"u": "a.u"},
         outputs={"y": "b.y"},
         start_values={"b.tau": 2.0},
-        driver=driver,
     ) as model:
         point = trim(model, fix={"u": 2.0}).point
         assert point.x == pytest.approx({"a.x": 2.0, "b.x": -1.0})
@@ -102,7 +100,6 @@ def test_one_input_drives_two_components(driver: str) -> None:
         [("a.y", "s.u1"), ("b.y", "s.u2")],
         inputs={"u": ["a.u", "b.u"]},
         outputs={"y": "s.y"},
-        driver=driver,
     ) as model:
         record = run(model, 2.0, {"u": Sine(frequency=1.0)}, ["y", "a.y", "a.u", "b.u"])
     assert np.abs(record.values["a.y"]).max() > 0.1
@@ -119,7 +116,6 @@ def test_a_connection_closes_at_its_time(driver: str) -> None:
         outputs={"y": "p.y"},
         start_values={"p.x": 1.0},
         tolerance=1e-9,
-        driver=driver,
     ) as model:
         record = run(model, 2.0, {}, ["y", "p.u"])
         with model.open_session(start_time=1.5) as late:
@@ -133,7 +129,7 @@ def test_a_connection_closes_at_its_time(driver: str) -> None:
 @both
 def test_a_sampled_block_holds_its_output(driver: str) -> None:
     block = control.ss([[0.5]], [[1.0]], [[1.0]], [[2.0]], 0.1)
-    with connect({"d": block}, inputs={"u": "d.u"}, outputs={"y": "d.y"}, driver=driver) as model:
+    with connect({"d": block}, inputs={"u": "d.u"}, outputs={"y": "d.y"}) as model:
         record = run(model, 1.0, {"u": Constant(1.0)}, ["y"], rows=7)
         found = lin(model)
     _, truth = control.forced_response(block, np.arange(10) * 0.1, np.ones(10))
@@ -149,7 +145,7 @@ def test_a_sampled_block_holds_its_output(driver: str) -> None:
 def test_snapshots_bring_a_system_back_to_the_last_bit(driver: str) -> None:
     signals = {"r": Sine(frequency=0.5, amplitude=6.0)}
     points = np.linspace(1.1, 2.0, 10)
-    with loop_of_two_saturations(driver) as model, model.open_session() as session:
+    with loop_of_two_saturations() as model, model.open_session() as session:
         assert model.snapshot_method() == "state"
         session.advance(1.0, signals=signals)
         saved = session.snapshot()
@@ -160,12 +156,11 @@ def test_snapshots_bring_a_system_back_to_the_last_bit(driver: str) -> None:
     assert np.array_equal(runs[0], runs[1])
 
 
-@needs_kernel
 def test_both_drivers_find_the_same_events_inside_a_loop() -> None:
     signals = {"r": Sine(frequency=0.5, amplitude=6.0)}
     records = []
-    for driver in ("python", "compiled"):
-        with loop_of_two_saturations(driver) as model:
+    for name in DRIVERS:
+        with driven_by(name), loop_of_two_saturations() as model:
             records.append(run(model, 2.0, signals, ["y", "z", "s.u", "g.u"]))
     a, b = records
     assert a.time == pytest.approx(b.time, abs=1e-9)
@@ -185,7 +180,6 @@ def test_a_linear_loop_is_solved_and_linearised_exactly(driver: str) -> None:
         [("e.y", "k.u"), ("k.y", "e.u2"), ("k.y", "p.u")],
         inputs={"r": "e.u1"},
         outputs={"y": "k.y", "x": "p.y"},
-        driver=driver,
     ) as model:
         assert any("algebraic loop" in note for note in model.notes)
         record = run(model, 1.0, {"r": Sine(frequency=1.0)}, ["y"])
@@ -204,7 +198,6 @@ def test_a_python_function_inside_a_loop(driver: str) -> None:
         [("e.y", "f.u"), ("f.y", "e.u2"), ("f.y", "p.u")],
         inputs={"r": "e.u1"},
         outputs={"y": "f.y"},
-        driver=driver,
     ) as model:
         record = run(model, 1.0, {"r": Sine(frequency=1.0, amplitude=5.0)}, ["y"])
         response = nfr(model, "r", "y", [1.0], [1e-3])  # in this process: the function cannot be sent
@@ -224,7 +217,6 @@ def test_a_loop_whose_solution_ends_is_explained(driver: str, solver: str) -> No
             inputs={"r": "e.u1"},
             outputs={"y": "f.y"},
             solver=solver,
-            driver=driver,
         ) as model,
         pytest.raises(SimulationError) as caught,
     ):
@@ -242,7 +234,6 @@ def test_a_loop_gain_of_one_is_explained(driver: str) -> None:
             [("e.y", "k.u"), ("k.y", "e.u2")],
             inputs={"r": "e.u1"},
             outputs={"y": "k.y"},
-            driver=driver,
         ) as model,
         pytest.raises(SimulationError, match=r"no solution was found .* e.y → k.u, k.y → e.u2"),
     ):
@@ -257,7 +248,7 @@ def test_an_error_in_a_python_function_is_told(driver: str) -> None:
         return u
 
     with (
-        connect({"a": LAG, "f": broken}, [("a.y", "f.u")], ["a.u"], {"y": "f.y"}, driver=driver) as model,
+        connect({"a": LAG, "f": broken}, [("a.y", "f.u")], ["a.u"], {"y": "f.y"}) as model,
         pytest.raises(SimulationError, match="f: the function raised ValueError: too much"),
     ):
         run(model, 3.0, {"a.u": Constant(1.0)}, ["y"])
@@ -266,14 +257,14 @@ def test_an_error_in_a_python_function_is_told(driver: str) -> None:
 def test_workers_measure_a_system_as_this_process_does() -> None:
     gains = []
     for workers in (Workers(jobs=2), Workers(in_process=True)):
-        with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver="auto", tolerance=1e-6) as model:
+        with unity_feedback("fmu:FirstOrderLag", gain=4.0, tolerance=1e-6) as model:
             gains.append(nfr(model, "r", "y", [0.5], [1.0], workers=workers).gain)
     assert np.array_equal(gains[0], gains[1])
     assert gains[0][0, 0] == pytest.approx(4.0 / abs(5.0 + 1j * np.pi), rel=1e-3)
 
 
 def test_a_packed_recipe_needs_no_file() -> None:
-    with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver="auto") as model:
+    with unity_feedback("fmu:FirstOrderLag", gain=4.0) as model:
         packed, identity = model.recipe.packed(), model.recipe.identity()
     with packed.open() as again:
         assert pytest.approx(np.array([[-5.0]])) == lin(again).A
@@ -310,14 +301,13 @@ def test_wrong_names_in_a_system_are_refused() -> None:
 
 @both
 def test_systems_are_connected_further(driver: str) -> None:
-    with unity_feedback("fmu:FirstOrderLag", gain=4.0, driver=driver) as inner:
+    with unity_feedback("fmu:FirstOrderLag", gain=4.0) as inner:
         outer = connect(
             {"in": inner, "k": 2.0, "e": difference("e", 1.0, -1.0)},
             [("e.y", "in.r"), ("in.y", "k.u"), ("k.y", "e.u2")],
             inputs={"r": "e.u1"},
             outputs={"y": "in.y", "u": "in.k.y"},
             start_values={"in.p.tau": 2.0},
-            driver=driver,
         )
     with outer:
         assert [s.name for s in outer.states] == ["in.p.x"]
@@ -406,7 +396,6 @@ def test_order_of_evaluation_follows_feed_through() -> None:
         assert not wiring.loops()
 
 
-@needs_kernel
 def test_a_sampled_law_around_the_rudder_is_linearised_as_it_is_measured() -> None:
     """Kalman-Bertram over one period of the law against the measured response, to 2 Hz (Nyquist is 22.7 Hz)."""
     with connect(

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from tests import hybrid_fmus
 from tests.drivers import each_driver  # noqa: F401  used by pytest
 from tests.hybrid_fmus import FakeC, FakeInstance, Hybrid, describe
 from tests.test_session_events import Ball, Integrator, Sampler
@@ -70,7 +69,7 @@ def fakes(models: Mapping[str, type[Hybrid]], wires: Sequence[tuple[str, str]], 
         inputs={name: (name,) for name in inputs},
     )
     resolved = resolve(description, [p.description.variables for p in parts])
-    recipe = SystemRecipe(source="fakes", system=description, driver=hybrid_fmus.driver, tolerance=1e-9)
+    recipe = SystemRecipe(source="fakes", system=description, tolerance=1e-9)
     return SystemModel(Opened(description, parts, resolved), recipe)
 
 

@@ -11,7 +11,7 @@ import control
 import numpy as np
 import pytest
 
-from tests.drivers import needs_kernel
+from tests.drivers import DRIVERS
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import difference
 from workbench.analysis.simulate.request import simulate
@@ -27,7 +27,7 @@ from workbench.system.master.richardson import halving
 from workbench.system.master.sampled import clock_ticks
 from workbench.system.master.ticks import repeating
 
-both = pytest.mark.parametrize("driver", [pytest.param("compiled", marks=needs_kernel), "python"])
+both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 
 REFERENCE: Mapping[str, Signal] = {"r": Sine(frequency=0.3)}
 
@@ -51,7 +51,6 @@ def lags(
     order: str = "auto",
     hold_inputs: bool = False,
     tolerance: float = 1e-8,
-    driver: str = "auto",
 ) -> MasterModel:
     """r → (+) → lag a → lag b → y, with −gain·y fed back."""
     return mastered(
@@ -68,7 +67,6 @@ def lags(
             order=order,
             hold_inputs=hold_inputs,
             tolerance=tolerance,
-            driver=driver,
         )
     )
 
@@ -118,7 +116,7 @@ def test_held_inputs_are_of_first_order(order: str) -> None:
 
 @both
 def test_both_drivers_advance_the_model_exchange_part(driver: str) -> None:
-    assert error_of(lags("me", step=0.05, driver=driver)) < 2e-3
+    assert error_of(lags("me", step=0.05)) < 2e-3
 
 
 def test_gauss_seidel_follows_the_signals_and_jacobi_does_not() -> None:

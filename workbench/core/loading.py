@@ -65,12 +65,6 @@ class Loading(Options):
         default=False,
         python=True,
     )
-    driver: str = option(
-        'What advances sessions: "compiled", "python" (the readable reference, about 20 times slower), or "auto", '
-        "which takes the compiled one where it is installed.",
-        default="auto",
-        python=True,
-    )
 
 
 Loading.__doc__ = documented(Loading)

@@ -99,11 +99,6 @@ class Instance1(Instance):
             next_time=float(info.nextEventTime) if timed else math.inf,
         )
 
-    def completed_step(self) -> tuple[bool, bool]:
-        event = ctypes.c_char(b"\0")
-        self.call("fmi1CompletedIntegratorStep", byref(event))
-        return decode_flag(event.value), False
-
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
         self.call("fmi1DoStep", time + self.clock, step, b"\1")

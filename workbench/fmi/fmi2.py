@@ -95,11 +95,6 @@ class Instance2(Instance):
             next_time=float(info.nextEventTime) if info.nextEventTimeDefined else math.inf,
         )
 
-    def completed_step(self) -> tuple[bool, bool]:
-        event, terminate = ctypes.c_int(), ctypes.c_int()
-        self.call("fmi2CompletedIntegratorStep", int(NEVER_BACK), byref(event), byref(terminate))
-        return bool(event.value), bool(terminate.value)
-
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
         step_to = self.library[self.CALLS["do_step"]]

@@ -112,11 +112,6 @@ class Instance3(Instance):
         again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
         return again, EventInfo(terminate, states, nominals, time.value - self.clock if timed else math.inf)
 
-    def completed_step(self) -> tuple[bool, bool]:
-        event, terminate = ctypes.c_bool(), ctypes.c_bool()
-        self.call("fmi3CompletedIntegratorStep", NEVER_BACK, byref(event), byref(terminate))
-        return bool(event.value), bool(terminate.value)
-
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
         event, terminate, early = (ctypes.c_bool() for _ in range(3))

@@ -84,8 +84,8 @@ class Instance(ABC):
       2. Write start values; `enter_initialisation`; write inputs; `exit_initialisation`.
          Model exchange, and co-simulation with `event_mode`, is then in event mode.
       3. Model exchange: `iterate_events`, `enter_continuous_mode`; then `set_time`,
-         `set_states`, continuous inputs, `get_…` in any number; `completed_step` after each
-         accepted step; `enter_event_mode` before an event iteration.
+         `set_states`, continuous inputs, `get_…` in any number; the FMU's own function for a completed
+         step after each accepted step (the kernel calls it); `enter_event_mode` before an event iteration.
          Co-simulation: with `event_mode`, `iterate_events`, `enter_step_mode`; then `do_step`.
       4. `close`, in any situation, any number of times; nothing may be called after it.
     `clock` may be set before initialisation, in co-simulation: the FMU's own time is that much later than what is said
@@ -301,10 +301,6 @@ class Instance(ABC):
     @abstractmethod
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
         """Evaluate the event once; the first value says whether it must be called again."""
-
-    @abstractmethod
-    def completed_step(self) -> tuple[bool, bool]:
-        """Report an accepted step; returns (enter event mode, terminate)."""
 
     def iterate_events(self) -> EventInfo:
         """Iterate in event mode until nothing changes.

@@ -62,8 +62,8 @@ class Group:
 class Wiring:
     """Connections, the order in which they are evaluated, and the values on them.
 
-    The arrays are shared: the readable driver and the compiled one work on the same memory, so that a saved
-    state taken in Python holds for both.
+    The arrays are shared: Python and the kernel work on the same memory, so that a saved state taken in Python holds
+    for both.
 
     Attributes:
         connections: n of them.

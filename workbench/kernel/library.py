@@ -17,6 +17,7 @@ __all__ = ["KernelMissingError", "kernel", "kernel_path", "why_kernel_missing"]
 
 VERSION = 8  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
+_REMEDY = "install the package again, which compiles it: pip install . in its folder (pip install -e . to work on it)"
 
 _RUN = [c_void_p, c_double, c_void_p, c_size_t, c_void_p, c_int32]
 _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
@@ -39,7 +40,7 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
 
 
 class KernelMissingError(WorkbenchError):
-    """The compiled inner loop is not there or does not fit; `message` says why and what to do."""
+    """The compiled kernel, without which no model can be loaded, is missing or does not fit; `message` says why."""
 
 
 def kernel_path() -> Path:
@@ -62,7 +63,7 @@ def kernel() -> ctypes.CDLL:
 
 
 def why_kernel_missing() -> str:
-    """Return why the compiled inner loop cannot be used; empty if it can."""
+    """Return why the compiled kernel cannot be used and what to do; empty if it can."""
     return _load()[1]
 
 
@@ -70,14 +71,14 @@ def why_kernel_missing() -> str:
 def _load() -> tuple[ctypes.CDLL | None, str]:
     path = kernel_path()
     if not path.is_file():
-        return None, f"the compiled kernel for {host()} is not in this installation; install a wheel for this platform"
+        return None, f"the compiled kernel for {host()} is not in this installation; {_REMEDY}"
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
-        return None, f"{path}: the system cannot load the compiled kernel: {error}"
+        return None, f"{path}: the system cannot load the compiled kernel: {error}; {_REMEDY}"
     why = _misfit(library)
     if why:
-        return None, f"{path}: {why}; install the package again"
+        return None, f"{path}: {why}; {_REMEDY}"
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)  # subscripts would give a new object each time
         function.restype, function.argtypes = result, arguments

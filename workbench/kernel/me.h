@@ -1,4 +1,4 @@
-/* me.h: model exchange: the kernel integrates from stop to stop. The twin of workbench/session/me.py. */
+/* me.h: model exchange: the kernel integrates from stop to stop. The twin of tests/oracle/me.py. */
 #ifndef WORKBENCH_KERNEL_ME_H
 #define WORKBENCH_KERNEL_ME_H
 

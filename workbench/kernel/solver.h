@@ -1,6 +1,6 @@
 /* solver.h: what a solver of ordinary differential equations is to the kernel.
  *
- * Obligations of every solver (the same as of workbench/session/solvers/base.py, its readable twin):
+ * Obligations of every solver (the same as of tests/oracle/solver.py, its readable twin):
  *   1. `restart` forgets the past; nothing computed later depends on what was before it.
  *   2. `step` makes one accepted step from (t, x), never beyond `stop` and never longer than `longest`;
  *      it ends early, just after it (within 1e-12 relative), where an event indicator changes between

@@ -1,6 +1,6 @@
 /* turned.h: event indicators that an event turned back, or stopped, at their zeros: none may go on across.
  *
- * The twin of workbench/session/turned.py, which says why and how.
+ * The twin of tests/oracle/turned.py, which says why and how.
  */
 #ifndef WORKBENCH_KERNEL_TURNED_H
 #define WORKBENCH_KERNEL_TURNED_H

@@ -7,7 +7,7 @@
  *
  * States inside a step come from a shorter step with the same start, so they do not depend on where
  * points are asked for. Not for stiff models: the step is then limited by stability; use `gear`.
- * The step control is that of workbench/session/solvers/merson.py, to the last digit.
+ * The step control is that of tests/oracle/merson.py, to the last digit.
  *
  * Source: R. H. Merson, An operational method for the study of integration processes, 1957;
  * E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4.

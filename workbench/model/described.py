@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import weakref
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -15,12 +15,11 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
+from workbench.kernel.library import kernel
 from workbench.model.base import Model
 from workbench.model.recipe import LoadRecipe
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
-from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Lead, Setup
-from workbench.session.me import MeSession
 from workbench.session.point import FmuPoint
 from workbench.session.probe import why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
@@ -28,13 +27,10 @@ from workbench.session.start_probe import begins_at_zero
 from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
 
-__all__ = ["DRIVERS", "DescribedModel"]
+__all__ = ["SESSIONS", "DescribedModel"]
 
-# Driver → interface → session. The Python driver is the readable reference of the compiled one.
-DRIVERS: Mapping[str, Mapping[str, type[FmuSession]]] = {
-    "compiled": {"me": CompiledMeSession, "cs": CompiledCsSession},
-    "python": {"me": MeSession, "cs": CsSession},
-}
+# Interface → session. Tests put their oracle here.
+SESSIONS: Mapping[str, Callable[[Setup], FmuSession]] = {"me": CompiledMeSession, "cs": CompiledCsSession}
 _PARAMETERS = ("parameter", "structuralParameter")
 _REST = 1e-12  # relative: what moves less is at rest
 
@@ -47,7 +43,6 @@ class DescribedModel(Model):
         source: what the user named.
         interface: "me" or "cs", one of those offered.
         setup: how sessions begin; who opens instances is put in here.
-        driver: a name in `DRIVERS`.
         notes: remarks for the user.
         recipe: how to load it again.
 
@@ -56,6 +51,9 @@ class DescribedModel(Model):
         source: what the user named.
         recipe: how to load it again.
         start_note: co-simulation that begins at 0 whatever start time it is told: says so, once it was seen.
+
+    Raises:
+        KernelMissingError: the compiled kernel, which advances sessions, is not installed or is of another version.
     """
 
     recipe: LoadRecipe
@@ -67,10 +65,10 @@ class DescribedModel(Model):
         source: str,
         interface: str,
         setup: Setup,
-        driver: str,
         notes: tuple[str, ...],
         recipe: LoadRecipe,
     ) -> None:
+        kernel()  # without it no session could be advanced: better told now
         self.description = description
         self.source = source
         self.name = description.model_name
@@ -79,7 +77,6 @@ class DescribedModel(Model):
         self.start_time = setup.start_time if recipe.at is None or recipe.start is not None else recipe.at.time
         self.stop_time = description.experiment.stop_time
         self.rtol = setup.rtol if interface == "me" and setup.solver != "none" else 0.0
-        self.driver = driver
         self.notes = notes
         if not description.interfaces[interface].variable_step:
             self.grid = setup.step or description.experiment.step
@@ -272,7 +269,7 @@ class DescribedModel(Model):
         return session
 
     def _open(self, setup: Setup) -> FmuSession:
-        return DRIVERS[self.driver][self.interface](setup)
+        return SESSIONS[self.interface](setup)
 
     def _probe_start(self, setup: Setup) -> None:
         """Find out once whether a co-simulation that is to begin later than at 0 does so."""

@@ -7,11 +7,11 @@ from workbench.fmi.binding import instantiate
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library
-from workbench.model.described import DRIVERS, DescribedModel
+from workbench.model.described import DescribedModel
 from workbench.model.recipe import FmuRecipe
 from workbench.session.fmu import Setup
 
-__all__ = ["DRIVERS", "FmuModel"]
+__all__ = ["FmuModel"]
 
 
 class FmuModel(DescribedModel):
@@ -22,7 +22,6 @@ class FmuModel(DescribedModel):
         description: what that FMU says about itself.
         interface: "me" or "cs", one of those offered.
         setup: how sessions begin; who opens instances is put in here.
-        driver: a name in `DRIVERS`.
         notes: remarks for the user.
         recipe: how to load it again.
     """
@@ -36,7 +35,6 @@ class FmuModel(DescribedModel):
         *,
         interface: str,
         setup: Setup,
-        driver: str,
         notes: tuple[str, ...],
         recipe: FmuRecipe,
     ) -> None:
@@ -45,7 +43,6 @@ class FmuModel(DescribedModel):
             source=str(unpacked.source),
             interface=interface,
             setup=setup,
-            driver=driver,
             notes=notes,
             recipe=recipe,
         )

@@ -8,22 +8,21 @@ from pathlib import Path
 
 from workbench.core.loading import Loading
 from workbench.core.option import values_of, with_options
-from workbench.errors import InputError, article, suggest
+from workbench.errors import FmuError, InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
-from workbench.kernel.library import why_kernel_missing
-from workbench.model.fmu_model import DRIVERS, FmuModel
+from workbench.kernel.gear import why_missing
+from workbench.model.fmu_model import FmuModel
 from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe
 from workbench.session.fmu import Setup
-from workbench.session.solvers import choose_solver
 
 __all__ = [
     "check_biases",
     "check_starts",
-    "choose_driver",
+    "choose_solver",
     "experiment_notes",
     "load",
     "load_fmu",
@@ -31,6 +30,7 @@ __all__ = [
     "start_of",
 ]
 
+SOLVERS = ("gear", "vkm", "none")
 _SETTABLE = ("parameter", "input", "local", "output")
 
 
@@ -87,7 +87,6 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         raise InputError("hold_inputs: only co-simulation holds inputs between points; use interface cs")
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
-    driver, remark = choose_driver(recipe.driver)
     variables = {v.name: v for v in description.variables}
     setup = Setup(
         open_instance=_not_yet,
@@ -104,10 +103,10 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     choices = [
         *_notes(recipe.interface, chosen, description, recipe.step),
         *experiment_notes(recipe, description),
-        *filter(None, [note, remark]),
+        *filter(None, [note]),
     ]
     notes = (*description.notes, *choices)
-    return FmuModel(unpacked, description, interface=chosen, setup=setup, driver=driver, notes=notes, recipe=recipe)
+    return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=recipe)
 
 
 def _not_yet() -> Instance:
@@ -149,20 +148,26 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     return "fmu", ""
 
 
-def choose_driver(wanted: str) -> tuple[str, str]:
-    """Return the driver and a note about the choice (may be empty).
+def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
+    """Return the name of the solver of model exchange and a note about the choice (may be empty).
 
     Raises:
-        InputError: unknown, or not available here.
+        InputError: unknown name.
+        FmuError: `gear` is wanted where its libraries are missing.
     """
-    if wanted not in ("auto", *DRIVERS):
-        raise InputError(f"driver '{wanted}' is unknown; {suggest(wanted, ('auto', *DRIVERS))}")
-    missing = "" if wanted == "python" else why_kernel_missing()
-    if not missing:
-        return ("compiled" if wanted == "auto" else wanted), ""
-    if wanted == "compiled":
-        raise InputError(f"driver compiled is not available: {missing}; or use driver python")
-    return "python", f"driver: python, some 20 times slower than the compiled one: {missing}"
+    if wanted != "auto" and wanted not in SOLVERS:
+        raise InputError(f"solver '{wanted}' is unknown; {suggest(wanted, ('auto', *SOLVERS))}")
+    if states == 0:
+        return "none", "solver: none, the model has no continuous states"
+    if wanted == "none":
+        raise InputError(f"solver none: the model has {states} continuous states; use vkm or gear")
+    if wanted == "gear" and why_missing():
+        raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
+    if wanted != "auto":
+        return wanted, ""
+    if why_missing():
+        return "vkm", f"solver: vkm, because gear is not available: {why_missing()}"
+    return "gear", "solver: gear (chosen by auto)"
 
 
 def _notes(wanted: str, chosen: str, description: Description, step: float | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""The error for an algebraic loop that has no solution; the same from both drivers."""
+"""The error for an algebraic loop that has no solution; Newton's methods of the kernel and of Python share it."""
 
 from __future__ import annotations
 

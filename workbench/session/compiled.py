@@ -1,6 +1,6 @@
 """Sessions whose loop runs in compiled code: one call from Python advances many steps.
 
-Start-up, snapshots, replay and bookkeeping are those of the Python sessions; so are the rows.
+The oracle in tests/oracle is the same in plain Python; each is tested against the other.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Record
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession
-from workbench.session.forcing import Forcing
 from workbench.session.loop import Loop, Recording, closed
 from workbench.session.me import MeSession
 from workbench.signals import Signal
@@ -145,7 +144,7 @@ def _known(points: Floats | None, basis: Floats | None, orders: int) -> tuple[Fl
 
 
 class CompiledCsSession(CompiledSession, CsSession):
-    """`CsSession` with its loop in compiled code."""
+    """Co-simulation of one FMU: the loop of `CsSession` in compiled code."""
 
     _communicates = True
 
@@ -172,20 +171,20 @@ class CompiledCsSession(CompiledSession, CsSession):
 
 
 class CompiledMeSession(CompiledSession, MeSession):
-    """`MeSession` with its loop and its solver in compiled code."""
+    """Model exchange, loop and solver in compiled code."""
 
     _communicates = False
 
     def _make_solver(self) -> None:
-        name, tolerance = self.setup.solver, self._tolerance()
+        name = self.setup.solver
         if name == "gear" and why_missing():
             raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
-        self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in (tolerance.scale, tolerance.most))
+        self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in self._scales())
         self._native = Me(
             system=self._make_loop().system.address,
             solver_name=name.encode(),
             gear=ctypes.addressof(gear_library()) if name == "gear" else None,
-            rtol=tolerance.rtol,
+            rtol=self.setup.rtol,
             scale=self._scale.ctypes.data,
             most=self._most.ctypes.data,
             next_time=self._next_time,
@@ -205,9 +204,6 @@ class CompiledMeSession(CompiledSession, MeSession):
     def evaluations(self) -> int:
         """Number of right-hand sides so far."""
         return int(self.loop.system.structure.evaluations)
-
-    def _forcing_changed(self, before: Forcing) -> None:
-        FmuSession._forcing_changed(self, before)  # noqa: SLF001  there is no Python problem to tell
 
     def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
         try:

@@ -1,4 +1,4 @@
-"""What the kernel notes when it cannot go on, as the exceptions of the Python driver."""
+"""What the kernel notes when it cannot go on, as exceptions."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
 from workbench.session.algebraic_error import unsolved
 from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
-from workbench.session.me import chattering, too_many_steps, zeno
-from workbench.session.turned import gone_through
 
-__all__ = ["PAUSED", "Situation", "exception_of"]
+__all__ = ["PAUSED", "Situation", "chattering", "exception_of", "gone_through", "too_many_steps", "zeno"]
+
+MAX_STEPS = 20_000  # between two recorded points or events; as in me.c
 
 
 @dataclass(frozen=True)
@@ -167,5 +167,34 @@ PAUSED = len(FAILURES) + 1
 
 
 def exception_of(now: Situation) -> Exception:
-    """Return the exception that the Python driver would raise."""
+    """Return the exception for what the kernel noted."""
     return FAILURES[now.failure.code - 1](now)
+
+
+def too_many_steps(solver: str, time: float) -> SimulationError:
+    """Return the error for a solver that does not get on."""
+    advice = "; use solver gear" if solver == "vkm" else ""
+    return SimulationError(f"{solver}: more than {MAX_STEPS} steps needed between two points{advice}", time=time)
+
+
+def chattering(time: float) -> SimulationError:
+    """Return the error for events that follow each other without time passing."""
+    words = "more and more events without time passing (chattering); give the switching condition a hysteresis"
+    return SimulationError(words, time=time)
+
+
+def zeno(time: float) -> SimulationError:
+    """Return the error for events that follow each other faster and faster, without end before `time` [s]."""
+    words = "infinitely many events (Zeno behaviour, as of a ball that comes to rest); let the model rest there"
+    return SimulationError(words, time=time)
+
+
+def gone_through(time: float) -> SimulationError:
+    """Return the error for an indicator that went on across its zero, though the event there turned or stopped it."""
+    words = (
+        "the event here turns back or stops what crosses its threshold, yet that goes on to the far side without"
+        " another event (as a ball that comes to rest falls through its floor); let the model rest there, held by a"
+        " contact force; whether it is meant to pass cannot be told: if so, write the passage without restarting a"
+        " state (reinit)"
+    )
+    return SimulationError(words, time=time)

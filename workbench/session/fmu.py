@@ -92,7 +92,7 @@ class Setup:
         step: communication step [s]; None: derived from signals and points.
         signals: what forces the inputs during initialisation.
         hold_inputs: co-simulation: inputs stand still between communication points, also where the FMU interpolates.
-        solver: name in `SOLVERS`, or "fmu".
+        solver: "gear", "vkm", "none" (there are no states), or "fmu".
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
         manners: in which order it lets itself be started; shared by the sessions of one model.
     """

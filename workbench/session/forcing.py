@@ -55,11 +55,6 @@ class Forcing:
         return [(v, s, b) for v, (s, b) in zip(self._variables, self._pairs, strict=True)]
 
     @property
-    def has_discrete(self) -> bool:
-        """Whether some forced input may change at events only."""
-        return bool(self._slow)
-
-    @property
     def longest_step(self) -> float:
         """The longest step [s] that cannot overlook a signal's shape."""
         return min((s.longest_step for s in self.signals.values()), default=math.inf)

@@ -1,7 +1,7 @@
 """Components that are no FMUs: linear systems, gains, sums and static Python functions, as instances.
 
 They show the same functions as an FMU does, so that nothing else knows the difference: here in readable Python, for
-the compiled driver in workbench/kernel/lti.c, on the same memory.
+the kernel in lti.c, on the same memory.
 """
 
 # ruff: noqa: ANN401 - C buffers come in here as ctypes gives them
@@ -202,9 +202,6 @@ class BlockInstance(Instance):
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
         following = self._tick(after=self.native.ticking) if self._sampled else math.inf
         return False, EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=following)
-
-    def completed_step(self) -> tuple[bool, bool]:
-        return False, False
 
     def do_step(self, time: float, step: float) -> StepResult:
         raise NotImplementedError  # blocks are model exchange only

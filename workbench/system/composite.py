@@ -60,9 +60,7 @@ class CompositeInstance(Instance):
 
     version: ClassVar[int] = 2
     TYPES: ClassVar[Mapping[str, TypeCalls]] = {k: v for i in VERSIONS.values() for k, v in i.TYPES.items()}
-    CALLS: ClassVar[Mapping[str, str]] = {
-        name: name for name in ("set_time", "set_states", "get_states", "get_derivatives", "get_indicators")
-    }
+    CALLS: ClassVar[Mapping[str, str]] = {}  # its parts have C functions
 
     def __init__(
         self, parts: Sequence[Instance], wiring: Wiring, description: Description, ports: Ports, *, source: str
@@ -73,7 +71,7 @@ class CompositeInstance(Instance):
         self._propagation = Propagation(self._parts, wiring)
         self.source, self.folder = source, parts[0].folder
         self.component: Any = None
-        self._setup(description, _library(self), interface="me")
+        self._setup(description, Library({}), interface="me")
         self._events, self._stale = False, True
         self._due = [-math.inf] * len(self._parts)  # next time events
 
@@ -196,11 +194,6 @@ class CompositeInstance(Instance):
         self.set_states()
         return True
 
-    def completed_step(self) -> tuple[bool, bool]:
-        self.refresh()
-        answers = [p.completed_step() for p in self._parts if p.capabilities.completed_step]
-        return any(event for event, _ in answers), any(end for _, end in answers)
-
     # -- events -----------------------------------------------------------------------------
 
     def enter_event_mode(self) -> None:
@@ -291,21 +284,3 @@ class CompositeInstance(Instance):
         tangent = Tangent(self._parts, self._wiring)
         moved = [(port, s) for v, s in zip(knowns, seed, strict=True) for port in self.ports(v)]
         return tangent.along(moved, [self.ports(v)[0] for v in unknowns])
-
-
-def _library(instance: CompositeInstance) -> Library:
-    """Return the functions that the plain Python driver calls where an FMU has C functions."""
-
-    def set_time(_component: Any, time: float) -> int:
-        instance.set_time(time)
-        return 0
-
-    def set_states(_component: Any, _values: Any, _n: int) -> int:
-        instance.set_states()
-        return 0
-
-    def get_derivatives(_component: Any, _values: Any, _n: int) -> int:
-        instance.get_derivatives()
-        return 0
-
-    return Library({"set_time": set_time, "set_states": set_states, "get_derivatives": get_derivatives})

@@ -65,7 +65,6 @@ def connect(
     bias: Mapping[str, float] | None = None,
     order: str = "auto",
     hold_inputs: bool = False,
-    driver: str = "auto",
 ) -> DescribedModel:
     """Connect models; the system is a model again.
 
@@ -92,7 +91,6 @@ def connect(
         order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
         hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
-        driver: as for `load`.
 
     Returns:
         The model; close it, or use it in a `with` block.
@@ -124,7 +122,6 @@ def connect(
         start_values={**starts, **(start_values or {})},
         bias=bias or {},
         hold_inputs=hold_inputs,
-        driver=driver,
     )
     return open_description(embed(description, parts), asked, order=order)
 

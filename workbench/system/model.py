@@ -14,10 +14,9 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Connection, Wiring
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_driver, experiment_notes, start_of
+from workbench.model.load import check_biases, check_starts, choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.session.fmu import Setup
-from workbench.session.solvers import choose_solver
 from workbench.system.composite import CompositeInstance
 from workbench.system.description import Resolved, SystemDescription
 from workbench.system.health import resolve
@@ -80,7 +79,6 @@ class SystemModel(DescribedModel):
         self._ports = joint_ports(opened.parts, opened.resolved)
         self._plan = plan(connections_of(opened), parts=len(opened.parts))
         solver, note = choose_solver(recipe.solver, states=described.state_count)
-        driver, remark = choose_driver(recipe.driver)
         variables = {v.name: v for v in described.variables}
         setup = Setup(
             open_instance=self.new_instance,
@@ -98,8 +96,7 @@ class SystemModel(DescribedModel):
             source=recipe.source,
             interface="me",
             setup=setup,
-            driver=driver,
-            notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note, remark])),
+            notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note])),
             recipe=recipe,
         )
 

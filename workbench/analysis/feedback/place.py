@@ -333,6 +333,5 @@ def _as_system(model: DescribedModel) -> SystemRecipe:
         tolerance=recipe.tolerance,
         step=recipe.step,
         bias=recipe.bias,
-        driver=recipe.driver,
         parts={_PLANT: part},
     )

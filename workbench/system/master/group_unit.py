@@ -13,9 +13,11 @@ from workbench.session.fmu import Setup
 from workbench.signals import Constant, Signal, Table
 from workbench.system.master.course import Course, Reached
 from workbench.system.master.group_instance import GroupInstance
-from workbench.system.master.group_session import GROUP_SESSIONS, GroupSession
+from workbench.system.master.group_session import CompiledGroupSession, GroupSession
 
 __all__ = ["GroupUnit"]
+
+SESSION: type[GroupSession] = CompiledGroupSession
 
 
 class GroupUnit:
@@ -26,7 +28,7 @@ class GroupUnit:
         instance: its components; the session begins with the first event iteration.
         names: component → its name.
         sources: full names of the variables that others read.
-        solver, rtol, driver: of the session.
+        solver, rtol: of the session.
     """
 
     def __init__(
@@ -38,7 +40,6 @@ class GroupUnit:
         *,
         solver: str,
         rtol: float,
-        driver: str,
     ) -> None:
         self.name = name
         self.instance = instance
@@ -53,7 +54,6 @@ class GroupUnit:
             solver=solver,
             state_works=lambda: True,
         )
-        self._kind = GROUP_SESSIONS[driver]
         self._session: GroupSession | None = None
         self._accesses: dict[tuple[str, ...], Access] = {}
 
@@ -81,7 +81,7 @@ class GroupUnit:
         """Go on from the joint event iteration that has just ended at `time` [s]."""
         instance = self.instance
         if self._session is None:
-            self._session = self._kind(replace(self._setup, start_time=time))
+            self._session = SESSION(replace(self._setup, start_time=time))
         else:
             instance.enter_continuous_mode()
         inputs = {v.name: float(x) for v, x in zip(self._inlet.variables, self._standing(), strict=True)}

@@ -47,7 +47,6 @@ class MasterPlan:
         hold_inputs: inputs stand still over a step.
         solver: group's unit → name of its solver.
         rtol: relative tolerance of the groups' integration.
-        driver: name of the groups' driver.
     """
 
     units: Units
@@ -58,7 +57,6 @@ class MasterPlan:
     hold_inputs: bool
     solver: Mapping[int, str]
     rtol: float
-    driver: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +136,6 @@ class MasterInstance(CompositeInstance):
             [f"{plan_.names[c.from_component]}.{c.source.name}" for c in sources],
             solver=plan_.solver[number],
             rtol=plan_.rtol,
-            driver=plan_.driver,
         )
         return self._groups[number]
 

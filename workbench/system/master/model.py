@@ -12,10 +12,9 @@ from workbench.core.closed_loop import ClosedLoop
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_driver, experiment_notes, start_of
+from workbench.model.load import check_biases, check_starts, choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.session.fmu import FmuSession, Setup
-from workbench.session.solvers import choose_solver
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.master.crossover import opened_loop
@@ -54,7 +53,6 @@ class MasterModel(DescribedModel):
         self.system = opened.description
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        driver, remark = choose_driver(recipe.driver)
         self._units = find_units(opened.parts, connections_of(opened), opened.resolved)
         self.order, _ = choose_order(recipe.order, self._units)
         self._solvers, notes = _solvers(self._units, recipe.solver)
@@ -67,14 +65,12 @@ class MasterModel(DescribedModel):
             source=recipe.source,
             interface="cs",
             setup=setup,
-            driver=driver,
             notes=(
                 *_own_notes(opened),
                 master,
                 _step_note(setup, described),
                 *experiment_notes(recipe, described),
                 *notes,
-                *filter(None, [remark]),
             ),
             recipe=recipe,
         )
@@ -94,7 +90,6 @@ class MasterModel(DescribedModel):
                 hold_inputs=self.recipe.hold_inputs,
                 solver=self._solvers,
                 rtol=self._setup.rtol,
-                driver=self.driver,
             )
         return self._decided
 

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from workbench.errors import SimulationError
+from tests.oracle.problem import Problem
 from workbench.fmi.instance import DiscardError
 from workbench.session.algebraic_error import UnsolvedError
 from workbench.session.base import Floats
-from workbench.session.problem import Problem
+from workbench.session.compiled_errors import gone_through
 
-__all__ = ["Turned", "gone_through"]
+__all__ = ["Turned"]
 
 # As in workbench/build/runtime/event_rules.h.
 AHEAD = 1e-4  # of the time in which a state moves by its own size: how far ahead a rate is looked at
@@ -142,14 +142,3 @@ class Turned:
 def _ahead(dx: Floats, size: Floats, longest: float) -> float:
     moving = dx != 0.0
     return min(AHEAD * float(np.min(size[moving] / np.abs(dx[moving]), initial=math.inf)), longest)
-
-
-def gone_through(time: float) -> SimulationError:
-    """Return the error for an indicator that went on across its zero, though the event there turned or stopped it."""
-    words = (
-        "the event here turns back or stops what crosses its threshold, yet that goes on to the far side without"
-        " another event (as a ball that comes to rest falls through its floor); let the model rest there, held by a"
-        " contact force; whether it is meant to pass cannot be told: if so, write the passage without restarting a"
-        " state (reinit)"
-    )
-    return SimulationError(words, time=time)

@@ -5,44 +5,40 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tests.oracle.problem import Problem
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
-from workbench.session.problem import Problem
 
 __all__ = ["Solver", "Tolerance"]
 
-SMALLEST_SCALE = 1e-6
 ROUNDING = 1e-13  # no error can be asked to be smaller, relative to the size of a state
-NOMINAL_PART = 1e-3
 
 
 class Tolerance:
-    """Error weights: |error_i| ≤ rtol · (|x_i| + scale_i).
-
-    The scale of a state is the largest magnitude it has had, within 1/1000 of its nominal value and the
-    nominal value: a small perturbation of a state is then followed as well as a large one. Where the
-    FMU declares no nominal value (or 0), the scale is at least 1e-6 and has no upper bound: taking the
-    1.0 that FMI prescribes as default would drown a state that lives at 1e-4.
+    """Error weights: |error_i| ≤ rtol · (|x_i| + scale_i); see `MeSession._scales`.
 
     Where events follow each other faster and faster (the bounces of a ball that comes to rest), what a state moved in
     the last flight between two of them takes the place of |x_i| + scale_i, or the last flights would drown in the
     tolerance of the first.
 
+    Args:
+        rtol: relative tolerance.
+        scale: at the beginning, shape (n,).
+        most: upper bound of the scale, shape (n,).
+
     Attributes:
         rtol: relative tolerance.
-        scale: shape (n,).
+        scale: largest magnitude of each state so far, within its bounds, shape (n,).
         most: upper bound of the scale, shape (n,).
         flight: what each state moved in the last flight, shape (n,); inf while events do not follow each other so.
     """
 
-    def __init__(self, rtol: float, nominal: Floats, declared: NDArray[np.bool_]) -> None:
+    def __init__(self, rtol: float, scale: Floats, most: Floats) -> None:
         self.rtol = rtol
-        self.scale: Floats = np.where(declared, NOMINAL_PART * np.abs(nominal), SMALLEST_SCALE)
-        self.most: Floats = np.where(declared, np.abs(nominal), np.inf)
-
-        self.flight: Floats = np.full(nominal.shape, np.inf)
+        self.scale: Floats = scale.copy()
+        self.most: Floats = most
+        self.flight: Floats = np.full(scale.shape, np.inf)
         self._lowest, self._highest = self.flight.copy(), -self.flight
 
     def grow(self, x: Floats) -> None:
@@ -60,10 +56,6 @@ class Tolerance:
         """Return the largest errors at the states `x`, relative to their size; never below rounding."""
         size = np.abs(x) + self.scale
         return np.where(self.flight < size, np.maximum(rtol * self.flight, ROUNDING * size), rtol * size)
-
-    def copy_from(self, scale: Floats) -> None:
-        """Take the scales of a snapshot back."""
-        self.scale[:] = scale
 
 
 class Solver(ABC):

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
+from tests.oracle.location import changed, locate
+from tests.oracle.problem import Problem
+from tests.oracle.solver import Solver, Tolerance
 from workbench.errors import SimulationError
 from workbench.fmi.instance import DiscardError
 from workbench.session.algebraic_error import UnsolvedError
 from workbench.session.base import Floats
-from workbench.session.problem import Problem
-from workbench.session.solvers.base import Solver, Tolerance
-from workbench.session.solvers.location import changed, locate
 
 __all__ = ["KuttaMerson"]
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from tests.oracle.location import changed, locate
+from tests.oracle.problem import Problem
+from tests.oracle.solver import Solver, Tolerance
 from workbench.session.base import Floats
-from workbench.session.problem import Problem
-from workbench.session.solvers.base import Solver, Tolerance
-from workbench.session.solvers.location import changed, locate
 
 __all__ = ["Algebraic"]
 

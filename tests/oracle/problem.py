@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from workbench.fmi.instance import Instance
 from workbench.session.base import Floats
@@ -28,11 +27,6 @@ class Problem:
         self.n, self.nz = instance.nx, instance.nz
         self.limit = math.inf
         self.evaluations = 0
-        calls, library = instance.CALLS, instance.library
-        self._names = (calls["set_time"], calls["set_states"], calls["get_derivatives"])
-        self._set_time, self._set_states, self._get_derivatives = (library[n] for n in self._names)
-        self._component: Any = instance.component
-        self._xbuf, self._dxbuf = instance._xbuf, instance._dxbuf  # noqa: SLF001  hot path
         self.x, self.dx, self.z = instance.x, instance.dx, instance.z
 
     def put(self, t: float, x: Floats) -> None:
@@ -42,15 +36,8 @@ class Problem:
 
     def put_buffered(self, t: float) -> None:
         """Set time [s], the states that already stand in the FMU's buffer, and the inputs."""
-        component = self._component
-        self.instance.time = t
-        status = self._set_time(component, t)
-        if status > 1:
-            self.instance.fail(self._names[0], status)
-        if self.n:
-            status = self._set_states(component, self._xbuf, self.n)
-            if status > 1:
-                self.instance.fail(self._names[1], status)
+        self.instance.set_time(t)
+        self.instance.set_states()
         self.forcing.write_continuous(min(self.limit, t))
 
     def rhs(self, t: float, x: Floats) -> Floats:
@@ -62,9 +49,7 @@ class Problem:
         """Return dx/dt for the states that already stand in the FMU's buffer."""
         self.put_buffered(t)
         self.evaluations += 1
-        status = self._get_derivatives(self._component, self._dxbuf, self.n)
-        if status > 1:
-            self.instance.fail(self._names[2], status)
+        self.instance.get_derivatives()
         return self.dx
 
     def indicators(self, t: float, x: Floats) -> Floats:

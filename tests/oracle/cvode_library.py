@@ -46,7 +46,7 @@ _SIGNATURES: Mapping[str, tuple[str, Any, tuple[Any, ...]]] = {
 @lru_cache(maxsize=1)
 def _load() -> tuple[Mapping[str, Callable[..., Any]], str]:
     try:
-        from fmpy.sundials import libraries  # noqa: PLC0415  fails where FMPy ships no libraries
+        from fmpy.sundials import libraries
     except (OSError, ImportError, AttributeError) as error:
         return {}, f"FMPy ships no SUNDIALS libraries for this platform ({error})"
     found = {}

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from tests.oracle.cvode_library import ERROR_HANDLER, RHS, ROOTS, WEIGHTS, functions, why_missing
+from tests.oracle.problem import Problem
+from tests.oracle.solver import Solver, Tolerance
 from workbench.errors import FmuError, SimulationError, one_line
 from workbench.fmi.instance import DiscardError
 from workbench.session.base import Floats
-from workbench.session.problem import Problem
-from workbench.session.solvers.base import Solver, Tolerance
-from workbench.session.solvers.cvode_library import ERROR_HANDLER, RHS, ROOTS, WEIGHTS, functions, why_missing
 
 __all__ = ["Gear"]
 
@@ -47,9 +47,9 @@ class Gear(Solver):
         self._words = ""
         self._longest = math.inf
         self._started = False
-        self._x_address = ctypes.addressof(problem.instance._xbuf)  # noqa: SLF001  hot path
-        self._dx_address = ctypes.addressof(problem.instance._dxbuf)  # noqa: SLF001
-        self._z_address = ctypes.addressof(problem.instance._zbuf)  # noqa: SLF001
+        self._x_address = ctypes.addressof(problem.instance._xbuf)
+        self._dx_address = ctypes.addressof(problem.instance._dxbuf)
+        self._z_address = ctypes.addressof(problem.instance._zbuf)
         self._create()
 
     def _create(self) -> None:
