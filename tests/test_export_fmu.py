@@ -16,7 +16,7 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from scipy.linalg import expm
 
-from workbench.analysis.lin import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.nfr import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.build.export import export, generate_linear

@@ -7,7 +7,7 @@ import pytest
 
 from scripts.chapter3 import Entry, main
 from tests.lin_fmus import fmu
-from workbench.analysis.lin import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
 from workbench.model.load import load

@@ -10,7 +10,9 @@ import pytest
 from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu, sparse_system
-from workbench.analysis.lin import LinearModel, LinResult, lin
+from workbench.analysis.lin.request import lin
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.state_space import LinearModel
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.model import FmuModel, Variable

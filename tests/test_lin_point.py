@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.lin_fmus import built
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.model.load import load
 
 PRODUCT = """model Product "an input acts through a state that is 0 at the start"

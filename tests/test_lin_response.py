@@ -11,9 +11,9 @@ import pytest
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
-from workbench.analysis.lin import lin
 from workbench.analysis.lin.between import lines
 from workbench.analysis.lin.realise import Realisation, hold_inverse, realise
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.trial import Trial, smallest, trial_levels
 from workbench.errors import InputError, SimulationError

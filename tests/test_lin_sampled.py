@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.lin_fmus import built, fmu
-from workbench.analysis.lin import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.nfr import nfr
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import InputError

@@ -205,8 +205,8 @@ def test_what_cannot_be_written_is_named() -> None:
         response = wb.nfr(model, "u", "y", amplitudes=1.0, band=(0.5, 1.0), workers=wb.Workers(in_process=True))
     origins = [origin_of(x) for x in (linear, linear.result, response)]
     assert [o.call.splitlines()[1] for o in origins if o] == [
-        "result = wb.lin(model, at=at, outputs=['y'])",
-        "result = wb.lin(model, at=at, outputs=['y'])",
+        "result = wb.lin(model, outputs=['y'], at=at)",
+        "result = wb.lin(model, outputs=['y'], at=at)",
         "result = wb.nfr(model, 'u', 'y', amplitudes=1.0, band=(0.5, 1.0), workers=workers)",
     ]
 

@@ -16,7 +16,7 @@ from tests.drivers import each_driver  # noqa: F401
 from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.step_check import step_check
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim

@@ -47,11 +47,12 @@ if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.free_run import FreeRun
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
     from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
-    from workbench.analysis.lin.compare import LinComparison, Verdict, compare
-    from workbench.analysis.lin.linearise import lin
-    from workbench.analysis.lin.result import Doubt, LinearModel, LinResult, Zero
+    from workbench.analysis.lin.compare import LinComparison, Verdict
+    from workbench.analysis.lin.request import compare, lin, lin_along, lin_over
+    from workbench.analysis.lin.result import Doubt, LinResult, Zero
+    from workbench.analysis.lin.state_space import LinearModel
     from workbench.analysis.lin.step_check import StepCheck, step_check
-    from workbench.analysis.lin.sweep import LinGrid, LinPoint, lin_along, lin_over
+    from workbench.analysis.lin.sweep import LinGrid, LinPoint
     from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.request import loop
     from workbench.analysis.loop.result import LoopResult
@@ -308,11 +309,12 @@ _HOMES = {
     "workbench.analysis.certificate": ("Certificate",),
     "workbench.analysis.check.request": ("check",),
     "workbench.analysis.check.result": ("HealthCard", "HealthLine"),
-    "workbench.analysis.lin.compare": ("LinComparison", "Verdict", "compare"),
-    "workbench.analysis.lin.linearise": ("lin",),
-    "workbench.analysis.lin.result": ("Doubt", "LinResult", "LinearModel", "Zero"),
+    "workbench.analysis.lin.compare": ("LinComparison", "Verdict"),
+    "workbench.analysis.lin.request": ("compare", "lin", "lin_along", "lin_over"),
+    "workbench.analysis.lin.result": ("Doubt", "LinResult", "Zero"),
+    "workbench.analysis.lin.state_space": ("LinearModel",),
     "workbench.analysis.lin.step_check": ("StepCheck", "step_check"),
-    "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint", "lin_along", "lin_over"),
+    "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint"),
     "workbench.analysis.motions.compare": ("compare_motions",),
     "workbench.analysis.motions.measures": ("Measure",),
     "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),

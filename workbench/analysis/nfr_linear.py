@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.harmonics import NOTHING
+from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.request import Lin
+from workbench.analysis.lin.task import make_task
 from workbench.analysis.time_events import sample_rates
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -267,9 +270,5 @@ def _difference(
     model: Model, input: str, output: str, middle: Mapping[str, float]
 ) -> tuple[Floats, Floats, Floats, float]:
     """Return A, B, C, D by differences."""
-    from workbench.analysis.lin.linearise import run  # noqa: PLC0415 - brings python-control, which is slow to import
-    from workbench.analysis.lin.task import make_task  # noqa: PLC0415
-
-    task = make_task(model, at=None, x0=None, u0=middle, inputs=[input], outputs=[output], time=None)
-    found = run(task, "difference")
+    found = run(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference")
     return found.A, found.B[:, 0], found.C[0], float(found.D[0, 0])

@@ -51,6 +51,11 @@ class Subject:
         """Name of the argument on the command line and in studies."""
         return self.argument or self.name
 
+    @property
+    def first(self) -> tuple[str, str, str]:
+        """Name, type and help of the argument, as `with_options` takes them."""
+        return self.name, self.type, self.help
+
 
 class Request(Options, Generic[_Subject, _Record]):
     """Work with its options: a value that can be run on a model, on data, or on whatever its `subject` says.
@@ -136,9 +141,8 @@ def function(
         request: class of what is asked for.
     """
     kind: Any = request
-    subject: Subject = kind.subject
-    first = (subject.name, subject.type, subject.help)
-    return with_origin(*kind.parts)(with_options(request, _run, name=kind.command.replace("-", "_"), first=first))
+    name = kind.command.replace("-", "_")
+    return with_origin(*kind.parts)(with_options(request, _run, name=name, first=kind.subject.first))
 
 
 def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:

@@ -241,13 +241,17 @@ def _request(request: type[Options], given: Mapping[str, Any]) -> Any:  # noqa: 
 
 
 def _read(declared: Declared, value: Any) -> Any:  # noqa: ANN401
-    if declared.form is None:
-        return value
+    """Return the value of an option; what is wrong with it is said of the option as it is typed."""
+    form = declared.form
     try:
-        return declared.form.read(value if declared.form.repeated else [value])
+        found = value if form is None else form.read(value if form.repeated else [value])
     except ValueError as error:
         unit = f" [{declared.option.unit}]" if declared.option.unit else ""
         raise InputError(f"{declared.flag}: {error}{unit}") from None
+    try:
+        return declared.checked(found)
+    except InputError as error:
+        raise InputError(str(error).replace(declared.spoken, declared.flag, 1)) from None
 
 
 def _help(request: type[Request[Any, Any]]) -> str:

@@ -18,11 +18,13 @@ __all__ = [
     "Band",
     "File",
     "Form",
+    "Grid",
     "Limits",
     "Names",
     "Numbers",
     "Settings",
     "Values",
+    "Widths",
     "number",
     "pairs",
     "setting",
@@ -165,6 +167,35 @@ _VALUES = Form(
 )
 
 
+def _read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    return {name: tuple(_named(name, x) for x in text.split(",")) for name, text in pairs(texts).items()}
+
+
+_GRID = Form(
+    metavar="NAME=A,B,..",
+    read=_read_grid,
+    write=lambda value: [f"{name}={','.join(map(_short, x))}" for name, x in value.items()],
+    take=lambda value: {str(name): several(x) for name, x in dict(value or {}).items()},
+    repeated=True,
+)
+
+
+def _read_widths(texts: Sequence[str]) -> float | tuple[float, ...] | dict[str, float]:
+    if any("=" in text for text in texts):
+        return _read_values(texts)
+    found = _read_numbers(texts)
+    return found[0] if len(found) == 1 else found
+
+
+def _write_widths(value: Any) -> list[str]:  # noqa: ANN401
+    if isinstance(value, Mapping):
+        return _VALUES.write(value)
+    return _NUMBERS.write(several(value))
+
+
+_WIDTHS = Form(metavar="[NAME=]WIDTH", read=_read_widths, write=_write_widths, take=lambda value: value, repeated=True)
+
+
 def _read_limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     return {name: _span(name, text) for name, text in pairs(texts, "NAME=LO:HI").items()}
 
@@ -232,6 +263,8 @@ if TYPE_CHECKING:
     Names = Sequence[str]
     Values = Mapping[str, float]
     Limits = Mapping[str, tuple[float, float]]
+    Grid = Mapping[str, Sequence[float]]
+    Widths = float | Sequence[float] | Mapping[str, float]
     Settings = Mapping[str, float | int | bool | str]
     File = str | Path
 else:
@@ -240,5 +273,7 @@ else:
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]
     Limits = Annotated[object, _LIMITS]
+    Grid = Annotated[object, _GRID]
+    Widths = Annotated[object, _WIDTHS]
     Settings = Annotated[object, _SETTINGS]
     File = Annotated[object, FILE]

@@ -25,7 +25,7 @@ from typing import (
 from workbench.core.forms import Form
 from workbench.errors import InputError, suggest
 
-__all__ = ["Declared", "Option", "Options", "documented", "option", "options_of", "values_of", "with_options"]
+__all__ = ["Declared", "Option", "Options", "documented", "option", "options_of", "recast", "values_of", "with_options"]
 
 _DECLARED = "option"
 _ARGUMENTS = "Args:"
@@ -34,6 +34,7 @@ _Given = ParamSpec("_Given")
 _Asked = TypeVar("_Asked")
 _First = TypeVar("_First")
 _Made = TypeVar("_Made")
+_Kind = TypeVar("_Kind", bound="Options")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,6 +211,18 @@ def options_of(request: type[Options]) -> tuple[Declared, ...]:
 def values_of(asked: Options) -> dict[str, Any]:
     """Return the options of a request by name, as they are."""
     return {d.name: getattr(asked, d.name) for d in options_of(type(asked))}
+
+
+def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noqa: ANN401
+    """Return another request with those options that both have.
+
+    Args:
+        request: class of the other one.
+        asked: whose options are taken.
+        others: what it has in place of them, or besides.
+    """
+    known = {d.name for d in options_of(request)}
+    return request(**{name: value for name, value in {**values_of(asked), **others}.items() if name in known})
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.analysis.lin.compare import LinComparison
 from workbench.analysis.lin.compare import Verdict as Agreement
-from workbench.analysis.lin.result import LinearModel, LinResult
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck
 from workbench.analysis.lin.sweep import LinGrid, LinPoint
 from workbench.core.poles import damping_ratio, natural_frequency_hz
@@ -17,7 +17,7 @@ from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
 
-__all__ = ["comparison_page", "grid_page", "lin_page", "linear_model_page", "step_check_page"]
+__all__ = ["comparison_page", "grid_page", "lin_page", "step_check_page"]
 
 _BORDER = 1e-9  # of the fastest pole: real parts below are rounding
 
@@ -31,16 +31,12 @@ def lin_page(result: LinResult) -> Page:
         sections=[
             Section("Response", figures=[(result.plot, "Bode picture and step response, one column for each input.")]),
             *_parts(result),
+            _point(result),
         ],
         summary=_doubts(result),
         notes=result.notes,
         kind="lin",
     )
-
-
-def linear_model_page(model: LinearModel) -> Page:
-    """Return the page of the linearisation behind a python-control model."""
-    return lin_page(model.result)
 
 
 def _kind(result: LinResult) -> str:
@@ -84,7 +80,6 @@ def _parts(result: LinResult) -> list[Section]:
         Section("Rows and columns that are zero", items=[f"{z.kind} {z.name}: {z.reason}" for z in result.zeros])
         if result.zeros
         else None,
-        _point(result),
     ]
     return [s for s in sections if s is not None]
 
@@ -118,25 +113,18 @@ def grid_page(grid: LinGrid) -> Page:
                 if good
                 else []
             ),
-            Section("Poles", parts=[_member(p, r) for p, r in good], folded=len(good) > 1),
+            Section("Linear models", parts=[_member(p, r) for p, r in good], folded=len(good) > 1),
         ],
-        summary=[Verdict("failed", f"{_label(p.values)}: {p.reason}") for p in grid.failed]
-        + [v for p, r in good for v in _at(p, _doubts(r))],
+        summary=[Verdict("failed", f"{p}: {p.reason}") for p in grid.failed]
+        + [Verdict(v.word, f"{p}: {v.text}") for p, r in good for v in _doubts(r)],
+        notes=tuple(dict.fromkeys(note for _, r in good for note in r.notes)),
         kind="lin",
     )
 
 
-def _at(point: LinPoint, verdicts: list[Verdict]) -> list[Verdict]:
-    return [Verdict(v.word, f"{_label(point.values)}: {v.text}") for v in verdicts]
-
-
 def _member(point: LinPoint, result: LinResult) -> Section:
-    poles = [pole_table(result.poles.tolist(), result.dt)] if len(result.A) else []
-    return Section(_label(point.values), tables=poles)
-
-
-def _label(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    words = [f"{_kind(result)} Method: {result.method} ({result.why})."]
+    return Section(str(point), paragraphs=words, parts=_parts(result))
 
 
 # -- comparisons -------------------------------------------------------------------------------
@@ -168,7 +156,7 @@ def comparison_page(result: LinComparison) -> Page:
 def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int]) -> Verdict:
     yes, no = counts.get((method, True), 0), counts.get((method, False), 0)
     if not yes + no:
-        return Verdict("unknown", f"{method}: nothing was measured to hold it against")
+        return Verdict("unknown", f"{method}: nothing was measured to compare it with")
     word = "agrees" if not no else "partly" if yes else "differs"
     return Verdict(
         word, f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"

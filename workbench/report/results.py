@@ -44,7 +44,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",
     "workbench.analysis.lin.compare.LinComparison": "workbench.report.lin:comparison_page",
     "workbench.analysis.lin.result.LinResult": "workbench.report.lin:lin_page",
-    "workbench.analysis.lin.result.LinearModel": "workbench.report.lin:linear_model_page",
+    "workbench.analysis.lin.state_space.LinearModel": "workbench.report.state_space:linear_model_page",
     "workbench.analysis.lin.step_check.StepCheck": "workbench.report.lin:step_check_page",
     "workbench.analysis.lin.sweep.LinGrid": "workbench.report.lin:grid_page",
     "workbench.analysis.loop.result.LoopResult": "workbench.report.loop:loop_page",

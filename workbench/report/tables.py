@@ -59,7 +59,7 @@ def matrices(
     units: Mapping[str, str | None],
     dt: float,
 ) -> Section:
-    """Return A, B, C, D of a linear model, names with units; large ones are in the data of the page only.
+    """Return A, B, C, D of a linear model, names with units; large ones are in the JSON only.
 
     Args:
         values: A, B, C, D.
@@ -72,7 +72,8 @@ def matrices(
     A, B, C, D = values
     largest = max(len(states), len(inputs), len(outputs))
     if largest > MOST_ENTRIES:
-        words = f"{len(states)} states, {len(inputs)} inputs, {len(outputs)} outputs: the data of this page hold them."
+        sizes = f"{len(states)} states, {len(inputs)} inputs, {len(outputs)} outputs"
+        words = f"{sizes}: too many to show here; the JSON has the matrices."
         return Section("Matrices", paragraphs=[words])
     x, u, y = ([bracketed(n, units.get(n)) for n in names] for names in (states, inputs, outputs))
     rates = [bracketed(f"{'next' if dt > 0.0 else 'd/dt'} {n}", rate_unit(units.get(n), dt)) for n in states]

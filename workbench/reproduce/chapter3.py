@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
 from workbench.plotting.lin import plot_curves

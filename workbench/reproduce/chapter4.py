@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.identify import IdentifyResult, identify
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck, step_check
 from workbench.analysis.nfr import nfr

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.describing.describe import describing_function
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.nyquist.result import Crossing
 from workbench.analysis.simulate.request import simulate
 from workbench.core.poles import damped_frequency_hz

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim

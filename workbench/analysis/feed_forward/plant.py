@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.feed_forward.wiring import COMMAND, OPENED, Loops, opened, reopen
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError

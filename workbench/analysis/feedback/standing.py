@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import DRIVE, SEEN, Place
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.rest import rest_of
 from workbench.core.operating_point import OperatingPoint

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.describing.static import StaticBlock, pointwise
 from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.rest import rest_of

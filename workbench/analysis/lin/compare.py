@@ -7,26 +7,32 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
 from workbench.analysis.lin.interfaces import InterfaceDifference, compare_interfaces
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.methods import METHODS
+from workbench.analysis.lin.request import Compare, Lin
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import LinTask, Width, make_task, open_base
+from workbench.analysis.lin.task import LinTask, make_task, open_base
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.core.operating_point import At, OperatingPoint, point_in_json
+from workbench.core.forms import several
+from workbench.core.job import Job
+from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.option import recast
 from workbench.core.poles import natural_frequency_hz
+from workbench.csv_file import write_csv
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
-from workbench.origin import Reportable, with_origin
+from workbench.origin import Reportable
 from workbench.session.base import Floats
 
-__all__ = ["LinComparison", "Verdict", "compare"]
+__all__ = ["LinComparison", "Verdict", "run_all"]
 
 GAIN_DB, PHASE_DEG = 0.5, 5.0  # what counts as agreement
 FREQUENCIES = 9
@@ -77,6 +83,7 @@ class LinComparison(Reportable):
     """All methods on one model at one point, from one input to one output.
 
     Attributes:
+        model, interface, solver: what was linearised.
         input, output: names.
         results: "method (interface)" → linear model.
         failed: likewise → why it does not apply, one line.
@@ -87,6 +94,9 @@ class LinComparison(Reportable):
         operating_point: where the models were linearised.
     """
 
+    model: str
+    interface: str
+    solver: str
     input: str
     output: str
     results: dict[str, LinResult]
@@ -102,9 +112,17 @@ class LinComparison(Reportable):
         """Whether anything was measured that a model could agree with or differ from."""
         return any(v.agrees is not None for v in self.verdicts)
 
+    @property
+    def complete(self) -> bool:
+        """Whether the models were compared with a measurement."""
+        return self.compared
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""
         return {
+            "model": self.model,
+            "interface": self.interface,
+            "solver": self.solver,
             "input": self.input,
             "output": self.output,
             "results": {name: result.to_dict() for name, result in self.results.items()},
@@ -116,78 +134,46 @@ class LinComparison(Reportable):
             **point_in_json(self.operating_point),
         }
 
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each linear model and frequency.
 
-@with_origin()
-def compare(
-    model: Model,
-    input: str,
-    output: str,
-    *,
-    at: At | None = None,
-    x0: Mapping[str, float] | None = None,
-    u0: Mapping[str, float] | None = None,
-    dx: Width = None,
-    du: Width = None,
-    time: float | None = None,
-    periods: Sequence[float] | None = None,
-    btptol: float = 1e-6,
-    period: float | None = None,
-    frequencies: Sequence[float] | Floats | None = None,
-    amplitude: float | None = None,
-    measure: bool = True,
-) -> LinComparison:
-    """Linearise by every method that applies, on both interfaces where the FMU has them, and measure.
+        Args:
+            path: of the file, or an open text stream.
 
-    The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
-    by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
-    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no
-    periodic response at all (undamped, unstable, or not at rest); the words say what was seen.
+        Raises:
+            InputError: the file cannot be written.
+        """
+        names = ("method", "frequency_hz", "gain_db", "phase_deg", "agrees", "measured_gain", "word")
+        write_csv(path, [list(names), *([getattr(v, name) for name in names] for v in self.verdicts)])
 
-    Args:
-        model: what to linearise; it stays open.
-        input: one input.
-        output: one output.
-        at: see `lin`.
-        x0: see `lin`.
-        u0: see `lin`.
-        dx: see `lin`; for method difference alone.
-        du: see `lin`.
-        time: see `lin`.
-        periods: see `lin`.
-        btptol: see `lin`.
-        period: see `lin`.
-        frequencies: where to compare [Hz]; None: nine around the poles, up to 0.4 of the Nyquist frequency.
-        amplitude: of the sine; None: 0.001 of the larger of magnitude and nominal value (1 where none is declared).
-        measure: False leaves the measurement out.
 
-    Raises:
-        InputError: unknown name, or no method applies.
-        FmuError: the model cannot be opened.
-    """
-    task = make_task(
-        model,
-        at=at,
-        x0=x0,
-        u0=u0,
-        inputs=[input],
-        outputs=[output],
-        time=time,
-        dx=dx,
-        du=du,
-        periods=tuple(periods) if periods is not None else None,
-        btptol=btptol,
-        period=period,
-    )
+def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:
+    """Linearise by every method and measure; see `Compare`."""
+    task = make_task(model, recast(Lin, asked, inputs=[asked.input], outputs=[asked.output]))
     results, failed = _every(task)
     if not results:
         raise InputError(f"no method applies: {'; '.join(f'{k}: {v}' for k, v in failed.items())}")
-    grid = _frequencies(list(results.values())) if frequencies is None else np.asarray(frequencies, dtype=np.float64)
+    given = asked.frequencies
+    grid = _frequencies(list(results.values())) if given is None else np.asarray(several(given), dtype=np.float64)
     point = next(iter(results.values())).point
-    measured, words = _measure(task, point, grid, amplitude) if measure else (None, [])
+    measured, words = _measure(task, point, grid, asked.amplitude) if asked.measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
     spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]
-    return LinComparison(input, output, results, failed, measured, verdicts, interfaces, tuple(spoken), point)
+    return LinComparison(
+        model=model.name,
+        interface=model.interface,
+        solver=model.solver,
+        input=asked.input,
+        output=asked.output,
+        results=results,
+        failed=failed,
+        measured=measured,
+        verdicts=verdicts,
+        interfaces=interfaces,
+        words=tuple(spoken),
+        operating_point=point,
+    )
 
 
 # -- linear models ----------------------------------------------------------------------------

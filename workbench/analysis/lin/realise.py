@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import control
 import numpy as np
-from scipy.linalg import logm
 
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -69,6 +67,8 @@ def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) 
     Source: J.-N. Juang and R. S. Pappa, An eigensystem realization algorithm for modal parameter identification and
     model reduction, J. Guidance 8 (1985); python-control's `eigensys_realization`.
     """
+    import control  # noqa: PLC0415 - slow to import, and for co-simulation only
+
     k, q, m = markov.shape
     size = min(LARGEST_BLOCK, (k - 1) // 2)
     used = markov[: 2 * size + 1]  # of an unstable model, what comes later would make it look like nothing
@@ -124,6 +124,8 @@ def hold_inverse(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
     Raises:
         InputError: there is none that is real: a pole at 0 or on the negative real axis.
     """
+    from scipy.linalg import logm  # noqa: PLC0415 - slow to import, and seldom needed
+
     n, m = B.shape
     block = np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])
     poles = np.linalg.eigvals(A) if n else np.zeros(0)

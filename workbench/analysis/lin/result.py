@@ -1,27 +1,26 @@
-"""What a linearisation returns: a python-control StateSpace that knows how it was made."""
+"""What a linearisation found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.poles import continuous, pole_keys, vanished
+from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from workbench.analysis.lin.state_space import LinearModel
 
-    from matplotlib.figure import Figure
-
-__all__ = ["Doubt", "Intersample", "LinResult", "LinearModel", "Zero"]
+__all__ = ["Doubt", "Intersample", "LinResult", "Zero", "write_matrices"]
 
 Complex = NDArray[np.complex128]
 
@@ -217,8 +216,15 @@ class LinResult(Reportable):
         total = np.einsum("k,kqm->qm", first, y[:, 0]) + np.einsum("k,kqm->qm", last, y[:, 1])
         return np.asarray(total / self.dt / held, dtype=np.complex128)
 
-    def to_state_space(self) -> control.StateSpace:
+    @property
+    def complete(self) -> bool:
+        """Whether no input was left out."""
+        return not self.refused
+
+    def to_state_space(self) -> LinearModel:
         """Return the model for python-control, with names."""
+        from workbench.analysis.lin.state_space import LinearModel  # noqa: PLC0415  python-control is slow to import
+
         return LinearModel(self)
 
     def because(self, why: str) -> LinResult:
@@ -257,6 +263,25 @@ class LinResult(Reportable):
             "calls": dict(self.calls),
             "intersample": self.intersample.to_dict() if self.intersample is not None else None,
         }
+
+    def to_csv(self, path: str | Path | TextIO) -> None:
+        """Write one line for each entry of a matrix: matrix, row, column, value.
+
+        Args:
+            path: of the file, or an open text stream.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_matrices([({}, self)], path)
+
+    def entries(self) -> Iterator[list[Any]]:
+        """Yield matrix, row, column and value of every entry."""
+        sides = {"A": (self.state_names, self.state_names), "B": (self.state_names, self.input_names)}
+        sides |= {"C": (self.output_names, self.state_names), "D": (self.output_names, self.input_names)}
+        for matrix, (left, top) in sides.items():
+            table = getattr(self, matrix)
+            yield from ([matrix, a, b, table[i, j]] for i, a in enumerate(left) for j, b in enumerate(top))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LinResult:
@@ -321,54 +346,16 @@ def _weights(tau: Floats, s: complex) -> tuple[Complex, Complex]:
     return both - last, last
 
 
-def _undotted(names: tuple[str, ...]) -> list[str]:
-    """Return names that python-control takes, still different from each other."""
-    plain = [n.replace(".", "_") for n in names]
-    return plain if len(set(plain)) == len(plain) else [n.replace(".", "__") for n in names]
-
-
-class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # python-control has no types
-    """A `control.StateSpace` with names that knows how it was made.
-
-    Whatever python-control does with a StateSpace it does with this one; what comes out of such an
-    operation (a series connection, a sampled model) is a plain StateSpace. python-control forbids dots in
-    names: "plant.tau" is "plant_tau" there; `result` has the names as they are.
+def write_matrices(members: Sequence[tuple[Mapping[str, float], LinResult]], path: str | Path | TextIO) -> None:
+    """Write one line for each entry of a matrix, behind what was varied.
 
     Args:
-        result: the linearisation.
+        members: (what was varied → value, linear model).
+        path: of the file, or an open text stream.
 
-    Attributes:
-        result: the linearisation with its point, method, doubts and notes.
+    Raises:
+        InputError: the file cannot be written.
     """
-
-    def __init__(self, result: LinResult) -> None:
-        super().__init__(
-            result.A,
-            result.B,
-            result.C,
-            result.D,
-            result.dt,
-            states=_undotted(result.state_names),
-            inputs=_undotted(result.input_names),
-            outputs=_undotted(result.output_names),
-            name=result.model.replace(".", "_"),
-            remove_useless_states=False,
-        )
-        self.result = result
-
-    @property
-    def point(self) -> OperatingPoint:
-        """Where the model was linearised."""
-        return self.result.point
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a picture: Bode and step response, one column per input.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        return self.result.plot(path)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return self.result.to_dict()
+    names = list(members[0][0]) if members else []
+    rows = [[*values.values(), *entry] for values, result in members for entry in result.entries()]
+    write_csv(path, [[*names, "matrix", "row", "column", "value"], *rows])

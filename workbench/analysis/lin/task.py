@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.analysis.lin.request import Lin
+from workbench.core.forms import Widths, several
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model import Model, Variable
@@ -17,7 +19,7 @@ from workbench.session.point import Point
 
 __all__ = ["LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
 
-Width = float | Mapping[str, float] | Sequence[float] | None
+Width = Widths | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,51 +57,32 @@ class LinTask:
     notes: tuple[str, ...] = ()
 
 
-def make_task(
-    model: Model,
-    *,
-    at: At | None,
-    x0: Mapping[str, float] | None,
-    u0: Mapping[str, float] | None,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-    time: float | None,
-    dx: Width = None,
-    du: Width = None,
-    periods: tuple[float, ...] | None = None,
-    btptol: float = 1e-6,
-    period: float | None = None,
-    points: int = 400,
-    order: int | None = None,
-    continuous: bool = False,
-) -> LinTask:
-    """Return the task that the options of `lin` describe.
+def make_task(model: Model, asked: Lin) -> LinTask:
+    """Return the task that a request describes.
 
     Raises:
         InputError: unknown name, a point of another model.
     """
-    found, notes = find_point(model, at)
+    found, notes = find_point(model, asked.at)
     where = found or OperatingPoint(x={}, u={}, time=model.start_time)
-    notes = (*notes, *_moved(where, {**(x0 or {}), **(u0 or {})}))
-    states = {**where.x, **where.discrete, **(x0 or {})}
-    forced = {**where.u, **(u0 or {})}
-    known = [v.name for v in model.inputs]
-    check_names("u0", forced, known)
+    x0, u0 = asked.x0 or {}, asked.u0 or {}
+    states, forced = {**where.x, **where.discrete, **x0}, {**where.u, **u0}
+    check_names("u0", forced, [v.name for v in model.inputs])
     return LinTask(
         model=model,
-        inputs=_chosen("inputs", inputs, model.inputs),
-        outputs=_chosen("outputs", outputs, model.outputs or model.states, (*model.outputs, *model.states)),
+        inputs=_chosen("inputs", asked.inputs, model.inputs),
+        outputs=_chosen("outputs", asked.outputs, model.outputs or model.states, (*model.outputs, *model.states)),
         values={**states, **forced},
-        time=where.time if time is None else time,
-        dx=dx,
-        du=du,
-        periods=periods,
-        btptol=btptol,
-        period=period,
-        points=points,
-        order=order,
-        continuous=continuous,
-        notes=notes,
+        time=where.time if asked.time is None else asked.time,
+        dx=asked.dx,
+        du=asked.du,
+        periods=None if asked.periods is None else several(asked.periods),
+        btptol=asked.btptol,
+        period=asked.period,
+        points=asked.points,
+        order=asked.order,
+        continuous=asked.continuous,
+        notes=(*notes, *_moved(where, {**x0, **u0})),
     )
 
 

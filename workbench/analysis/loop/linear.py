@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.lin.linearise import lin
+from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop

@@ -7,8 +7,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 
 from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.request import Lin, lin_over
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinPoint, lin_over, with_parameters
+from workbench.analysis.lin.sweep import LinPoint, with_parameters
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.modes.poles import Poles, poles_of
 from workbench.analysis.trim.request import trim
@@ -158,7 +159,7 @@ class Source:
                 point = self._point(model, value) if w.trimmed else None
                 x0 = w.x0 if point is None else {**point.x, **point.discrete}
                 u0 = w.u0 if point is None else point.u
-                task = make_task(model, at=None, x0=x0, u0=u0, inputs=(), outputs=(), time=w.time)
+                task = make_task(model, Lin(x0=x0, u0=u0, inputs=(), outputs=(), time=w.time))
                 return LinPoint(varied, run(task, w.method))
         except SimulationError as error:
             return LinPoint(varied, None, str(error))

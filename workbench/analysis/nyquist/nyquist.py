@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import HARMONICS, Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
-from workbench.analysis.lin.result import LinearModel
+from workbench.analysis.lin.state_space import LinearModel
 from workbench.analysis.nyquist.axis import AxisCrossing, axis_crossings
 from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.intersections import intersections

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.identified import IdentifiedModel
-from workbench.analysis.lin.result import LinearModel, LinResult
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr_result import NfrResult
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.origin import Reportable, with_origin
 from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from workbench.analysis.lin.state_space import LinearModel
 
 __all__ = ["PLANTS", "Difference", "Overlay", "overlay", "sine_response"]
 
@@ -184,7 +187,7 @@ def overlay(
         InputError: unknown name, amplitude or plant; nothing to compare with.
     """
     source, target = _channel("input", model.input_names, input), _channel("output", model.output_names, output)
-    linear = lin.result if isinstance(lin, LinearModel) else lin
+    linear = lin if lin is None or isinstance(lin, LinResult) else lin.result
     if linear is None and nfr is None:
         raise InputError("overlay: give a linearisation, a measured frequency response or both")
     kind = plant or ("sampled" if _is_sampled(linear) else "continuous")

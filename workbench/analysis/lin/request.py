@@ -1,0 +1,338 @@
+"""Linear models: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Any
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import File, Grid, Names, Numbers, Values, Widths
+from workbench.core.job import Job
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import Options, option, recast, with_options
+from workbench.errors import InputError
+from workbench.origin import with_origin
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.lin.compare import LinComparison
+    from workbench.analysis.lin.result import LinResult
+    from workbench.analysis.lin.state_space import LinearModel
+    from workbench.analysis.lin.sweep import LinGrid
+    from workbench.model import Model
+
+__all__ = [
+    "METHOD_NAMES",
+    "Compare",
+    "Lin",
+    "LinAlong",
+    "LinCommand",
+    "LinOver",
+    "compare",
+    "lin",
+    "lin_along",
+    "lin_over",
+]
+
+METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
+
+_POINT, _HOW, _SEVERAL, _MEASURED = "Operating point", "How it is made", "Several linear models", "Comparison"
+
+
+# -- options that several of the requests have -------------------------------------------------
+
+
+class _Where(AtPoint):
+    _: KW_ONLY
+    x0: Values | None = option(
+        "Value of a state or discrete state at the point, in place of the operating point's; repeatable.",
+        default=None,
+        group=_POINT,
+    )
+    u0: Values | None = option(
+        "Value of an input at the point, in place of the operating point's; repeatable.", default=None, group=_POINT
+    )
+    time: float | None = option(
+        "Session time of the point; else that of the operating point, or where the model starts.",
+        unit="s",
+        metavar="T",
+        default=None,
+        group=_POINT,
+    )
+
+
+class _Perturbed(Options):
+    _: KW_ONLY
+    dx: Widths | None = option(
+        "Total width of the perturbation of the states: one for all, by name, or a list in their order; else chosen "
+        "and verified.",
+        default=None,
+        group=_HOW,
+    )
+    du: Widths | None = option(
+        "Total width of the perturbation of the inputs, given likewise.", default=None, group=_HOW
+    )
+    period: float | None = option(
+        "Period over which the method response holds its inputs; else the communication step.",
+        unit="s",
+        metavar="S",
+        default=None,
+        group=_HOW,
+    )
+
+
+class _Sampled(Options):
+    _: KW_ONLY
+    periods: Numbers | None = option(
+        "Sample periods for the method kalman-bertram; else found from the time events.",
+        unit="s",
+        metavar="S,..",
+        default=None,
+        group=_HOW,
+    )
+    btptol: float = option(
+        "Relative tolerance within which sample periods have a common multiple.", default=1e-6, group=_HOW
+    )
+
+
+class _Chosen(Options):
+    _: KW_ONLY
+    inputs: Names | None = option(
+        "Inputs of the linear model, in this order; else all real ones; repeatable.", metavar="U,..", default=None
+    )
+    outputs: Names | None = option(
+        "Outputs or states that are the linear model's outputs; else all real outputs; repeatable.",
+        metavar="Y,..",
+        default=None,
+    )
+    method: str = option(
+        "How the linear model is made; auto chooses and says why.", choices=METHOD_NAMES, default="auto"
+    )
+
+
+class _Single(_Where, _Perturbed, _Sampled, _Chosen):
+    _: KW_ONLY
+    points: int = option("Number of periods that the method response records.", default=400, group=_HOW)
+    order: int | None = option("Number of states of the method response; else chosen.", default=None, group=_HOW)
+    continuous: bool = option(
+        "Turn a discrete linear model into the continuous one whose hold equivalent it is.", default=False
+    )
+
+
+# -- requests ----------------------------------------------------------------------------------
+
+
+class Lin(_Single, Analysis["LinResult"]):
+    """Linearise a model at an operating point.
+
+    ```python
+    with wb.load("fmu:Rudder") as rudder:
+        point = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"]).point
+        model = wb.lin(rudder, at=point, inputs=["delC"])
+    print(model.poles(), model.result.method, model.result.why)
+    ```
+
+    Not a statement about large motions: see `workbench.nfr` for gain and phase over the amplitude. Each method's
+    own limits stand in its docstring (`workbench.analysis.lin.methods.METHODS`).
+
+    Returns:
+        A `control.StateSpace` with names (see `LinearModel`); its `result` tells how it was made, what is
+        doubtful and which rows and columns are zero and why.
+
+    Raises:
+        InputError: unknown name or method, bad width, a method that does not apply.
+        FmuError, SimulationError: the model cannot be opened, initialised or evaluated.
+
+    Source: the source report, chapter 3.
+    """
+
+    command = "lin"
+    algorithm = "workbench.analysis.lin.linearise:linearise"
+    example = "workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json"
+
+
+class LinOver(_Where, _Perturbed, _Chosen, Analysis["LinGrid"]):
+    """Linearise at every combination of parameters, inputs or states.
+
+    The point is not trimmed anew: where the equilibrium moves with what is varied, trim first and
+    linearise each point with `lin`.
+
+    Raises:
+        InputError: nothing to vary, unknown name, or a store for a model that is not a file.
+        FmuError: the model cannot be opened.
+    """
+
+    command = "lin_over"
+    algorithm = "workbench.analysis.lin.sweep:over"
+    example = "workbench lin fmu:Rudder --over mH=0,100 --inputs delC"
+
+    over: Grid = option("Parameters, inputs or states to vary, with their values.")
+    _: KW_ONLY
+    jobs: int = option("Worker processes at a time; 1: in this process.", default=1)
+    store: File | None = option("Folder that keeps finished models; the same call goes on.", default=None)
+
+
+class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
+    """Linearise along a simulation: at each time about the states and inputs the model has then.
+
+    The models describe small deviations from the path, not from an equilibrium. Integer and Boolean modes of
+    the model are carried over as far as the FMU lets them be started elsewhere.
+
+    Raises:
+        InputError: times that do not rise, unknown input.
+        FmuError, SimulationError: the model cannot be run or evaluated.
+    """
+
+    command = "lin_along"
+    algorithm = "workbench.analysis.lin.sweep:along"
+    example = "workbench lin fmu:Rudder --snapshot 0.1,0.2 --input delC=2 --inputs delC"
+
+    times: Numbers = option("Times at which to linearise, rising.", unit="s")
+    _: KW_ONLY
+    signals: Signals | None = option("Forced inputs; the others keep their start values.", default=None)
+
+
+class Compare(_Where, _Perturbed, _Sampled, Analysis["LinComparison"]):
+    """Linearise by every method that applies, on both interfaces where the FMU has them, and measure.
+
+    The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
+    by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
+    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no
+    periodic response at all (undamped, unstable, or not at rest); the words say what was seen. Widths of the states
+    are for the method difference alone.
+
+    Raises:
+        InputError: unknown name, or no method applies.
+        FmuError: the model cannot be opened.
+    """
+
+    command = "compare"
+    algorithm = "workbench.analysis.lin.compare:run_all"
+    example = "workbench lin fmu:Rudder --compare --inputs delC --outputs del"
+
+    input: str = option("Input to force.")
+    output: str = option("Output to compare.")
+    _: KW_ONLY
+    frequencies: Numbers | None = option(
+        "Frequencies to compare at; else nine around the poles, up to 0.4 of the Nyquist frequency.",
+        unit="Hz",
+        positive=True,
+        default=None,
+    )
+    amplitude: float | None = option(
+        "Amplitude of the sine; else 0.001 of the larger of magnitude and nominal value (1 where none is declared).",
+        positive=True,
+        default=None,
+    )
+    measure: bool = option("Measure, and do not only compare the methods with each other.", default=True)
+
+
+class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
+    """Linearise at an operating point: A, B, C, D with names, what is doubtful, and why rows and columns are zero.
+
+    Over a grid of values, along a simulation, or by all methods beside a measurement, where that is asked for.
+    """
+
+    command = "lin"
+    algorithm = ""
+    example = Lin.example
+
+    _: KW_ONLY
+    over: Grid = option(
+        "Values of a parameter, input or state, one linear model for each combination; repeatable.",
+        default_factory=dict,
+        group=_SEVERAL,
+    )
+    jobs: int = option("Worker processes for --over.", default=1, group=_SEVERAL)
+    store: File | None = option(
+        "Folder that keeps finished models of --over; the same command goes on.",
+        metavar="DIR",
+        default=None,
+        group=_SEVERAL,
+    )
+    snapshot: Numbers | None = option(
+        "Times of a simulation at which to linearise.", unit="s", metavar="T1,T2,..", default=None, group=_SEVERAL
+    )
+    signals: Signals | None = option(
+        "Force an input of the simulation for --snapshot: a number, sine:…, step:…, file.csv; repeatable.",
+        flag="--input",
+        default=None,
+        group=_SEVERAL,
+    )
+    compare: bool = option(
+        "Compare all methods and both interfaces with each other and with a measured response.",
+        default=False,
+        group=_MEASURED,
+    )
+    frequencies: Numbers | None = option(
+        "Frequencies for --compare.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        positive=True,
+        default=None,
+        group=_MEASURED,
+    )
+    amplitude: float | None = option(
+        "Amplitude of the sine that --compare measures with.", positive=True, default=None, group=_MEASURED
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if sum([bool(self.over), self.snapshot is not None, self.compare]) > 1:
+            raise InputError("--over, --snapshot and --compare: only one of them at a time")
+        for flag, value in (("--amplitude", self.amplitude), ("--freq", self.frequencies)):
+            if value is not None and not self.compare:
+                raise InputError(
+                    f"{flag} belongs to the measurement that --compare makes; add --compare, or leave it out"
+                )
+        for name in ("at", "x0", "u0", "time"):
+            if self.snapshot is not None and getattr(self, name):
+                raise InputError(f"--snapshot: the simulation sets the point; leave --{name} out")
+
+    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
+        """Run the request that is meant.
+
+        Args:
+            subject: the model; it stays open.
+            job: is told what is finished.
+        """
+        asked: Analysis[Any]
+        if self.over:
+            asked = recast(LinOver, self)
+        elif self.snapshot is not None:
+            asked = recast(LinAlong, self, times=self.snapshot)
+        elif self.compare:
+            asked = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
+        else:
+            asked = recast(Lin, self)
+        record: LinResult | LinGrid | LinComparison = asked.run(subject, job)
+        return record
+
+    def _one(self, kind: str, model: Model) -> str:
+        named = getattr(self, f"{kind}s") or [v.name for v in getattr(model, f"{kind}s")[:1]]
+        if len(named) != 1:
+            raise InputError("--compare: it takes one input and one output; name them with --inputs and --outputs")
+        name: str = named[0]
+        return name
+
+    def went_well(self, record: LinResult | LinGrid | LinComparison) -> bool:
+        """Return whether nothing is missing from the record.
+
+        Args:
+            record: of this request.
+        """
+        return record.complete
+
+
+# -- functions ---------------------------------------------------------------------------------
+
+
+def _state_space(model: Model, asked: Lin) -> LinearModel:
+    return asked.run(model, Job(asked.progress)).to_state_space()
+
+
+lin = with_origin("result")(with_options(Lin, _state_space, name="lin", first=Lin.subject.first))
+lin_over = function(LinOver)
+lin_along = function(LinAlong)
+compare = function(Compare)

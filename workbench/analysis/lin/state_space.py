@@ -1,0 +1,70 @@
+"""A linear model as python-control has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import control
+
+from workbench.analysis.lin.result import LinResult
+from workbench.core.operating_point import OperatingPoint
+from workbench.origin import Reportable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["LinearModel"]
+
+
+def _undotted(names: tuple[str, ...]) -> list[str]:
+    """Return names that python-control takes, still different from each other."""
+    plain = [n.replace(".", "_") for n in names]
+    return plain if len(set(plain)) == len(plain) else [n.replace(".", "__") for n in names]
+
+
+class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # python-control has no types
+    """A `control.StateSpace` with names that knows how it was made.
+
+    Whatever python-control does with a StateSpace it does with this one; what comes out of such an
+    operation (a series connection, a sampled model) is a plain StateSpace. python-control forbids dots in
+    names: "plant.tau" is "plant_tau" there; `result` has the names as they are.
+
+    Args:
+        result: the linearisation.
+
+    Attributes:
+        result: the linearisation with its point, method, doubts and notes.
+    """
+
+    def __init__(self, result: LinResult) -> None:
+        super().__init__(
+            result.A,
+            result.B,
+            result.C,
+            result.D,
+            result.dt,
+            states=_undotted(result.state_names),
+            inputs=_undotted(result.input_names),
+            outputs=_undotted(result.output_names),
+            name=result.model.replace(".", "_"),
+            remove_useless_states=False,
+        )
+        self.result = result
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Where the model was linearised."""
+        return self.result.point
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: Bode and step response, one column per input.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        return self.result.plot(path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return self.result.to_dict()
