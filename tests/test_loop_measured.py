@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
-from workbench.analysis.loop.request import loop
 from workbench.analysis.loop.curve_margins import curve_margins
 from workbench.analysis.loop.margins import margins_of
+from workbench.analysis.loop.request import loop
 from workbench.analysis.loop.result import LoopResult
 from workbench.analysis.trim.request import trim
 from workbench.errors import InputError
