@@ -51,7 +51,7 @@ def _write(folder: Path, sources: Sources, interface: str) -> list[str]:
     header = Path(fmpy.__file__).parent / "c-code" / "fmi1Functions.h"
     (folder / header.name).write_bytes(header.read_bytes())
     (folder / "identifier.h").write_text(f"#define MODEL_IDENTIFIER {sources.identifier}\n")
-    return [*sources.compiled, *added]
+    return [*(name for name in sources.compiled if not name.startswith("fmi3")), *added]
 
 
 def describe(version_2: bytes, model: str, interface: str) -> bytes:

@@ -47,7 +47,7 @@ HOST = f"{_MACHINES[platform.machine()]}-{_SYSTEMS[sys.platform]}"
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fmus")
-    build_all([HERE / "modelica"], out=folder, platforms=[HOST])
+    build_all(sorted(set(MODELS.values())), out=folder, platforms=[HOST])
     return folder
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from tests.fmi1_fmus import MODELS, build_fmi1
 from workbench.analysis.simulate.request import simulate
 from workbench.build import build_fmu
 from workbench.errors import FmuError
+from workbench.fmi.bundled import bundled_path
 from workbench.fmi.platforms import host
 from workbench.model.load import load
 from workbench.signals import Signal, Sine, Step
@@ -29,10 +31,11 @@ FORCED: dict[str, dict[str, Signal]] = {"me": SIGNALS, "cs": {"u": Step(time=0.4
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fmi1")
-    for model, source in MODELS.items():
+    for model in MODELS:
         for interface in ("me", "cs"):
             build_fmi1(folder, model, interface)
-        build_fmu([source], out=folder / f"{model}.fmu", platforms=[host()])
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), folder / "FirstOrderLag.fmu")
+    build_fmu([MODELS["Hybrid"]], out=folder / "Hybrid.fmu", platforms=[host()])
     return folder
 
 
