@@ -14,10 +14,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.limit_cycle_loops import LAG, around, chain
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.confirm import confirm
-from workbench.analysis.limit_cycle.continuation import follow
-from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
@@ -25,22 +24,12 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.load import load
 from workbench.workers import Workers
 
-LAG = control.tf([1.0], [1.0, 3.0, 3.0, 1.0])
 REFINED = ("harmonic balance", "shooting", "simulation")
-
-
-def around(block: object, plant: control.TransferFunction, *, gain: float = -1.0) -> DescribedModel:
-    return connect(
-        {"block": block, "plant": control.ss(plant)},
-        [("plant.y", "block.u"), ("block.y", "plant.u", {"gain": gain})],
-        outputs={"y": "plant.y"},
-    )
 
 
 def by_method(result: LimitCycleResult) -> dict[str, LimitCycle]:
@@ -140,15 +129,6 @@ def test_a_relay_with_hysteresis_is_balanced_too() -> None:
 
 
 # -- saturation --------------------------------------------------------------------------------
-
-
-def chain() -> DescribedModel:
-    return connect(
-        {"block": "fmu:Saturation", "a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag", "c": "fmu:FirstOrderLag@3"},
-        [("c.y", "block.u", {"gain": -10.0}), ("block.y", "a.u"), ("a.y", "b.u"), ("b.y", "c.u")],
-        outputs={"y": "c.y"},
-        start_values={"block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0},
-    )
 
 
 def test_saturation_and_lags_that_are_fmus_are_the_same_as_formulas() -> None:
@@ -392,125 +372,3 @@ def test_no_system_no_loop() -> None:
         pytest.raises(InputError, match="0 connected outputs"),
     ):
         limit_cycle(system, block="block")
-
-
-# -- continuation ------------------------------------------------------------------------------
-
-
-def test_the_fold_of_a_relay_with_a_dead_zone() -> None:
-    """With one harmonic: N = (4M/πA)√(1 − (δ/A)²) is largest, 2M/πδ, at A = δ√2; gain/8 · N = 1 there."""
-    plant = control.ss(LAG)
-    part, block = (
-        LinearPart(plant.A, plant.B[:, 0], plant.C[0]),
-        standard_block("relay", {"level": 2.0, "dead_zone": 0.1}),
-    )
-    cycle = balance(part, block, frequency=0.27, amplitude=0.31, count=1)
-    assert cycle is not None
-    branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.3, 2.0), cycle=cycle)
-    (fold,) = branch.folds
-    assert fold.value == pytest.approx(8.0 * math.pi * 0.1 / 4.0, rel=1e-6)
-    assert fold.fundamental == pytest.approx(0.1 * math.sqrt(2.0), rel=1e-4)
-    # One harmonic does not solve the equations, and gives no multiplier 1 on the lower branch: nothing is told there.
-    assert {p.stable for p in branch.points} == {True, None}
-    assert all(p.stable is None for p in branch.points if p.fundamental < fold.fundamental)
-    assert branch.points[0].value == pytest.approx(2.0)
-    assert branch.points[-1].value == pytest.approx(2.0)
-    for p in branch.points:
-        assert p.value / 8.0 * block.gain(p.fundamental).real == pytest.approx(1.0, rel=1e-5)
-
-
-def test_the_lower_branch_of_a_fold_is_unstable() -> None:
-    """The same relay with seven harmonics, whose motions have the multiplier 1: above the fold stable, below not."""
-    plant = control.ss(LAG)
-    part = LinearPart(plant.A, plant.B[:, 0], plant.C[0])
-    block = standard_block("relay", {"level": 2.0, "dead_zone": 0.1})
-    cycle = balance(part, block, frequency=0.27, amplitude=0.31)
-    assert cycle is not None
-    branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.5, 1.1), cycle=cycle)
-    (fold,) = branch.folds
-    upper = [p.stable for p in branch.points if p.fundamental > 1.2 * fold.fundamental]
-    lower = [p.stable for p in branch.points if p.fundamental < 0.9 * fold.fundamental]
-    assert set(upper) == {True}
-    assert True not in lower
-    assert lower.count(False) > 0.5 * len(lower)
-
-
-def test_cycles_of_fmus_over_a_parameter(tmp_path: Path) -> None:
-    """The limit of a saturation scales the amplitude and nothing else; a time constant moves the frequency."""
-    with chain() as system:
-        result = limit_cycle(
-            system,
-            block="block",
-            methods=("harmonic balance",),
-            harmonics=3,
-            vary={"c.tau": (0.5, 2.0), "gain": (0.85, 2.0)},
-        )
-    over_tau, over_gain = result.branches
-    assert (over_tau.parameter, over_gain.parameter) == ("c.tau", "gain")
-    for p in over_tau.points:
-        # Im of (jω + 1)²(jωτ + 1) is zero at ω² = (2 + τ)/τ.
-        assert p.frequency_hz == pytest.approx(math.sqrt((2.0 + p.value) / p.value) / (2.0 * math.pi), rel=0.01)
-        assert p.stable
-    assert over_gain.points[0].fundamental < over_gain.points[-1].fundamental
-    result.plot(tmp_path / "a.png")
-    over_tau.plot(tmp_path / "b.png")
-    over_tau.to_csv(tmp_path / "b.csv")
-    assert len((tmp_path / "b.csv").read_text(encoding="utf-8").splitlines()) == len(over_tau.points) + 1
-
-
-def test_an_unknown_parameter_is_one_line() -> None:
-    with chain() as system, pytest.raises(InputError, match=r"did you mean .*c\.tau"):
-        limit_cycle(system, block="block", methods=("harmonic balance",), vary={"c.tua": (0.5, 2.0)})
-
-
-def test_splitting_gives_the_same_multipliers() -> None:
-    """Large systems are split into the linear part and the block; here both ways on the same cycle."""
-    plant = control.ss(10.0 * LAG)
-    part, block = LinearPart(plant.A, plant.B[:, 0], plant.C[0]), standard_block("saturation")
-    cycle = balance(part, block, frequency=0.2757, amplitude=1.4555)
-    assert cycle is not None
-    padded = LinearPart(
-        np.block([[part.A, np.zeros((3, 30))], [np.zeros((30, 3)), -np.eye(30)]]),
-        np.append(part.B, np.zeros(30)),
-        np.append(part.C, np.zeros(30)),
-    )
-    small, large = multipliers(part, block, cycle), multipliers(padded, block, cycle)
-    assert np.abs(large[:2]) == pytest.approx(np.abs(small[:2]), rel=1e-4)
-
-
-def test_cycles_over_a_parameter_of_the_block() -> None:
-    """A dead band's or a saturation's own limits are followed with the block alone opened again."""
-    with chain() as system:
-        result = limit_cycle(
-            system, block="block", methods=("harmonic balance",), harmonics=3, vary={"block.D": (0.9, 1.2)}
-        )
-    (branch,) = result.branches
-    (cycle,) = result.limit_cycles
-    # y = sat(D u): D u has the cycle of a loop with gain D.
-    assert branch.points[0].value == pytest.approx(0.9)
-    assert branch.points[-1].value == pytest.approx(1.2)
-    assert branch.points[0].fundamental < cycle.fundamental < branch.points[-1].fundamental
-
-
-def test_a_branch_ends_where_its_cycle_vanishes() -> None:
-    """y = c1 u + c3 u³, c3 < 0, around three lags: c1 + ¾ c3 A² = 1/2 with one harmonic, so that A = 0 at c1 = 1/2."""
-    with connect(
-        {"block": "fmu:AlgebraicExpression", "lags": control.ss(LAG)},
-        [("lags.y", "block.u", {"gain": -16.0}), ("block.y", "lags.u")],
-        start_values={
-            "block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0,
-            "block.c0": 0.0, "block.c1": 0.7, "block.c2": 0.0, "block.c3": -0.1,
-        },
-    ) as system:  # fmt: skip
-        result = limit_cycle(
-            system, block="block", methods=("harmonic balance",), harmonics=1, vary={"block.c1": (0.4, 0.72)}
-        )
-    (branch,) = result.branches
-    end = min(branch.points, key=lambda p: p.value)
-    assert "the cycle shrinks to a point" in branch.ends
-    assert end.value == pytest.approx(0.5, abs=1e-5)
-    assert end.amplitude < 2e-3
-    # The equilibrium solves the equations at every value; no point of the branch lies on it. Residuals of 1e-8 of the
-    # first cycle's size are 1e-5 of one that is a thousand times smaller.
-    for p in branch.points:
-        assert 0.075 * p.fundamental**2 == pytest.approx(p.value - 0.5, abs=1e-5)
