@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.identify import identify as identify_data
+from workbench.analysis.identify.request import identify as identify_data
 from workbench.cli import build as build_command
 from workbench.cli.app import run
 from workbench.errors import InputError

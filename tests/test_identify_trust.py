@@ -127,7 +127,8 @@ def test_an_unstable_plant_is_never_silently_a_model_without_a_fit(
     # One state by request: it is right about the pole, and says first that it has no simulation.
     assert run([*columns, "--order", "1", "--json", str(tmp_path / "one.json")]) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith("NO FIT on data.csv, y: the model is unstable") for line in lines[:2])
+    assert "has no simulation on its data" in lines[1]
+    assert any(line.startswith("failed: NO FIT on data.csv, y: the model is unstable") for line in lines)
     assert not any("nan" in line for line in lines)
     one = json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))
     assert one["fit_percent"] is None
@@ -175,7 +176,11 @@ def test_data_from_a_closed_loop_are_named_first(tmp_path: Path, capsys: pytest.
     regulated(0, reacts_at_once=False).to_csv(tmp_path / "data.csv")
     command = ["identify", str(tmp_path / "data.csv"), "--input", "u", "--output", "y", "--order", "1"]
     assert run([*command, "--json", str(tmp_path / "loop.json")]) == 0
-    assert capsys.readouterr().out.startswith("NOT A MODEL OF THE PLANT: the data come from a closed loop: u reacts")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("This is not a model of the plant: the data come from a closed loop.")
+    assert any(
+        line.startswith("failed: NOT A MODEL OF THE PLANT: the data come from a closed loop: u r") for line in lines
+    )
     found = json.loads((tmp_path / "loop.json").read_text(encoding="utf-8"))
     assert found["closed_loop"] is True
     assert found["warnings"][0].startswith("NOT A MODEL OF THE PLANT")

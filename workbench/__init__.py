@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.run import FeedbackRun
     from workbench.analysis.feedback.settling import SettlingStudy
     from workbench.analysis.identified import IdentifiedModel
-    from workbench.analysis.identify import IdentifyResult
-    from workbench.analysis.identify.identify import identify
+    from workbench.analysis.identify.request import identify
+    from workbench.analysis.identify.result import IdentifyResult
     from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
     from workbench.analysis.limit_cycle.free_run import FreeRun
     from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
@@ -294,7 +294,8 @@ _HOMES = {
     "workbench.analysis.feedback.settling": ("SettlingStudy",),
     "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
     "workbench.analysis.identified": ("IdentifiedModel",),
-    "workbench.analysis.identify": ("IdentifyResult", "identify"),
+    "workbench.analysis.identify.request": ("identify",),
+    "workbench.analysis.identify.result": ("IdentifyResult",),
     "workbench.analysis.preprocess": (
         "cut_settling",
         "detrend",

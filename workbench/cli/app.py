@@ -26,13 +26,13 @@ from workbench.cli.lin import lin
 from workbench.cli.loop import loop
 from workbench.cli.modes import modes
 from workbench.cli.nfr import nfr
-from workbench.cli.program import options_of, program
+from workbench.cli.program import options_of, program, said
 from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
 from workbench.cli.simulate import simulate
 from workbench.cli.trim import trim
 from workbench.endings import INTERRUPTED
-from workbench.errors import WorkbenchError, one_line
+from workbench.errors import WorkbenchError
 
 __all__ = ["BAD_INPUT", "main"]
 
@@ -118,10 +118,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
     except typer.TyperException as error:
         # Called without a command it shows the help, which the error then carries as its text.
-        message = one_line(error.format_message())
+        message = said(error)
         return _complain(message) if message else BAD_INPUT
     except WorkbenchError as error:
-        return _complain(asked.spoken(str(error)))
+        return _complain(asked.complaint(str(error)))
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # the version of typer decides whether it is raised or returned
     if code == INTERRUPTED:

@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 
-__all__ = ["command_line", "keep", "spoken", "was_given"]
+__all__ = ["command_line", "complaint", "keep", "spoken", "was_given"]
 
 _arguments: list[str] = []  # of the one command that a process runs
 _options: dict[str, str] = {}  # of that command: name in Python → on the command line
@@ -29,16 +29,20 @@ def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = No
 def spoken(message: str) -> str:
     """Return a message of the library with the command's options as one types them: `max_order` is --max-order.
 
-    One that begins with an option of another name, as "dt: …" of --step, begins with that.
+    Args:
+        message: one line.
+    """
+    return _NAME.sub(lambda found: _options.get(found[0], found[0]), message)
+
+
+def complaint(message: str) -> str:
+    """Return an error of the library in the words of the command line: "dt: …" begins with --step, see also `spoken`.
 
     Args:
         message: one line.
     """
     head, colon, rest = message.partition(":")
-    flag = _options.get(head.replace(" ", "_"))
-    if flag is not None and flag.removeprefix("--").replace("-", " ") != head:
-        message = f"{flag}{colon}{rest}"
-    return _NAME.sub(lambda found: _options.get(found[0], found[0]), message)
+    return spoken(_options.get(head.replace(" ", "_"), head) + colon + rest)
 
 
 def command_line() -> str:

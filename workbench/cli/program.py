@@ -8,7 +8,9 @@ from typing import Any
 
 import typer
 
-__all__ = ["Lazily", "options_of", "program"]
+from workbench.errors import one_line
+
+__all__ = ["Lazily", "options_of", "program", "said"]
 
 
 def program(app: typer.Typer, name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
@@ -38,6 +40,11 @@ def options_of(command: Any, name: str | None) -> dict[str, str]:  # noqa: ANN40
     known = getattr(command, "commands", {}).get(name)
     options = [p for p in known.params if p.opts[0].startswith("--")] if known else []
     return {str(option.name): str(option.opts[0]) for option in options}
+
+
+def said(error: typer.TyperException) -> str:
+    """Return what is wrong with a command line, in one line and without the words of the libraries underneath."""
+    return one_line(error.format_message()).replace(": Value error, ", ": ")
 
 
 class Lazily(Mapping[str, Any]):

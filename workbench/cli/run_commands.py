@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from workbench.cli import asked, notes
-from workbench.cli.program import Lazily, program
-from workbench.errors import InputError, WorkbenchError, one_line
+from workbench.cli.program import Lazily, program, said
+from workbench.errors import InputError, WorkbenchError
 from workbench.study.commands import Command, Commands, Ended, Option
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _option(parameter: Any) -> Option:  # noqa: ANN401 - likewise
 
 def _said(error: typer.TyperException) -> str:
     """Return the message with options as the study file spells them."""
-    return one_line(error.format_message()).replace("'--", "'").removesuffix(".")
+    return said(error).replace("'--", "'").removesuffix(".")
 
 
 def run_command(arguments: Sequence[str]) -> Ended:

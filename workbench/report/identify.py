@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from workbench.analysis.identify import IdentifyResult
+from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
@@ -18,21 +18,24 @@ from workbench.report.tones import Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["bootstrap_page", "estimate_page", "identify_page", "overlay_page", "validation_page"]
+__all__ = ["bootstrap_page", "estimate_page", "identify_page", "order_section", "overlay_page", "validation_page"]
 
 
-def identify_page(result: IdentifyResult, *, overlay: Overlay | None = None) -> Page:
-    """Return the page of an identification: data, advice, order, model, validation, comparison.
+_BAR = 40  # length of the longest bar [characters]
 
-    Args:
-        result: what to report.
-        overlay: its frequency response beside others.
-    """
-    sections = [_of_data(result), _of_order(result), _of_model(result), _of_validation("Data of the fit", result.own)]
+
+def identify_page(result: IdentifyResult) -> Page:
+    """Return the page of an identification: data, advice, order, model, validation, comparison."""
+    sections = [
+        _of_data(result),
+        order_section(result),
+        _of_model(result),
+        _of_validation("Data of the fit", result.own),
+    ]
     if result.other is not None:
         sections.append(_of_validation(f"Validation on {result.other.data.name}", result.other))
-    if overlay is not None:
-        sections.append(_of_overlay(overlay))
+    if result.overlay is not None:
+        sections.append(_of_overlay(result.overlay))
     cut = f", {result.settle:g} s cut off" if result.settle else ""
     return Page(
         title=f"Linear model of {result.data.name}",
@@ -76,12 +79,25 @@ def _of_data(result: IdentifyResult) -> Section:
     return Section("Are the data good enough?", tables=[advice_table(result.advice)], figures=figures)
 
 
-def _of_order(result: IdentifyResult) -> Section:
+def order_section(result: IdentifyResult) -> Section:
+    """Return singular values and principal angles, with the order and its reason."""
     return Section(
         "Order",
         paragraphs=[f"Order {result.order}: {result.estimate.order_reason}."],
+        tables=[_order_table(result.estimate)],
         figures=[(result.plot_order, "A state matters where its bar stands out: large value, angle far from 90°.")],
     )
+
+
+def _order_table(found: SubspaceEstimate) -> Table:
+    """Return the first singular values with bars, which are full up to the order that was chosen."""
+    values = found.singular_values[: max(2 * found.order, found.order + 4)].tolist()
+    largest = values[0] or 1.0
+    rows = []
+    for k, (value, angle) in enumerate(zip(values, found.principal_angles_deg.tolist(), strict=False), start=1):
+        bar = ("█" if k <= found.order else "░") * max(1, round(_BAR * value / largest))
+        rows.append((str(k), f"{value:.4g}", f"{angle:.2f}", bar))
+    return Table(("state", "singular value", "principal angle [deg]", ""), rows, right=(0, 1, 2))
 
 
 def _of_model(result: IdentifyResult) -> Section:
@@ -130,9 +146,6 @@ def _of_overlay(overlay: Overlay) -> Section:
 
 def estimate_page(result: SubspaceEstimate) -> Page:
     """Return the page of a subspace estimate: order, poles, matrices."""
-    pairs = zip(result.singular_values.tolist(), result.principal_angles_deg.tolist(), strict=False)
-    rows = [(str(k), f"{value:.5g}", f"{angle:.2f}") for k, (value, angle) in enumerate(pairs, start=1)]
-    table = Table(("state", "singular value", "principal angle [deg]"), rows)
     model = result.model
     return Page(
         title=f"Linear model from {', '.join(model.input_names)} to {', '.join(model.output_names)}",
@@ -141,7 +154,7 @@ def estimate_page(result: SubspaceEstimate) -> Page:
         sections=[
             Section("Model", tables=_poles(result)),
             _matrices(result),
-            Section("Order", tables=[table], folded=True),
+            Section("Order", tables=[_order_table(result)], folded=True),
         ],
         notes=(*model.notes, *result.notes),
         kind="estimate",

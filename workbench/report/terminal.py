@@ -9,7 +9,7 @@ from itertools import pairwise, zip_longest
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import worst_first
 
-__all__ = ["text_of"]
+__all__ = ["section_text", "text_of"]
 
 _GAP = "  "
 _LEAST_WORDS = 30  # a column of sentences is made no narrower
@@ -26,6 +26,16 @@ def text_of(page: Page, width: int | None, how: str = "") -> str:
     """
     lines = [line.rstrip() for line in _page(page, width, how)]
     return "\n".join(line for before, line in pairwise(["", *lines, ""]) if before or line) + "\n"
+
+
+def section_text(section: Section, width: int | None) -> str:
+    """Return what a section says.
+
+    Args:
+        section: of a page.
+        width: see `text_of`.
+    """
+    return "\n".join(_section(section, width)) + "\n"
 
 
 def _page(page: Page, width: int | None, how: str) -> Iterator[str]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.experiment import Experiment as Record
-from workbench.analysis.identify import IdentifyResult, identify
+from workbench.analysis.identify.request import identify
+from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import Coherence, coherence, sdf
 from workbench.analysis.validate import ERROR_FIGURES, error_figure
 from workbench.reproduce.drawings import titled

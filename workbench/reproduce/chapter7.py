@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.identify import IdentifyResult, identify
+from workbench.analysis.identify.request import identify
+from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck, step_check

@@ -13,7 +13,8 @@ from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.request import excite
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.experiment import Experiment
-from workbench.analysis.identify import IdentifyResult, identify
+from workbench.analysis.identify.request import identify
+from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import coherence
 from workbench.system.load import load
 

@@ -11,7 +11,7 @@ from workbench.analysis.advice import Advice
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
-from workbench.analysis.validate import Validation
+from workbench.analysis.validate import Overlay, Validation
 from workbench.core.closed_loop import ClosedLoop, between
 from workbench.origin import Reportable
 
@@ -34,6 +34,7 @@ class IdentifyResult(Reportable):
         settle: how much was cut off the beginning [s].
         own: the model compared with the data of the fit.
         other: compared with other data; None where there were none.
+        overlay: its frequency response beside those of other analyses; None where there were none.
     """
 
     data: Experiment
@@ -43,6 +44,7 @@ class IdentifyResult(Reportable):
     settle: float
     own: Validation
     other: Validation | None
+    overlay: Overlay | None = None
 
     @property
     def model(self) -> IdentifiedModel:
@@ -115,6 +117,7 @@ class IdentifyResult(Reportable):
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON and `workbench export`."""
         return {
+            "model": self.data.name,
             **self.estimate.to_dict(),
             "detrend": self.detrend,
             "settle": self.settle,
@@ -129,6 +132,7 @@ class IdentifyResult(Reportable):
             "validation": None if self.other is None else self.other.to_dict(),
             "advice": self.advice.to_dict(),
             "notes": list(self.notes),
+            **({} if self.overlay is None else {"overlay": self.overlay.to_dict()}),
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:

@@ -1,4 +1,4 @@
-"""Reading the files that other commands wrote."""
+"""Reading the files of records that other requests wrote."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 
 from workbench.errors import InputError
 
-__all__ = ["read_json"]
+__all__ = ["read_record"]
 
 _Result = TypeVar("_Result")
 
 
-def read_json(option: str, path: Path, build: Callable[[Mapping[str, Any]], _Result]) -> _Result:
-    """Return what a JSON file describes.
+def read_record(option: str, path: str | Path, build: Callable[[Mapping[str, Any]], _Result]) -> _Result:
+    """Return the record that a JSON file holds.
 
     Args:
         option: that named the file, for messages.
@@ -26,7 +26,7 @@ def read_json(option: str, path: Path, build: Callable[[Mapping[str, Any]], _Res
         InputError: no such file, not JSON, or something else than `build` takes.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{option}: {path}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:

@@ -1,0 +1,181 @@
+"""Linear models from recorded data: what can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from workbench.analysis.request import Request, Subject, function
+from workbench.core.forms import FILE, File, Form, Names
+from workbench.core.option import option
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.analysis.experiment import Experiment
+    from workbench.analysis.identify.result import IdentifyResult
+    from workbench.analysis.lin.result import LinearModel, LinResult
+    from workbench.analysis.nfr_result import NfrResult
+
+__all__ = ["Identify", "identify"]
+
+
+def _read_order(texts: Sequence[str]) -> int | str:
+    if texts[-1] in ("auto", "ask"):  # whom to ask, the command line knows
+        return "auto"
+    if not texts[-1].isdecimal():
+        raise ValueError(f"'{texts[-1]}' is neither auto nor ask nor a number of states, 0 (a gain) or more")
+    return int(texts[-1])
+
+
+def _read_delay(texts: Sequence[str]) -> int | str | list[int]:
+    if texts[-1] == "auto":
+        return "auto"
+    parts = [part.strip() for part in texts[-1].split(",")]
+    if not all(part.isdigit() for part in parts):
+        raise ValueError(f"'{texts[-1]}' is neither auto nor numbers of samples, one for each input")
+    return int(parts[0]) if len(parts) == 1 else [int(part) for part in parts]
+
+
+_ORDER = Form(metavar="auto|N|ask", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
+_DELAY = Form(
+    metavar="auto|N,..",
+    read=_read_delay,
+    write=lambda value: [str(value) if isinstance(value, int | str) else ",".join(map(str, value))],
+    take=lambda value: value,
+)
+
+if TYPE_CHECKING:
+    _Order = int | Literal["auto"]
+    _Delay = int | Sequence[int] | Literal["auto"]
+    _Data = Experiment | File
+else:
+    _Order = Annotated[object, _ORDER]
+    _Delay = Annotated[object, _DELAY]
+    _Data = Annotated[object, FILE]
+
+
+class Identify(Request["Experiment | File", "IdentifyResult"]):
+    """Identify a discrete linear model from recorded data, judge the data, and validate the model.
+
+    The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is taken off, the
+    order is chosen from singular values or principal angles, the model is estimated by a subspace method, and its
+    simulation and one-step prediction are compared with other data; without any, with the data of the fit, which
+    flatters it.
+
+    Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags tell)
+    and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
+
+    Returns:
+        The model, how it came about and what it is worth.
+
+    Raises:
+        InputError: the data cannot be read or excite too little for the order, unknown name, too few samples.
+    """
+
+    command = "identify"
+    algorithm = "workbench.analysis.identify.run:run"
+    example = (
+        "workbench identify rudder.csv --input delC --output del --validate rudder_validation.csv --report id.html"
+    )
+    counts = "steps"
+    subject = Subject(
+        name="data",
+        type="Experiment | str | Path",
+        help="An experiment, or a CSV file.",
+        metavar="DATA",
+        words="CSV file, as workbench excite writes it, or any other.",
+    )
+
+    _: KW_ONLY
+    inputs: Names | None = option(
+        "Columns that force; else those that the file or the experiment names.",
+        flag="--input",
+        also="--inputs",
+        metavar="U,..",
+        default=None,
+    )
+    outputs: Names | None = option(
+        "Columns that follow; else likewise.", flag="--output", also="--outputs", metavar="Y,..", default=None
+    )
+    order: _Order = option("Number of states, 0 for a gain; ask shows the bars and asks.", default="auto")
+    validation: _Data | None = option(
+        "Other data of the same model; else the data of the fit, which flatters the model.",
+        flag="--validate",
+        metavar="DATA2",
+        default=None,
+    )
+    method: str = option("Subspace weighting.", choices=("moesp", "n4sid", "cva"), default="moesp")
+    basis: str | None = option(
+        "Principal angles (combined) or singular values (unscaled) show the order; else the method's own.",
+        choices=("combined", "unscaled"),
+        default=None,
+        group="Estimate",
+    )
+    biased: bool = option(
+        "Regression on the state sequence: less variance, a bias that stays.", default=False, group="Estimate"
+    )
+    horizon: int | None = option(
+        "Block rows of the subspace method; else chosen.", unit="samples", metavar="N", default=None, group="Estimate"
+    )
+    max_order: int = option("Largest order that auto considers.", metavar="N", least=1, default=20, group="Estimate")
+    feedthrough: bool = option("Estimate D: inputs act at once; else it is zero.", default=True, group="Estimate")
+    delay: _Delay = option(
+        "Known delay of the inputs; auto takes the one that the advice estimates.",
+        unit="samples",
+        default=0,
+        group="Estimate",
+    )
+    stable: bool = option("Move unstable poles inside the unit circle.", default=False, group="Estimate")
+    detrend: str = option(
+        "What is taken off the data before the fit.", choices=("mean", "linear", "none"), default="mean", group="Data"
+    )
+    settle: float = option(
+        "How much is cut off the beginning.", unit="s", metavar="T", least=0.0, finite=True, default=0.0, group="Data"
+    )
+    dt: float | None = option(
+        "Sampling interval of a file without times.", unit="s", metavar="S", positive=True, default=None, group="Data"
+    )
+    lags: int | None = option(
+        "Lags of the residual tests; 25 unless set.", unit="samples", metavar="N", default=None, group="Validation"
+    )
+    bootstrap: int = option(
+        "Replicates for the confidence of the poles, e.g. 200; 0 for none.", metavar="N", default=0, group="Validation"
+    )
+    seed: int = option("Seed of the bootstrap's random numbers.", python=True, default=0)
+    lin: LinResult | LinearModel | File | None = option(
+        "Linearisation to compare the frequency response with.",
+        metavar="LIN.JSON",
+        form=FILE,
+        default=None,
+        group="Validation",
+    )
+    nfr: NfrResult | File | None = option(
+        "Nonlinear frequency response to compare the frequency response with.",
+        metavar="NFR.JSON",
+        form=FILE,
+        default=None,
+        group="Validation",
+    )
+    amplitude: float | None = option(
+        "Amplitude of the nonlinear frequency response that is taken, where it has several.",
+        metavar="A",
+        default=None,
+        group="Validation",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.amplitude is not None and self.nfr is None:
+            raise InputError("amplitude: chooses one of nfr, which is not given")
+
+    def went_well(self, record: IdentifyResult) -> bool:
+        """Return whether the model has a simulation on all data.
+
+        Args:
+            record: of this request.
+        """
+        return not record.failed
+
+
+identify = function(Identify)

@@ -1,0 +1,112 @@
+"""Identify a linear model from recorded data and compare it with other data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workbench.analysis.advice import Advice, advise
+from workbench.analysis.experiment import Experiment
+from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.identify.prepare import Prepared, chosen, cut, prepare
+from workbench.analysis.identify.request import Identify
+from workbench.analysis.identify.result import IdentifyResult
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.subspace import SubspaceEstimate, estimate
+from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, overlay, same_settings, validate
+from workbench.core.job import Job
+from workbench.core.record_file import read_record
+from workbench.errors import InputError
+
+__all__ = ["run"]
+
+
+def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyResult:
+    """Identify a model; see `Identify`."""
+    prepared = prepare(chosen(data, asked.inputs, asked.outputs, asked.dt), how=asked.detrend, settle=asked.settle)
+    order = asked.order
+    advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=asked.feedthrough)
+    if order != "auto":
+        advice.refuse(order)
+    job.done("data judged", 1, 3)
+    found = estimate(
+        prepared.u,
+        prepared.y,
+        prepared.data.dt,
+        order=order,
+        max_order=asked.max_order,
+        method=asked.method,
+        basis=asked.basis,
+        horizon=asked.horizon,
+        feedthrough=asked.feedthrough,
+        delay=_delays(advice) if asked.delay == "auto" else asked.delay,
+        biased=asked.biased,
+        stable=asked.stable,
+    )
+    advice.refuse(found.order)
+    job.done("model estimated", 2, 3)
+    model = _named(found, prepared)
+    other = _other(asked, prepared.data)
+    regions = _regions(found.with_model(model), prepared, asked.bootstrap, asked.seed)
+    result = IdentifyResult(
+        data=prepared.data,
+        advice=advice,
+        estimate=found.with_model(model),
+        detrend=asked.detrend,
+        settle=asked.settle,
+        own=validate(model, prepared.data, lags=asked.lags, bootstrap=regions),
+        other=None if other is None else validate(model, other, lags=asked.lags, bootstrap=regions),
+        overlay=_overlay(model, asked),
+    )
+    job.done("model validated", 3, 3)
+    return result
+
+
+def _delays(advice: Advice) -> tuple[int, ...]:
+    """Return the delay of each input that the advice estimates, beyond the sample that all systems take [samples]."""
+    found = advice.finding("delay").values
+    names, outputs = advice.experiment.input_names, advice.experiment.output_names
+    waits = [[found.get(f"{u} → {y}") for y in outputs] for u in names]
+    return tuple(max(0, min((w for w in row if w is not None), default=1) - 1) for row in waits)
+
+
+def _named(found: SubspaceEstimate, prepared: Prepared) -> IdentifiedModel:
+    data = prepared.data
+    return found.model.named(
+        input_names=data.input_names,
+        output_names=data.output_names,
+        input_units=data.input_units,
+        output_units=data.output_units,
+        name=data.name,
+        u0=prepared.u0,
+        y0=prepared.y0 + found.model.y0,
+    )
+
+
+def _other(asked: Identify, data: Experiment) -> Experiment | None:
+    if asked.validation is None:
+        return None
+    other = chosen(asked.validation, data.input_names, data.output_names, asked.dt)
+    if abs(other.dt - data.dt) > 1e-6 * data.dt:
+        raise InputError(f"{other.name}: sampled every {other.dt:g} s, {data.name} every {data.dt:g} s; resample one")
+    return cut(other, asked.settle)
+
+
+def _regions(found: SubspaceEstimate, prepared: Prepared, replicates: int, seed: int) -> PoleBootstrap | None:
+    if not replicates:
+        return None
+    again = same_settings(found)
+    return bootstrap_poles(found.model, prepared.data, again, replicates=replicates, seed=seed)
+
+
+def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:
+    """Lay the model over what other analyses found."""
+    lin, nfr = asked.lin, asked.nfr
+    if lin is None and nfr is None:
+        return None
+    return overlay(
+        model,
+        lin=read_record("lin", lin, LinResult.from_dict) if isinstance(lin, str | Path) else lin,
+        nfr=read_record("nfr", nfr, NfrResult.from_dict) if isinstance(nfr, str | Path) else nfr,
+        amplitude=asked.amplitude,
+    )
