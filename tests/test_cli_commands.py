@@ -175,8 +175,8 @@ def test_messages_name_options_as_they_are_typed(tmp_path: Path, capsys: pytest.
     data = tmp_path / "data.csv"
     data.write_text("time [s],u,y\n" + "".join(f"{k},{k % 2},{k % 3}\n" for k in range(60)), encoding="utf-8")
     assert run(["identify", str(data), "--input", "u", "--output", "y", "--max-order", "0"]) == 2
-    assert capsys.readouterr().err == "workbench: --max-order must be 1 or more, not 0\n"
+    assert capsys.readouterr().err == "workbench: --max-order: 0 is too small; take at least 1\n"
     assert run(["identify", str(data), "--input", "max_order", "--output", "y"]) == 2
     assert "there is no column 'max_order'" in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"^max_order must be 1 or more"):
+    with pytest.raises(InputError, match=r"^max order: 0 is too small"):
         identify_data(data, inputs=["u"], outputs=["y"], max_order=0)

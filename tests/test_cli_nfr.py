@@ -91,7 +91,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
         ([*LAG, "--freq"], "requires an argument"),
         ([*LAG, "--nosuch"], "No such option"),
         ([*LAG, "--ratio", "x", "--freq", "1"], "'--ratio'"),
-        ([*LAG, "--interface", "mee", "--freq", "1"], "'mee' is not one of"),
+        ([*LAG, "--interface", "mee", "--freq", "1"], "'mee' is unknown; did you mean me?"),
         (LAG, "either a list of frequencies or a band"),
         ([*LAG, "--freq", "1", "--band", "1:2"], "not both"),
         ([*LAG, "--freq", ""], "--freq: '' is not a number"),

@@ -58,9 +58,10 @@ def test_identification_says_first_what_the_wiring_knows(
     capsys.readouterr()
     command = ["identify", str(data), "--input", source, "--output", target, "--order", "1"]
     assert run([*command, "--json", str(tmp_path / "found.json")]) in (0, 1)
-    first = capsys.readouterr().out.splitlines()[0]
+    lines = capsys.readouterr().out.splitlines()
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
-    assert first.startswith(f"NOT A MODEL OF THE PLANT: {words}" if words else "data.csv: reference → smooth")
+    assert lines[1].startswith("This is not a model of the plant: the data come from a closed loop.") == bool(words)
+    assert any(line.startswith(f"failed: NOT A MODEL OF THE PLANT: {words}") for line in lines) == bool(words)
     assert (found["closed_loop"] is True) == bool(words)
     assert json.loads((tmp_path / "excite.json").read_text(encoding="utf-8"))["closed_loops"][0]["system"] == "system"
 

@@ -223,7 +223,7 @@ def test_an_open_loop_is_not_suspected(direct: float) -> None:
         ("u,y\n{rows}", ["--dt", "0.1", "--order", "-1"], "--order: '-1' is neither auto"),
         ("u,y\n{rows}", ["--dt", "0.1", "--order", "²"], "--order: '²' is neither auto"),
         ("u,y\n{rows}", ["--dt", "0.1", "--method", "n4sdi"], "did you mean n4sid"),
-        ("u,y\n{rows}", ["--dt", "0.1", "--amplitude", "2"], "--nfr"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--amplitude", "2"], "--amplitude: it chooses one of nfr, which is not given"),
     ],
 )
 def test_wrong_input_is_told_in_one_line(

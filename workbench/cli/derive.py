@@ -6,8 +6,9 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +17,7 @@ from workbench.cli.options import Csv, Json, Plot, Report, open_model
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, Options, options_of, values_of
 from workbench.endings import INTERRUPTED
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import InputError, WorkbenchError, suggest
 
 if TYPE_CHECKING:
     from workbench.cli.output import Output
@@ -206,19 +207,29 @@ def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type
     if declared.type is bool and declared.default:
         flag = f"{flag}/--no-{flag.removeprefix('--')}"
     form = declared.form
-    metavar = declared.option.metavar or (form.metavar if form is not None else None)
+    choices = declared.option.choices
+    metavar = declared.option.metavar or (form.metavar if form is not None else "|".join(choices) or None)
     flags = [flag, *filter(None, [declared.option.also])]
     option = typer.Option(
-        *flags, help=declared.help, metavar=metavar, rich_help_panel=group or None, hidden=declared.option.hidden
+        *flags,
+        help=declared.help,
+        metavar=metavar,
+        rich_help_panel=group or None,
+        hidden=declared.option.hidden,
+        parser=partial(_one_of, choices) if choices and form is None else None,
     )
     return Annotated[_typer_type(declared), option]
+
+
+def _one_of(choices: tuple[str, ...], text: str) -> str:
+    if text not in choices:
+        raise typer.BadParameter(f"'{text}' is unknown; {suggest(text, choices)}")
+    return text
 
 
 def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
     if declared.form is not None:
         kind: Any = list[str] if declared.form.repeated else str
-    elif declared.option.choices:
-        kind = Literal[declared.option.choices]
     else:
         kind = declared.type
     return kind if declared.required or kind is bool else kind | None
