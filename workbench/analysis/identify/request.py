@@ -14,7 +14,8 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.analysis.experiment import Experiment
     from workbench.analysis.identify.result import IdentifyResult
-    from workbench.analysis.lin.result import LinearModel, LinResult
+    from workbench.analysis.lin.result import LinResult
+    from workbench.analysis.lin.state_space import LinearModel
     from workbench.analysis.nfr_result import NfrResult
 
 __all__ = ["Identify", "identify"]
