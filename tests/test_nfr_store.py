@@ -7,7 +7,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from workbench.cli.app import run
 from workbench.store import FILE_NAME
 from workbench.workers import Workers
 
-RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "0.5:20"]
+RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "2:20"]
 
 
 def points_in(folder: Path) -> int:
@@ -49,20 +48,20 @@ def command(*arguments: str) -> subprocess.Popen[str]:
     return start(["-m", "workbench", *arguments])
 
 
-def kill_after(count: int, folder: Path, *arguments: str) -> int:
-    """Run the command line with a store, kill it once `count` points are there; return how many there are then."""
-    process = command(*arguments, "--store", str(folder))
-    wait_for(lambda: points_in(folder) > 0, process)
-    database = sqlite3.connect(folder / FILE_NAME, timeout=300.0, isolation_level=None)
-    with closing(database):
-        while True:
-            database.execute("BEGIN IMMEDIATE")  # nothing is written while this lasts: no point comes after the count
-            if points_in(folder) >= count:
-                process.send_signal(signal.SIGKILL)
-                process.communicate()
-                return points_in(folder)
-            assert process.poll() is None
-            database.execute("COMMIT")
+def kill_after(count: int, total: int, folder: Path, *arguments: str) -> tuple[Path, int]:
+    """Run the command line with a store, kill it once `count` points are there; return the store and how many it holds.
+
+    A program that has finished before it could be killed, on a busy machine, is run again with another store.
+    """
+    for attempt in range(20):
+        store = folder / f"store {attempt}"
+        process = command(*arguments, "--store", str(store))
+        wait_for(lambda store=store: points_in(store) >= count, process)  # type: ignore[misc]
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        if (left := points_in(store)) < total:
+            return store, left
+    raise AssertionError("it was always faster")
 
 
 def numbers(result: dict[str, Any]) -> dict[str, Any]:
@@ -74,16 +73,16 @@ def numbers(result: dict[str, Any]) -> dict[str, Any]:
 def test_a_killed_sweep_goes_on_and_equals_an_uninterrupted_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], carry: list[str]
 ) -> None:
-    left = kill_after(5, tmp_path / "store", *RUDDER, *carry, "--jobs", "1", "--tolerance", "1e-10")
-    total = 2 * 22
+    total = 2 * 14
+    store, left = kill_after(5, total, tmp_path, *RUDDER, *carry, "--jobs", "1", "--tolerance", "1e-10")
     assert 5 <= left < total
-    assert run([*RUDDER, *carry, "--tolerance", "1e-10", "--store", str(tmp_path / "store"), "--json", "-"]) == 0
+    assert run([*RUDDER, *carry, "--tolerance", "1e-10", "--store", str(store), "--json", "-"]) == 0
     captured = capsys.readouterr()
     if not carry:
         assert f"{left} of {total} points were measured before and are kept" in captured.err
     assert run([*RUDDER, *carry, "--tolerance", "1e-10", "--json", "-"]) == 0
     assert numbers(json.loads(captured.out)) == numbers(json.loads(capsys.readouterr().out))
-    assert points_in(tmp_path / "store") == total
+    assert points_in(store) == total
 
 
 def test_finished_points_are_not_measured_again(tmp_path: Path) -> None:
