@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.modes.modes import modes
+from workbench.analysis.modes.request import modes
 from workbench.cli.app import run
 from workbench.core.poles import (
     continuous,

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.request import loop
     from workbench.analysis.loop.result import LoopResult
-    from workbench.analysis.modes.modes import modes
+    from workbench.analysis.modes.request import modes
     from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
     from workbench.analysis.motions.compare import compare_motions
     from workbench.analysis.motions.measures import Measure
@@ -319,7 +319,7 @@ _HOMES = {
     "workbench.analysis.motions.compare": ("compare_motions",),
     "workbench.analysis.motions.measures": ("Measure",),
     "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),
-    "workbench.analysis.modes.modes": ("modes",),
+    "workbench.analysis.modes.request": ("modes",),
     "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),
     "workbench.analysis.nfr": ("Nfr", "nfr"),
     "workbench.analysis.nfr_sweep": ("NfrSweep",),

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Extras", "command"]
 
 _OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
+_MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _NOT_WELL = 1  # exit code of a record that says so
 
 
@@ -81,7 +82,8 @@ def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Itera
     if not issubclass(request, Analysis):
         yield named
         return
-    loading = _request(Loading, {**given, **dict.fromkeys(request.withheld)})
+    models = {name.removeprefix(_MODELS): value for name, value in given.items() if name.startswith(_MODELS)}
+    loading = _request(Loading, {**given, **dict.fromkeys(request.withheld), **models})
     if loading.tolerance is None:
         loading = replace(loading, tolerance=request.usual_tolerance)
     with open_model(named, loading) as model:
@@ -174,13 +176,13 @@ def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Sign
     """Return the options of the request, then those by which models are opened, then the files.
 
     An option that the analysis declares itself, as its own `step`, is given to the model as well, unless it is
-    withheld; where the flag alone is the same, the model does without.
+    withheld; where the flag alone is the same, the model does without; where the name alone is, both have theirs.
     """
     subject = request.subject
     own = {name: (declared, group) for name, declared, group in _flat(request)}
     if issubclass(request, Analysis):
         flags = {declared.flag for declared, _ in own.values()}
-        own |= {n: (d, g) for n, d, g in _flat(Loading) if n not in own and d.flag not in flags}
+        own |= {_MODELS + n if n in own else n: (d, g) for n, d, g in _flat(Loading) if d.flag not in flags}
     argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
     parameters = [_parameter(subject.spelt, argument, inspect.Parameter.empty)]
     parameters += [

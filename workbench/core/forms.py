@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILE",
+    "VARIED",
     "Band",
+    "Configurations",
     "File",
     "Form",
     "Grid",
@@ -29,6 +31,7 @@ __all__ = [
     "pairs",
     "setting",
     "several",
+    "varied",
 ]
 
 
@@ -217,6 +220,37 @@ _LIMITS = Form(
 )
 
 
+def varied(text: str) -> tuple[str, str]:
+    """Return the name and the values, LO:HI or A,B,.., of what is varied; no values where there is a name alone.
+
+    Args:
+        text: NAME=LO:HI, NAME=A,B,.. or NAME.
+
+    Raises:
+        ValueError: another form, or limits that do not rise.
+    """
+    if "=" not in text:
+        return text, ""
+    ((name, limits),) = pairs([text]).items()
+    found = [_named(name, x) for x in limits.split(":" if ":" in limits else ",")]
+    if ":" in limits and (len(found) != 2 or not found[0] < found[1]):
+        raise ValueError(f"'{text}' is not of the form NAME=LO:HI with LO < HI, as in airspeed=150:350")
+    return name, limits
+
+
+def _read_varied(texts: Sequence[str]) -> str:
+    pairs(texts)  # with values, on the command line
+    return _take_varied(texts[-1])
+
+
+def _take_varied(text: str) -> str:
+    varied(text)
+    return text
+
+
+VARIED = Form(metavar="NAME=LO:HI", read=_read_varied, write=lambda value: [value], take=_take_varied)
+
+
 def setting(text: str) -> float | int | bool | str:
     """Read a start value as what it looks like; the model converts it to the variable's type.
 
@@ -247,6 +281,14 @@ _SETTINGS = Form(
     repeated=True,
 )
 
+_CONFIGURATIONS = Form(
+    metavar="NAME=VALUE,..",
+    read=lambda texts: tuple(_SETTINGS.read(split_names(text)) for text in texts),
+    write=lambda value: [",".join(_SETTINGS.write(one)) for one in value],
+    take=lambda value: tuple(_SETTINGS.take(one) for one in value or ()),
+    repeated=True,
+)
+
 FILE = Form(
     metavar="PATH",
     read=lambda texts: Path(texts[-1]),
@@ -266,6 +308,7 @@ if TYPE_CHECKING:
     Grid = Mapping[str, Sequence[float]]
     Widths = float | Sequence[float] | Mapping[str, float]
     Settings = Mapping[str, float | int | bool | str]
+    Configurations = Sequence[Settings]
     File = str | Path
 else:
     Numbers = Annotated[object, _NUMBERS]
@@ -276,4 +319,5 @@ else:
     Grid = Annotated[object, _GRID]
     Widths = Annotated[object, _WIDTHS]
     Settings = Annotated[object, _SETTINGS]
+    Configurations = Annotated[object, _CONFIGURATIONS]
     File = Annotated[object, FILE]

@@ -69,6 +69,9 @@ def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
     name = _name(modes)
     found = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
     found += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
+    if any(modes.unstable_count[:1]):
+        begin = f"{result.parameter} = {modes.value[0]:g}"
+        found.append(Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}"))
     found += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
     return found or [Verdict("stable", f"{name}: every mode, at every value")]
 
@@ -91,7 +94,7 @@ def _modes(modes: ModeSet, parameter: str) -> Section:
         "states that take part",
     )  # fmt: skip
     rows = [_mode(m, modes) for m in modes.modes]
-    title = f"All {counted(len(rows), 'mode')}"
+    title = f"All {counted(len(rows), 'mode')} with {_name(modes)}"
     return Section(title, tables=[Table(headings, rows, right=range(7))], folded=len(rows) > 12)
 
 

@@ -28,6 +28,7 @@ __all__ = [
     "LinAlong",
     "LinCommand",
     "LinOver",
+    "PointOptions",
     "compare",
     "lin",
     "lin_along",
@@ -42,7 +43,9 @@ _POINT, _HOW, _SEVERAL, _MEASURED = "Operating point", "How it is made", "Severa
 # -- options that several of the requests have -------------------------------------------------
 
 
-class _Where(AtPoint):
+class PointOptions(AtPoint):
+    """Where a model is linearised."""
+
     _: KW_ONLY
     x0: Values | None = option(
         "Value of a state or discrete state at the point, in place of the operating point's; repeatable.",
@@ -110,7 +113,7 @@ class _Chosen(Options):
     )
 
 
-class _Single(_Where, _Perturbed, _Sampled, _Chosen):
+class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
     _: KW_ONLY
     points: int = option("Number of periods that the method response records.", default=400, group=_HOW)
     order: int | None = option("Number of states of the method response; else chosen.", default=None, group=_HOW)
@@ -151,7 +154,7 @@ class Lin(_Single, Analysis["LinResult"]):
     example = "workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json"
 
 
-class LinOver(_Where, _Perturbed, _Chosen, Analysis["LinGrid"]):
+class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
     """Linearise at every combination of parameters, inputs or states.
 
     The point is not trimmed anew: where the equilibrium moves with what is varied, trim first and
@@ -192,7 +195,7 @@ class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
     signals: Signals | None = option("Forced inputs; the others keep their start values.", default=None)
 
 
-class Compare(_Where, _Perturbed, _Sampled, Analysis["LinComparison"]):
+class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
     """Linearise by every method that applies, on both interfaces where the FMU has them, and measure.
 
     The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared

@@ -1,4 +1,4 @@
-"""The public function: modes over a parameter, and where they become unstable."""
+"""Modes over a parameter, and where they become unstable."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ import numpy as np
 
 from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import match
+from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
 from workbench.analysis.modes.source import Source, Where, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.forms import number, several, varied
+from workbench.core.job import Job
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
+from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.placing import find_point
-from workbench.origin import with_origin
 
-__all__ = ["critical_values", "modes"]
+__all__ = ["critical_values", "run"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
@@ -29,93 +32,32 @@ _NAMED = 3  # states
 Settings = Mapping[str, Value]
 
 
-@with_origin()
-def modes(
-    model: DescribedModel,
-    *,
-    vary: str,
-    values: Sequence[float] | None = None,
-    band: tuple[float, float] | None = None,
-    points: int = 41,
-    set: Settings | None = None,  # noqa: A002 - the word of the command line
-    against: Sequence[Settings] = (),
-    at: At | None = None,
-    x0: Mapping[str, float] | None = None,
-    u0: Mapping[str, float] | None = None,
-    time: float | None = None,
-    trimmed: bool = False,
-    method: str = "auto",
-    tolerance: float | None = None,
-    jobs: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> ModesResult:
-    """Follow frequency and damping of every mode over a parameter, and find where modes become unstable.
-
-    ```python
-    with wb.load("fmu:Aircraft") as aircraft:
-        diagram = wb.modes(
-            aircraft, vary="airspeed", band=(150, 350), set={"outer_aileron_failed": False},
-            against=[{"outer_aileron_failed": True}],
-        )
-    print(diagram.sets[0].first_unstable)
-    diagram.plot("flutter.png")
-    ```
-
-    The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left
-    and right eigenvectors, with models in between where that leaves a doubt, so that a mode keeps its number through
-    a crossing; where even the smallest step leaves one, a meeting says so. Critical values are refined by root finding
-    on the mode's real part.
-
-    The operating point stays where it is unless `trimmed`. Not for models whose linear model means nothing (a
-    quantiser, a block with jumps at the point); of a sampled model the poles are those its samples show.
-
-    Args:
-        model: FMU or system; it stays open.
-        vary: parameter, input or state; of a system "component.name"; also "component.gain" of a gain.
-        values: rising; or
-        band: lowest and highest value, with
-        points: equidistant values between.
-        set: parameters of all configurations → value.
-        against: further configurations: parameters → value, each drawn into the same picture.
-        at: see `lin`.
-        x0: see `lin`.
-        u0: see `lin`.
-        time: see `lin`.
-        trimmed: find the equilibrium at each value, inputs held.
-        method: see `lin`.
-        tolerance: of critical values; None: 1e-6 of the range.
-        jobs: worker processes at a time for the first models.
-        progress: called with configuration, number done and number in all.
-
-    Raises:
-        InputError: unknown name, values that do not rise, no linear model at two of them.
-        FmuError, SimulationError: the model cannot be opened or evaluated.
-
-    Source: biorthogonal matching: Seyranian & Mailybaev, Multiparameter Stability Theory with Mechanical
-    Applications, chapter 2; flutter diagrams: Bisplinghoff, Ashley & Halfman, Aeroelasticity, chapter 9.
-    """
-    grid = _values(values, band, points)
+def run(model: Model, asked: Modes, job: Job) -> ModesResult:
+    """Follow modes over a parameter; see `Modes`."""
+    if not isinstance(model, DescribedModel):
+        raise InputError(f"modes: {model.name} is no file; what it consists of cannot be varied")
+    vary, limits = varied(asked.vary)
+    against = list(asked.against)
+    grid = _values(asked, limits)
     check_parameter(model, vary)
-    point, remarks = find_point(model, at)
+    point, remarks = find_point(model, asked.at)
     begin = point or OperatingPoint(x={}, u={}, time=model.start_time)
     where = Where(
-        x0={**begin.x, **begin.discrete, **(x0 or {})},
-        u0={**begin.u, **(u0 or {})},
-        time=begin.time if time is None else time,
-        trimmed=trimmed,
-        method=method,
+        x0={**begin.x, **begin.discrete, **(asked.x0 or {})},
+        u0={**begin.u, **(asked.u0 or {})},
+        time=begin.time if asked.time is None else asked.time,
+        trimmed=asked.trimmed,
+        method=asked.method,
     )
-    width = _TOLERANCE * (grid[-1] - grid[0]) if tolerance is None else tolerance
-    if not (width > 0.0 and np.isfinite(width)):
-        raise InputError(f"modes: the tolerance must be positive and finite, not {width:g}")
-    found, common = [], dict(set or {})
+    width = _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
+    found, common = [], dict(asked.set or {})
     first: OperatingPoint | None = None
     with ExitStack() as stack:
         configured = [_configured(model, {**common, **settings}, stack) for settings in ({}, *against)]
         for settings, opened in zip(({}, *against), configured, strict=True):
             label = _label(settings or _own(model, common, against))
             source = Source(opened, vary, where)
-            source.prepare(grid, jobs=jobs, progress=None if progress is None else _told(progress, label))
+            source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
             found.append(_one_set(source, grid, label, dict(settings), width))
             first = first or next((r.point for v in grid if (r := source.results.get(float(v))) is not None), None)
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
@@ -143,22 +85,23 @@ def _label(settings: Settings) -> str:
     return ", ".join(f"{n} = {_word(v)}" for n, v in settings.items())
 
 
-def _told(progress: Callable[[str, int, int], None], label: str) -> Callable[[int, int], None]:
-    return lambda done, total: progress(label, done, total)
+def _told(job: Job, label: str) -> Callable[[int, int], None]:
+    return lambda done, total: job.done(label, done, total)
 
 
 def _word(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _values(values: Sequence[float] | None, band: tuple[float, float] | None, points: int) -> list[float]:
+def _values(asked: Modes, limits: str) -> list[float]:
+    """Return the values, as `vary` says or as they are given besides."""
+    band, values = asked.band, None if asked.values is None else several(asked.values)
+    if limits:
+        given = tuple(map(number, limits.split(":" if ":" in limits else ",")))
+        band, values = ((given[0], given[1]), values) if ":" in limits else (band, given)
     if (values is None) == (band is None):
         raise InputError("modes: give either values or a band")
-    if band is not None:
-        if points < 2:
-            raise InputError(f"modes: at least 2 points are needed, not {points}")
-        values = np.linspace(band[0], band[1], points).tolist()
-    found = [float(v) for v in values or ()]
+    found = np.linspace(*band, asked.points).tolist() if band is not None else list(values or ())
     if len(found) < 2 or not np.isfinite(found).all() or np.any(np.diff(found) <= 0.0):
         raise InputError("modes: two or more rising values are needed")
     return found

@@ -1,0 +1,80 @@
+"""Modes over a parameter: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.lin.request import METHOD_NAMES, PointOptions
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import VARIED, Band, Configurations, Numbers, Settings
+from workbench.core.option import option
+
+if TYPE_CHECKING:
+    from workbench.analysis.modes.result import ModesResult  # noqa: F401 - the record's type, below
+
+__all__ = ["Modes", "modes"]
+
+
+class Modes(PointOptions, Analysis["ModesResult"]):
+    """Follow every mode over a parameter through crossings, and find where modes become unstable: a flutter diagram.
+
+    ```python
+    with wb.load("fmu:Aircraft") as aircraft:
+        diagram = wb.modes(
+            aircraft, vary="airspeed", band=(150, 350), set={"outer_aileron_failed": False},
+            against=[{"outer_aileron_failed": True}],
+        )
+    print(diagram.sets[0].first_unstable)
+    diagram.plot("flutter.png")
+    ```
+
+    The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left
+    and right eigenvectors, with models in between where that leaves a doubt, so that a mode keeps its number through
+    a crossing; where even the smallest step leaves one, a meeting says so. Critical values are refined by root finding
+    on the mode's real part.
+
+    The operating point stays where it is unless `trimmed`. Not for models whose linear model means nothing (a
+    quantiser, a block with jumps at the point); of a sampled model the poles are those its samples show.
+
+    Raises:
+        InputError: unknown name, values that do not rise, no linear model at two of them.
+        FmuError, SimulationError: the model cannot be opened or evaluated.
+
+    Source: biorthogonal matching: Seyranian & Mailybaev, Multiparameter Stability Theory with Mechanical
+    Applications, chapter 2; flutter diagrams: Bisplinghoff, Ashley & Halfman, Aeroelasticity, chapter 9.
+    """
+
+    command = "modes"
+    algorithm = "workbench.analysis.modes.modes:run"
+    example = "workbench modes fmu:Aircraft --vary airspeed=150:350 --against outer_aileron_failed=true --plot out.png"
+    counts = "models"
+
+    _: KW_ONLY
+    vary: str = option(
+        "Parameter, input or state to vary, of a system component.name or component.gain; with its range, or with "
+        "values as NAME=A,B,.. .",
+        form=VARIED,
+    )
+    values: Numbers | None = option("Values, rising.", python=True, default=None)
+    band: Band | None = option("Lowest and highest value.", python=True, default=None)
+    points: int = option("Number of equidistant values in a range.", metavar="N", least=2, default=41)
+    set: Settings | None = option("Parameters that all configurations have.", python=True, default=None)
+    against: Configurations = option("Parameters of a further configuration to compare with; repeatable.", default=())
+    trimmed: bool = option(
+        "Find the equilibrium at each value, the inputs held; else the operating point stays.",
+        flag="--trim",
+        default=False,
+    )
+    method: str = option("How each linear model is made.", choices=METHOD_NAMES, default="auto")
+    tolerance: float | None = option(
+        "Precision of critical values; else 1e-6 of the range.",
+        flag="--precision",
+        metavar="D",
+        positive=True,
+        default=None,
+    )
+    jobs: int = option("Worker processes at a time.", metavar="N", default=1)
+
+
+modes = function(Modes)
