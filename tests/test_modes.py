@@ -365,7 +365,7 @@ def test_the_equilibrium_may_move_with_the_parameter() -> None:
         ({"vary": "block.E", "band": (0.0, 1.0)}, "did you mean block.D"),
         ({"vary": "block.D", "band": (1.0, 0.0)}, "rising"),
         ({"vary": "block.D"}, "either values or a band"),
-        ({"vary": "block.D", "band": (0.0, 1.0), "points": 1}, "at least 2 points"),
+        ({"vary": "block.D", "band": (0.0, 1.0), "points": 1}, "take at least 2"),
         ({"vary": "block.D", "band": (0.0, 1.0), "tolerance": 0.0}, "tolerance"),
         ({"vary": "block.D", "band": (0.0, 1.0), "against": [{"a.tua": 1.0}]}, "a.tau"),
     ],
