@@ -15,7 +15,7 @@ import pytest
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.feedback.actuator import wrapped
 from workbench.analysis.feedback.block import cut_at, find_block
-from workbench.analysis.feedback.feedback import feedback
+from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
 from workbench.analysis.feedback.place import find_place
 from workbench.analysis.feedback.plant import Plant

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from workbench.analysis.feed_forward.result import FeedForwardResult
     from workbench.analysis.feed_forward.step import FilterStep
     from workbench.analysis.feed_forward.trial import Trial
-    from workbench.analysis.feedback.feedback import feedback
+    from workbench.analysis.feedback.request import feedback
     from workbench.analysis.feedback.result import FeedbackResult
     from workbench.analysis.feedback.run import FeedbackRun
     from workbench.analysis.feedback.settling import SettlingStudy
@@ -288,7 +288,7 @@ _HOMES = {
     "workbench.analysis.feed_forward.result": ("FeedForwardResult",),
     "workbench.analysis.feed_forward.step": ("FilterStep",),
     "workbench.analysis.feed_forward.trial": ("Trial",),
-    "workbench.analysis.feedback.feedback": ("feedback",),
+    "workbench.analysis.feedback.request": ("feedback",),
     "workbench.analysis.feedback.result": ("FeedbackResult",),
     "workbench.analysis.feedback.run": ("FeedbackRun",),
     "workbench.analysis.feedback.settling": ("SettlingStudy",),

@@ -37,18 +37,20 @@ class Extras:
 
     Attributes:
         drawn: options of pages and pictures alone: name → (type, default).
+        plotted: options of `--plot` alone, likewise.
         pictures: files besides `--plot`: name → (type, what draws it from record and path).
         before: is given the request, what typer read and the files; returns the request that is run.
     """
 
     drawn: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    plotted: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     pictures: Mapping[str, tuple[Any, Callable[[Any, Path], object]]] = field(default_factory=dict)
     before: Callable[[Any, Mapping[str, Any], Output], Any] = lambda asked, *_: asked
 
     @property
     def options(self) -> dict[str, tuple[Any, Any]]:
         """All of these as options: name → (type, default)."""
-        return {**self.drawn, **{name: (kind, None) for name, (kind, _) in self.pictures.items()}}
+        return {**self.drawn, **self.plotted, **{name: (kind, None) for name, (kind, _) in self.pictures.items()}}
 
 
 def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> Callable[..., int]:
@@ -142,7 +144,7 @@ def _show(record: Any, out: Output, extras: Extras, given: Mapping[str, Any], or
     out.write(
         record.to_dict(),
         csv=getattr(record, "to_csv", None),
-        plot=lambda path: record.plot(path, **drawn),
+        plot=lambda path: record.plot(path, **drawn, **{name: given[name] for name in extras.plotted}),
         report=record,
         page=lambda: page,
         origin=origin,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from workbench.analysis.feedback.result import CONVENTION, FeedbackResult, interval_words
-from workbench.analysis.feedback.run import FeedbackRun
+from workbench.analysis.feedback.run import HANDED, FeedbackRun
 from workbench.analysis.feedback.settling import GainRun, SettlingStudy
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, number
@@ -107,17 +107,39 @@ def _settling(study: SettlingStudy) -> Section:
         "left [%]",
         f"peak [{unit}]",
         f"[{unit}/s]",
+        "at a limit",
     )
     optima = [
-        (f"{100.0 * o.threshold:g}", number(o.gain), number(o.seconds, ".4g"), str(o.unsettled)) for o in study.optima
+        (
+            f"{100.0 * o.threshold:g}",
+            "–" if o.gain is None else f"{o.gain:.5g}{' (end)' if o.at_end else ''}",
+            number(o.seconds, ".4g"),
+            number(o.fastest_gain),
+            number(o.fastest_seconds, ".4g"),
+            str(o.unsettled),
+        )
+        for o in study.optima
     ]
     return Section(
         "Settling",
-        paragraphs=[f"Magnitude of {study.variable}, from closing on, against that before."],
+        paragraphs=[
+            f"Magnitude of {study.variable}, from closing on, compared with that before: {study.start.how}.",
+            f"The best gain is that of a polynomial of order {study.settings.order} through the measured times.",
+        ],
         figures=[(study.plot, "Settling times over the gain.")],
         tables=[
             Table(
-                ("settled to [%]", "best gain", "settles in [s]", "gains that did not settle"), optima, title="Optima"
+                (
+                    "settled to [%]",
+                    "best gain",
+                    "settles in [s]",
+                    "fastest measured",
+                    "settled in [s]",
+                    "gains that did not settle",
+                ),
+                optima,
+                title="Optima",
+                right=range(6),
             ),
             Table(headings, [_gain(r, levels) for r in study.runs], title="Runs", right=range(len(headings))),
         ],
@@ -126,12 +148,26 @@ def _settling(study: SettlingStudy) -> Section:
 
 def _gain(run: GainRun, levels: list[float]) -> tuple[str, ...]:
     times = (number(run.settled[t], ".4g") for t in levels)
-    rest = (f"{100.0 * run.left:.3g}", f"{run.peak_deflection:.4g}", f"{run.peak_rate:.4g}")
+    rest = (f"{100.0 * run.left:.3g}", f"{run.peak_deflection:.4g}", f"{run.peak_rate:.4g}", _limited(run))
     return (f"{run.gain:.5g}", *times, *rest)
 
 
+def _limited(run: GainRun) -> str:
+    """Return how long the actuator was at which limit."""
+    if run.deflection_limited is None and run.rate_limited is None:
+        return "–"
+    times = (("deflection", run.deflection_limited), ("rate", run.rate_limited))
+    return ", ".join(f"{name} {seconds:.3g} s" for name, seconds in times if seconds) or "no"
+
+
 def _run(run: FeedbackRun) -> Section:
-    words = f"Gain {run.gain:g} closes at {run.closes_at:.6g} s."
+    found = run.to_dict()
+    unit = run.units[HANDED] or "-"
+    words = (
+        f"Gain {run.gain:g} closes at {run.closes_at:.6g} s; {100.0 * found['left_at_end']:.3g} % of the motion of "
+        f"{run.watch} is left at {found['stop']:.6g} s. Peak deflection {found['peak_deflection']:.4g} {unit}, "
+        f"peak rate {found['peak_rate']:.4g} {unit}/s."
+    )
     return Section("Simulation", paragraphs=[words], figures=[(run.plot, "The motion before and after closing.")])
 
 

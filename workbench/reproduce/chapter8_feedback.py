@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from workbench.analysis.feedback.feedback import feedback
+from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.reproduce.drawings import titled

@@ -16,6 +16,7 @@ from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.csv_file import write_csv
+from workbench.errors import InputError, suggest
 from workbench.origin import Reportable
 from workbench.session.base import Floats
 
@@ -101,6 +102,28 @@ class FeedbackResult(Reportable):
             return f"the real pole at {pole.real:.3g} 1/s"
         return f"the pole at {self.plant.frequency(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
 
+    def plot(self, path: str | Path | None = None, *, plot_kind: str = "overview") -> Figure:
+        """Return a picture.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+            plot_kind: "overview", "root-locus", "nyquist", "cycles", "settling" or "run".
+
+        Raises:
+            InputError: there is nothing of that kind, unknown suffix, file cannot be written.
+        """
+        draw = {
+            "overview": super().plot,
+            "root-locus": self.plot_root_locus,
+            "nyquist": self.plot_nyquist,
+            "cycles": self.plot_cycles,
+            **({} if self.settling is None else {"settling": self.settling.plot}),
+            **({} if self.run is None else {"run": self.run.plot}),
+        }
+        if plot_kind not in draw:
+            raise InputError(f"plot_kind '{plot_kind}' is not in this result; {suggest(plot_kind, draw)}")
+        return draw[plot_kind](path)
+
     def plot_root_locus(self, path: str | Path | None = None) -> Figure:
         """Return a picture of the poles over the gain, whole and around the border of stability.
 
@@ -168,7 +191,7 @@ class FeedbackResult(Reportable):
         }
 
     def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write the settling study as a table, else the crossings.
+        """Write the settling study as a table, else the time histories of a run, else the crossings.
 
         Args:
             path: of the file, or an open text stream.
@@ -176,6 +199,9 @@ class FeedbackResult(Reportable):
         Raises:
             InputError: the file cannot be written.
         """
+        if self.settling is None and self.run is not None:
+            self.run.to_csv(path)
+            return
         write_csv(path, self._crossing_rows() if self.settling is None else _settling_rows(self.settling))
 
     def _crossing_rows(self) -> list[Sequence[Any]]:

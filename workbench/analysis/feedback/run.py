@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.origin import Reportable
 from workbench.session.base import Floats
 
-__all__ = ["FeedbackRun", "feedback_run"]
+__all__ = ["HANDED", "FeedbackRun", "feedback_run"]
 
 _LEAD = 12  # cycles shown before the feedback closes, where the motion begins in the cycle
 _AFTER = 160  # cycles simulated after that, unless an end is asked for

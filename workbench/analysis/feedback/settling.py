@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,16 +12,17 @@ import numpy as np
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.optimum import Optimum, optimum_of
 from workbench.analysis.feedback.place import Place, Wish
+from workbench.analysis.feedback.request import THRESHOLDS
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
-from workbench.errors import InputError, SimulationError
+from workbench.core.job import Job
+from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.origin import Reportable
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Signal
 
-__all__ = ["THRESHOLDS", "GainRun", "Settings", "SettlingStudy", "settling_study"]
+__all__ = ["GainRun", "Settings", "SettlingStudy", "settling_study"]
 
-THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
 _GROWN = 100.0  # times the motion at the beginning: it does not settle
@@ -46,15 +47,6 @@ class Settings:
     order: int = 4
     longest: float | None = None
     tolerance: float = 1e-8
-
-    def __post_init__(self) -> None:
-        for value in (self.threshold, *self.thresholds):
-            if not 0.0 < value < 1.0:
-                raise InputError(f"threshold: it must lie between 0 and 1 (a part of the motion), not {value:g}")
-        if self.order < 2:
-            raise InputError(f"order: the polynomial needs 2 or more, not {self.order}")
-        if self.longest is not None and not self.longest > 0.0:
-            raise InputError(f"longest: it must be positive, not {self.longest:g} s")
 
     @property
     def every(self) -> tuple[float, ...]:
@@ -184,7 +176,7 @@ def settling_study(
     y0: float,
     actuator: Actuator | None,
     settings: Settings,
-    progress: Callable[[int, int], None] | None = None,
+    job: Job,
 ) -> SettlingStudy:
     """Close the feedback with each gain on the same motion and measure how fast it settles.
 
@@ -196,7 +188,7 @@ def settling_study(
         y0: of the source at rest.
         actuator: between gain and target; None: none.
         settings: threshold, polynomial, patience.
-        progress: told (done, total).
+        job: is told each gain.
 
     Raises:
         InputError, FmuError: the system with feedback cannot be opened.
@@ -207,8 +199,7 @@ def settling_study(
         wish = Wish(gain, y0, actuator, closes)
         with place.opened(place.closed(wish)) as model:
             runs.append(_run(model, place, start, wish, watch, settings))
-        if progress is not None:
-            progress(number + 1, len(gains))
+        job.done(f"gain {gain:.4g}", number + 1, len(gains))
     units = {v.name: v.unit for v in place.model.description.variables}
     return SettlingStudy(
         variable=watch,

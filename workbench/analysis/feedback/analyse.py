@@ -1,11 +1,11 @@
-"""The public function: a scalar output feedback on a system, over its gain."""
+"""A scalar output feedback on a system, over its gain."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,137 +18,59 @@ from workbench.analysis.feedback.gains import Interval, crossings, intervals, st
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
 from workbench.analysis.feedback.place import SEEN, Place, find_place
 from workbench.analysis.feedback.plant import Plant
+from workbench.analysis.feedback.request import Feedback, Range, quantity
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
-from workbench.analysis.feedback.settling import THRESHOLDS, Settings, SettlingStudy, settling_study
+from workbench.analysis.feedback.settling import Settings, SettlingStudy, settling_study
 from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.forms import several
+from workbench.core.job import Job
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel
-from workbench.origin import with_origin
-from workbench.signals import Signal
+from workbench.signals import Signal, signals_of
+from workbench.system.units import conversion, known_unit
 
-__all__ = ["feedback"]
+__all__ = ["run"]
 
 _INSIDE = 0.03  # of a stable interval, left out at its ends in a study
 _MOVES = 0.02  # of the range of gains: an optimum that moves by more is told
 _REACH = 10.0  # times the finite end, where a stable interval has one only
 
-Range = tuple[float, float]
-ALL: Range = (-math.inf, math.inf)
 
-
-@with_origin("settling", "run")
-def feedback(
-    system: DescribedModel,
-    *,
-    source: str,
-    target: str,
-    gains: Range = ALL,
-    block: str | None = None,
-    at: At | None = None,
-    time: float | None = None,
-    method: str = "auto",
-    settle: bool = False,
-    settle_gains: Range | None = None,
-    count: int = 15,
-    threshold: float = 0.01,
-    thresholds: Sequence[float] = THRESHOLDS,
-    order: int = 4,
-    longest: float | None = None,
-    signals: Mapping[str, Signal] | None = None,
-    start_after: float | None = None,
-    watch: str | None = None,
-    limit: float | None = None,
-    rate_limit: float | None = None,
-    actuator: str | None = None,
-    gain: float | None = None,
-    stop: float | None = None,
-    outputs: Sequence[str] = (),
-    band: Range = BAND,
-    amplitudes: Range = AMPLITUDES,
-    progress: Callable[[int, int], None] | None = None,
-) -> FeedbackResult:
-    """Investigate u = g·y from an output of a system to one of its inputs, over the gain g.
-
-    The system is linearised at rest between the target and the source; a nonlinear block counts with its slope there.
-    All gains at which a pole reaches the border of stability are found exactly (`workbench.analysis.feedback.gains`),
-    and the poles are counted between them. Then, if asked for or if there is a nonlinear block:
-
-    - limit cycles left: for gains in the stable intervals, the crossings of the linear part that the block sees (the
-      feedback closed) with −1/N(A), and whether small and large motions grow;
-    - settling: the feedback closes on a limit cycle of the nonlinear system, once for each of several gains; the time
-      until the mean magnitude over a cycle stays below a part of what it was, a polynomial through these times, its
-      minimum, and how that moves with the threshold;
-    - one simulation in which the feedback closes (`gain`).
-
-    What acts on the target already stays; the feedback is added to it, as g times the deviation of the source from
-    rest. Of a sampled or co-simulated system the feedback is taken as sampled with the period of its linear model.
-    Stable gains speak about small motions: where the block weakens or strengthens the loop, look at the cycles left.
-
-    Args:
-        system: a system, or one FMU; it stays open.
-        source: output that is fed back: "component.variable", an output of the system, of one FMU its plain name.
-        target: input that it acts on, likewise.
-        gains: lowest and highest gain looked at.
-        block: component taken as the nonlinear block; None: the only static one there is.
-        at: operating point: a point, a result that has one, or the file of either; None: where the system starts if it
-            is at rest there, else where trim finds rest.
-        time: session time of the analysis [s]; connections that close later are open; None: that of `at`,
-            else where the system starts.
-        method: of `workbench.lin`.
-        settle: measure settling times.
-        settle_gains: lowest and highest gain of that; None: the stable interval nearest to 0, less 3 % at its ends.
-        count: number of gains of the study.
-        threshold: part of the magnitude before closing, below which the motion has settled.
-        thresholds: others, to see how the optimum moves.
-        order: of the polynomial.
-        longest: after which a run is given up [s]; None: 250 cycles.
-        signals: input → signal that excites the motion from rest, such as a short pulse; None: the motion is the
-            limit cycle that harmonic balance predicts.
-        start_after: how long the signals act before the feedback closes [s].
-        watch: variable whose magnitude counts; None: the block's input, else the source.
-        limit: of what is handed to the target, either way [unit of the target]; puts a limited actuator there.
-        rate_limit: of that [unit of the target / s].
-        actuator: an FMU with one input and one output in place of the limited actuator.
-        gain: simulate one gain and keep the time histories.
-        stop: session time at which that simulation ends [s]; None: 160 cycles after closing.
-        outputs: further variables that it records.
-        band: frequencies at which limit cycles are looked for [Hz].
-        amplitudes: at the block's input, at which they are looked for.
-        progress: told (done, total) after each gain of the study.
-
-    Raises:
-        InputError: unknown names, an input as source, no stable gain to settle with, nothing that oscillates.
-        FmuError, SimulationError: a part cannot be opened, evaluated or simulated.
-
-    Source: the source report, chapters 8.4 and 8.5; Slotine & Li, Applied Nonlinear Control, chapter 5.
-    """
-    settings = Settings(threshold=threshold, thresholds=tuple(thresholds), order=order, longest=longest)
-    _check(gains, count, signals, start_after, gain)
-    system, remarks = placing.start_at(system, at)
-    time = system.start_time if time is None else time
+def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
+    """Investigate a feedback; see `Feedback`."""
+    settings = Settings(
+        threshold=asked.threshold, thresholds=several(asked.thresholds), order=asked.order, longest=asked.longest
+    )
+    system, remarks = placing.start_at(system, asked.at)
+    time = system.start_time if asked.time is None else asked.time
     with one_thread(), ExitStack() as keep:
-        place = find_place(system, source, target)
-        watched = place.outer(place.inner(watch)) if watch is not None else None
+        place = find_place(system, asked.source, asked.target)
+        watched = place.outer(place.inner(asked.watch)) if asked.watch is not None else None
         where = standing(place, at=system.at, time=time)
-        between = _actuator(actuator, limit, rate_limit)
-        found = linear(place, where, time=time, actuator=between, method=method)
-        work = _Work(place, where, found.point.y.get(SEEN, 0.0), between, time, settings, gains, count, keep)
+        between = _actuator(system, asked)
+        found = linear(place, where, time=time, actuator=between, method=asked.method)
+        seen = found.point.y.get(SEEN, 0.0)
+        work = _Work(place, where, seen, between, time, settings, asked.gains, asked.count, keep)
         result = work.linear_result(found)
-        chosen = work.study_gains(result, settle_gains) if settle else ()
-        two = work.two_ports(block)
-        result = work.with_cycles(result, two, band, amplitudes)
-        if settle or gain is not None:
+        chosen = work.study_gains(result, asked.settle_gains) if asked.settle else ()
+        two = work.two_ports(asked.block)
+        result = work.with_cycles(result, two, asked.band or BAND, asked.amplitudes or AMPLITUDES)
+        told = _told(system, where.point, time)
+        result = _changed(result, notes=(*remarks, *result.notes), operating_point=told)
+        if asked.settle or asked.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
-            start = work.start(two, first, signals or {}, start_after)
-            result = work.with_study(result, start, chosen, first, progress)
-            result = work.with_run(result, start, gain, watch=first, stop=stop, outputs=outputs)
-    return replace(result, notes=(*remarks, *result.notes), operating_point=_told(system, where.point, time))
+            start = work.start(two, first, signals_of(asked.signals or {}), asked.start_after)
+            before = result  # what is known, should a run fail or somebody end it
+            job.partial = lambda: before
+            result = work.with_study(result, start, chosen, first, job)
+            result = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
+    return result
 
 
 def _told(system: DescribedModel, point: OperatingPoint, time: float) -> OperatingPoint:
@@ -159,27 +81,28 @@ def _told(system: DescribedModel, point: OperatingPoint, time: float) -> Operati
         return placing.standing(system, session)
 
 
-def _check(
-    gains: Range, count: int, signals: Mapping[str, Signal] | None, start_after: float | None, gain: float | None
-) -> None:
-    if not gains[0] < gains[1]:
-        raise InputError(f"gains: {gains[0]:g} … {gains[1]:g} must rise")
-    if count < 1:
-        raise InputError(f"count: it must be 1 or more, not {count}")
-    if (signals is None) != (start_after is None):
-        raise InputError("a signal that excites the motion (pulse) and start_after go together; give both or none")
-    if start_after is not None and not start_after > 0.0:
-        raise InputError(f"start_after: it must be positive, not {start_after:g} s")
-    if gain is not None and not math.isfinite(gain):
-        raise InputError(f"gain: it must be a finite number, not {gain}")
+def _actuator(system: DescribedModel, asked: Feedback) -> Actuator | None:
+    if asked.actuator is not None:
+        return wrapped(asked.actuator)
+    unit = next((v.unit for v in system.description.variables if v.name == asked.target), None)
+    return limited(
+        _size("limit", asked.limit, asked.target, unit, per=""),
+        _size("rate_limit", asked.rate_limit, asked.target, unit, per="/s"),
+    )
 
 
-def _actuator(name: str | None, limit: float | None, rate_limit: float | None) -> Actuator | None:
-    if name is None:
-        return limited(limit, rate_limit)
-    if limit is not None or rate_limit is not None:
-        raise InputError("actuator: it has its own limits; leave limit and rate_limit out")
-    return wrapped(name)
+def _size(option: str, size: float | str | None, target: str, own: str | None, *, per: str) -> float | None:
+    """Return a limit in the target's unit; a number alone is in that unit."""
+    if size is None:
+        return None
+    value, unit = quantity(size)
+    if not unit:
+        return value
+    given, wanted = known_unit(unit), known_unit(f"{own}{per}") if own else None
+    factor = conversion(given, wanted) if given is not None and wanted is not None else None
+    if factor is None:
+        raise InputError(f"{option}: '{unit}' cannot be converted to {own or 'no unit'}{per}, that of {target}")
+    return factor[0] * value
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,13 +222,13 @@ class _Work:
         start: Start,
         gains: Sequence[float],
         watch: str,
-        progress: Callable[[int, int], None] | None,
+        job: Job,
     ) -> FeedbackResult:
         if not gains:
             return result
         study = settling_study(
             self.place, start, gains, watch=watch, y0=self.y0, actuator=self.actuator, settings=self.settings,
-            progress=progress,
+            job=job,
         )  # fmt: skip
         result = _changed(result, settling=study)
         for note in _study_notes(study):

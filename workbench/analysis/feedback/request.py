@@ -1,0 +1,256 @@
+"""A scalar output feedback on a system, over its gain: what can be asked."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, replace
+from typing import TYPE_CHECKING, Annotated
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Form, Names, Numbers
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.errors import InputError
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.feedback.result import FeedbackResult  # noqa: F401 - the record's type, below
+
+__all__ = ["THRESHOLDS", "Feedback", "Range", "feedback", "quantity"]
+
+THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+
+_ANALYSIS = "Linear model and limit cycles"
+_MOTION = "Motion that the feedback closes on"
+_SETTLING = "Settling times, with --settle"
+_RUN = "One simulation, with --gain"
+_ACTUATOR = "Between gain and target"
+
+_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")
+
+
+def _read_range(texts: Sequence[str]) -> tuple[float, float]:
+    low, colon, high = texts[-1].partition(":")
+    try:
+        found = float(low), float(high)
+    except ValueError:
+        found = (math.nan, math.nan)
+    if not (colon and found[0] < found[1]):
+        raise ValueError(f"'{texts[-1]}' is not of the form LO:HI with LO < HI, as in -2:0.5")
+    return found
+
+
+def _take_range(value: Sequence[float]) -> tuple[float, float]:
+    low, high = map(float, value)
+    if not low < high:
+        raise ValueError(f"{low:g} … {high:g} must rise")
+    return low, high
+
+
+def quantity(value: float | str) -> tuple[float, str]:
+    """Return number and unit of "25deg"; a number alone has the unit "".
+
+    Args:
+        value: as it was given.
+
+    Raises:
+        ValueError: it does not begin with a number.
+    """
+    found = _QUANTITY.fullmatch(str(value))
+    try:
+        return float(found[1] if found else ""), found[2] if found else ""
+    except ValueError:
+        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
+
+
+def _checked_quantity(value: float | str) -> float | str:
+    quantity(value)
+    return value
+
+
+_RANGE = Form(metavar="LO:HI", read=_read_range, write=lambda value: [f"{value[0]!r}:{value[1]!r}"], take=_take_range)
+_SIZE = Form(metavar="X", read=lambda texts: texts[-1], write=lambda value: [str(value)], take=_checked_quantity)
+
+if TYPE_CHECKING:
+    Range = tuple[float, float]
+    _Size = float | str
+else:
+    Range = Annotated[object, _RANGE]
+    _Size = Annotated[object, _SIZE]
+
+
+class Feedback(AtPoint, Analysis["FeedbackResult"]):
+    """Feed an output back to an input, u = g·y: which gains stabilise, what they do to a limit cycle, how fast.
+
+    The system is linearised at rest between the target and the source; a nonlinear block counts with its slope there.
+    All gains at which a pole reaches the border of stability are found exactly (`workbench.analysis.feedback.gains`),
+    and the poles are counted between them. Then, if asked for or if there is a nonlinear block:
+
+    - limit cycles left: for gains in the stable intervals, the crossings of the linear part that the block sees (the
+      feedback closed) with −1/N(A), and whether small and large motions grow;
+    - settling: the feedback closes on a limit cycle of the nonlinear system, once for each of several gains; the time
+      until the mean magnitude over a cycle stays below a part of what it was, a polynomial through these times, its
+      minimum, and how that moves with the threshold;
+    - one simulation in which the feedback closes (`gain`).
+
+    What acts on the target already stays; the feedback is added to it, as g times the deviation of the source from
+    rest. Of a sampled or co-simulated system the feedback is taken as sampled with the period of its linear model.
+    Stable gains speak about small motions: where the block weakens or strengthens the loop, look at the cycles left.
+
+    Returns:
+        Stable gains, crossings, poles over the gain, cycles left; `settling` and `run` where they were asked for.
+
+    Raises:
+        InputError: unknown names, an input as source, no stable gain to settle with, nothing that oscillates.
+        FmuError, SimulationError: a part cannot be opened, evaluated or simulated.
+
+    Source: the source report, chapters 8.4 and 8.5; Slotine & Li, Applied Nonlinear Control, chapter 5.
+    """
+
+    command = "feedback"
+    algorithm = "workbench.analysis.feedback.analyse:run"
+    example = (
+        "workbench feedback system:failed_aileron --from aircraft.outer_aileron_position --to aircraft.inner_aileron "
+        "--settle --plot feedback.png"
+    )
+    subject = replace(Analysis.subject, name="system", argument="model", help="A system, or one FMU; it stays open.")
+    counts = "gains"
+    parts = ("settling", "run")
+
+    _: KW_ONLY
+    source: str = option(
+        "Output that is fed back: component.variable, an output of the system, or of one FMU its plain name.",
+        flag="--from",
+        metavar="A.Y",
+    )
+    target: str = option("Input that it acts on, named likewise.", flag="--to", metavar="B.U")
+    gains: Range = option("Lowest and highest gain to look at; else all.", default=(-math.inf, math.inf))
+    settle: bool = option("Measure settling times over the stable gains.", default=False)
+    gain: float | None = option(
+        "Simulate this gain closing, and keep the time histories.", metavar="G", finite=True, default=None
+    )
+    block: str | None = option(
+        "Component to take as the nonlinear block; else the only static one there is.",
+        metavar="COMPONENT",
+        group=_ANALYSIS,
+        default=None,
+    )
+    time: float | None = option(
+        "Session time of the analysis; else that of the operating point, or where the system starts. Connections that "
+        "close later are open.",
+        unit="s",
+        metavar="T",
+        group=_ANALYSIS,
+        default=None,
+    )
+    method: str = option(
+        "How to linearise; auto chooses.",
+        choices=("auto", "exact", "difference", "kalman-bertram", "response"),
+        group=_ANALYSIS,
+        default="auto",
+    )
+    count: int = option(
+        "How many gains to look at for cycles left, and to measure settling times of.",
+        metavar="N",
+        least=1,
+        group=_ANALYSIS,
+        default=15,
+    )
+    signals: Signals | None = option(
+        "Excite the motion from rest, as pulse:duration=0.1,value=1; else it is a predicted limit cycle; repeatable.",
+        flag="--pulse",
+        metavar="INPUT=SIGNAL",
+        group=_MOTION,
+        default=None,
+    )
+    start_after: float | None = option(
+        "Close the feedback so long after the excitation began.",
+        unit="s",
+        metavar="T",
+        positive=True,
+        group=_MOTION,
+        default=None,
+    )
+    watch: str | None = option(
+        "Variable whose magnitude decides that the motion has settled; else the block's input, or the source.",
+        metavar="NAME",
+        group=_MOTION,
+        default=None,
+    )
+    settle_gains: Range | None = option(
+        "Lowest and highest gain to measure settling times of; else the stable interval nearest to 0, less 3 % at its "
+        "ends.",
+        group=_SETTLING,
+        default=None,
+    )
+    threshold: float = option(
+        "Part of the magnitude before closing, below which the motion has settled.",
+        metavar="PART",
+        positive=True,
+        below=1.0,
+        group=_SETTLING,
+        default=0.01,
+    )
+    thresholds: Numbers = option(
+        "Other thresholds, to see how the best gain moves.",
+        metavar="PART,..",
+        positive=True,
+        below=1.0,
+        group=_SETTLING,
+        default=THRESHOLDS,
+    )
+    order: int = option("Order of the polynomial through the settling times.", least=2, group=_SETTLING, default=4)
+    longest: float | None = option(
+        "Give a run up after this time; else after 250 cycles.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        group=_SETTLING,
+        default=None,
+    )
+    stop: float | None = option(
+        "Session time at which that simulation ends; else 160 cycles after closing.",
+        unit="s",
+        metavar="T",
+        group=_RUN,
+        default=None,
+    )
+    outputs: Names = option(
+        "Further variables to record; repeatable.", flag="--output", metavar="NAME", group=_RUN, default=()
+    )
+    limit: _Size | None = option(
+        "Largest deflection of the target either way, as 25deg; a number alone is in its unit.",
+        group=_ACTUATOR,
+        default=None,
+    )
+    rate_limit: _Size | None = option(
+        "Largest rate of the target, as 40deg/s; a number alone is in its unit per second.",
+        group=_ACTUATOR,
+        default=None,
+    )
+    actuator: str | None = option(
+        "FMU with one input and one output, in place of the limits.", metavar="FMU", group=_ACTUATOR, default=None
+    )
+    band: Range | None = option(
+        "Lowest and highest frequency at which limit cycles are looked for; else 0.01 to 1000.",
+        unit="Hz",
+        python=True,
+        default=None,
+    )
+    amplitudes: Range | None = option(
+        "Smallest and largest amplitude at the block's input at which they are looked for; else 1e-4 to 1e4.",
+        python=True,
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.signals is None) != (self.start_after is None):
+            raise InputError("a signal that excites the motion (pulse) and start_after go together; give both or none")
+        if self.actuator is not None and not (self.limit is self.rate_limit is None):
+            raise InputError("actuator: it has its own limits; leave limit and rate_limit out")
+
+
+feedback = function(Feedback)
