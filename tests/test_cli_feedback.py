@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 import typer
 
+from workbench.analysis.feedback.request import Feedback
 from workbench.cli.feedback import feedback
+from workbench.core.option import options_of
 from workbench.errors import InputError, WorkbenchError
 
 LAGS = """
@@ -159,3 +161,10 @@ def test_mistakes_are_one_line(lags: str, arguments: list[str], message: str) ->
 def test_cycles_without_a_block_cannot_be_drawn(lags: str, tmp_path: Path) -> None:
     with pytest.raises(WorkbenchError, match="no nonlinear block"):
         run(lags, *ENDS, "--plot", str(tmp_path / "x.png"), "--plot-kind", "cycles")
+
+
+def test_the_options_that_matter_stand_first_and_the_others_under_headings() -> None:
+    """What is inherited, such as the operating point, leaves its heading to none of the command's own."""
+    shown = [d for d in options_of(Feedback) if not d.option.python]
+    assert [d.flag for d in shown if not d.group] == ["--from", "--to", "--gains", "--settle", "--gain"]
+    assert {d.name for d in shown if d.group == "Model"} == {"at"}

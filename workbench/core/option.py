@@ -236,7 +236,7 @@ def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class
             form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), None),
             default=None if f.default is MISSING else f.default,
             required=f.default is f.default_factory is MISSING or bool(f.metadata[_DECLARED].needed),
-            group=f.metadata[_DECLARED].group or _owner(request, f.name).group,
+            group=f.metadata[_DECLARED].group or _heading(request, f.name),
             option=f.metadata[_DECLARED],
         )
         for f in sorted(fields(request), key=lambda f: (bool(f.kw_only), f.name not in own))
@@ -244,9 +244,10 @@ def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class
     )
 
 
-def _owner(request: Any, name: str) -> Any:  # noqa: ANN401 - a class
-    """Return the class that declares a field."""
-    return next(c for c in request.__mro__ if name in vars(c).get("__annotations__", {}))
+def _heading(request: Any, name: str) -> str:  # noqa: ANN401 - a class
+    """Return the heading of the class that declares a field; what is inherited is that of another part."""
+    owner = next(c for c in request.__mro__ if name in vars(c).get("__annotations__", {}))
+    return str(vars(owner).get("group", ""))
 
 
 class _Known(dict[str, Any]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 
 from workbench.analysis.feedback.result import CONVENTION, FeedbackResult, interval_words
 from workbench.analysis.feedback.run import HANDED, FeedbackRun
@@ -62,8 +63,8 @@ def _stability(result: FeedbackResult) -> Section:
     rows = [
         (
             f"{c.gain:.6g}",
-            "∞" if math.isinf(c.frequency_hz) else f"{c.frequency_hz:.5g}",
-            number(c.real, ".5g"),
+            "∞" if math.isinf(c.frequency_hz) else f"{c.frequency_hz:.6g}",
+            number(c.real, ".6g"),
             str(c.unstable_below),
             str(c.unstable_above),
         )
@@ -87,8 +88,12 @@ def _stability(result: FeedbackResult) -> Section:
 def _cycles(result: FeedbackResult) -> list[Section]:
     if not result.cycles:
         return []
-    rows = [(f"{c.gain:.5g}", str(c.unstable_small), str(c.unstable_large), c.words) for c in result.cycles]
-    headings = ("gain", "poles beyond, small amplitude", "large amplitude", "what is left")
+    rows = []
+    for (small, large, words), same in groupby(result.cycles, lambda c: (c.unstable_small, c.unstable_large, c.words)):
+        gains = [c.gain for c in same]
+        span = f"{gains[0]:.5g}" if len(gains) == 1 else f"{len(gains)}: {gains[0]:.5g} … {gains[-1]:.5g}"
+        rows.append((span, str(small), str(large), words))
+    headings = ("gains", "poles beyond, small amplitude", "large amplitude", "what is left")
     return [
         Section(
             f"Limit cycles that {result.block} leaves",
