@@ -80,8 +80,9 @@ def test_signals_page_names_every_key(kind: str) -> None:
 
 
 def source_text() -> str:
-    """The package's source, strings that follow each other joined, blanks in one form."""
-    text = "\n".join(p.read_text(encoding="utf-8") for p in sorted((ROOT / "workbench").rglob("*.py")))
+    """The package's source and the kernel's, strings that follow each other joined, blanks in one form."""
+    files = [*sorted((ROOT / "workbench").rglob("*.py")), *sorted((ROOT / "workbench" / "kernel").glob("*.c"))]
+    text = "\n".join(p.read_text(encoding="utf-8") for p in files)
     joined = re.sub(r"[\"']\s*\n?\s*f?[\"']", "", text)
     return re.sub(r"\s+", " ", joined)
 
