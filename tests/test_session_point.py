@@ -104,9 +104,14 @@ def test_memory_that_is_lost_on_the_way_to_a_point_is_refused_by_name() -> None:
             model.open_at(values={"s": 0.9, "passed": 0.0})
 
 
-def test_states_without_names_are_set_too(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def fmi1(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_fmi1(tmp_path_factory.mktemp("fmi1"), "Overridden", "me")
+
+
+def test_states_without_names_are_set_too(fmi1: Path) -> None:
     with (
-        load(build_fmi1(tmp_path, "Overridden", "me"), tolerance=1e-10) as model,
+        load(fmi1, tolerance=1e-10) as model,
         model.open_at(values={"state[1]": 0.3, "state[2]": -2.0, "f": 20.0}) as session,
     ):
         assert session.values(["y"]) == {"y": 0.3}
