@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from workbench.analysis.lin.result import LinResult
 from workbench.errors import InputError, suggest
@@ -101,6 +100,8 @@ def step_response(linear: LinResult, column: int, dt: float, count: int) -> Floa
 
 
 def _held(linear: LinResult, dt: float) -> tuple[Floats, Floats]:
+    from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and for pictures and checks only
+
     n, m = linear.B.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = linear.A, linear.B

@@ -1,0 +1,47 @@
+"""Requests of trim, lin and modes: what they import, options of one name, and what is left when they are stopped."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from workbench.analysis.lin.request import LinOver
+from workbench.analysis.lin.sweep import LinGrid
+from workbench.cli.app import run
+from workbench.core.job import Job
+
+SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")
+
+
+@pytest.mark.parametrize("command", ["trim", "lin"])
+def test_a_small_command_imports_nothing_slow(command: str) -> None:
+    program = (
+        "import sys; from workbench.cli.app import run; "
+        f"code = run(['{command}', 'fmu:FirstOrderLag']); "
+        f"print('slow:', *(m for m in {SLOW} if m in sys.modules)); sys.exit(code)"
+    )
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert found.stdout.splitlines()[-1].split() == ["slow:"]
+
+
+def test_modes_have_their_own_tolerance_and_the_model_has_one(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    command = ["modes", "fmu:FirstOrderLag", "--vary", "tau=1:2", "--points", "3"]
+    assert run([*command, "--precision", "0.25", "--tolerance", "1e-7", "--json", str(out)]) == 0
+    assert json.loads(out.read_text(encoding="utf-8"))["tolerance"] == 0.25
+
+
+def test_models_that_are_finished_are_kept_when_a_sweep_is_stopped() -> None:
+    job = Job(lambda _what, done, _total: job.stop() if done == 2 else None)
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(KeyboardInterrupt):
+        LinOver({"tau": [0.5, 1.0, 2.0, 4.0]}).run(model, job)
+    grid = job.partial()
+    assert isinstance(grid, LinGrid)
+    # dx/dt = (u − x)/tau
+    assert [p.result.A.tolist() for p in grid.points if p.result is not None] == [[[-2.0]], [[-1.0]]]
+    assert [p.reason for p in grid.points] == [None, None, "not reached", "not reached"]
