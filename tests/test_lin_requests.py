@@ -12,8 +12,10 @@ import pytest
 import workbench as wb
 from workbench.analysis.lin.request import LinOver
 from workbench.analysis.lin.sweep import LinGrid
+from workbench.analysis.trim.request import Trim
 from workbench.cli.app import run
 from workbench.core.job import Job
+from workbench.core.option import options_of
 
 SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")
 
@@ -45,3 +47,8 @@ def test_models_that_are_finished_are_kept_when_a_sweep_is_stopped() -> None:
     # dx/dt = (u − x)/tau
     assert [p.result.A.tolist() for p in grid.points if p.result is not None] == [[[-2.0]], [[-1.0]]]
     assert [p.reason for p in grid.points] == [None, None, "not reached", "not reached"]
+
+
+def test_a_heading_is_of_the_options_of_one_class_and_not_of_those_that_have_it_as_a_part() -> None:
+    groups = {d.name: d.group for d in options_of(Trim)}
+    assert (groups["free"], groups["at"], groups["family"]) == ("", "Model", "How it searches")

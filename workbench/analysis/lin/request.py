@@ -37,7 +37,7 @@ __all__ = [
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
 
-_POINT, _HOW, _SEVERAL, _MEASURED = "Operating point", "How it is made", "Several linear models", "Comparison"
+_HOW, _SEVERAL, _MEASURED = "How it is made", "Several linear models", "Comparison"
 
 
 # -- options that several of the requests have -------------------------------------------------
@@ -46,56 +46,52 @@ _POINT, _HOW, _SEVERAL, _MEASURED = "Operating point", "How it is made", "Severa
 class PointOptions(AtPoint):
     """Where a model is linearised."""
 
+    group = "Operating point"
+
     _: KW_ONLY
     x0: Values | None = option(
-        "Value of a state or discrete state at the point, in place of the operating point's; repeatable.",
-        default=None,
-        group=_POINT,
+        "Value of a state or discrete state at the point, in place of the operating point's; repeatable.", default=None
     )
     u0: Values | None = option(
-        "Value of an input at the point, in place of the operating point's; repeatable.", default=None, group=_POINT
+        "Value of an input at the point, in place of the operating point's; repeatable.", default=None
     )
     time: float | None = option(
         "Session time of the point; else that of the operating point, or where the model starts.",
         unit="s",
         metavar="T",
         default=None,
-        group=_POINT,
     )
 
 
 class _Perturbed(Options):
+    group = _HOW
+
     _: KW_ONLY
     dx: Widths | None = option(
         "Total width of the perturbation of the states: one for all, by name, or a list in their order; else chosen "
         "and verified.",
         default=None,
-        group=_HOW,
     )
-    du: Widths | None = option(
-        "Total width of the perturbation of the inputs, given likewise.", default=None, group=_HOW
-    )
+    du: Widths | None = option("Total width of the perturbation of the inputs, given likewise.", default=None)
     period: float | None = option(
         "Period over which the method response holds its inputs; else the communication step.",
         unit="s",
         metavar="S",
         default=None,
-        group=_HOW,
     )
 
 
 class _Sampled(Options):
+    group = _HOW
+
     _: KW_ONLY
     periods: Numbers | None = option(
         "Sample periods for the method kalman-bertram; else found from the time events.",
         unit="s",
         metavar="S,..",
         default=None,
-        group=_HOW,
     )
-    btptol: float = option(
-        "Relative tolerance within which sample periods have a common multiple.", default=1e-6, group=_HOW
-    )
+    btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=1e-6)
 
 
 class _Chosen(Options):
@@ -114,9 +110,11 @@ class _Chosen(Options):
 
 
 class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
+    group = _HOW
+
     _: KW_ONLY
-    points: int = option("Number of periods that the method response records.", default=400, group=_HOW)
-    order: int | None = option("Number of states of the method response; else chosen.", default=None, group=_HOW)
+    points: int = option("Number of periods that the method response records.", default=400)
+    order: int | None = option("Number of states of the method response; else chosen.", default=None)
     continuous: bool = option(
         "Turn a discrete linear model into the continuous one whose hold equivalent it is.", default=False
     )
