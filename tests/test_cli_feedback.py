@@ -163,6 +163,14 @@ def test_cycles_without_a_block_cannot_be_drawn(lags: str, tmp_path: Path) -> No
         run(lags, *ENDS, "--plot", str(tmp_path / "x.png"), "--plot-kind", "cycles")
 
 
+def test_a_run_that_ends_too_early_is_told_before_its_picture(loop: str, tmp_path: Path) -> None:
+    picture = tmp_path / "run.png"
+    options = ["--gain", "4", "--count", "1", "--stop", "1", "--plot", str(picture), "--plot-kind", "run"]
+    with pytest.raises(InputError, match="stop: 1 s is not after the feedback closes"):
+        run(loop, *ENDS, *options)
+    assert not picture.exists()
+
+
 def test_the_options_that_matter_stand_first_and_the_others_under_headings() -> None:
     """What is inherited, such as the operating point, leaves its heading to none of the command's own."""
     shown = [d for d in options_of(Feedback) if not d.option.python]

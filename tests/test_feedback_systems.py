@@ -15,10 +15,10 @@ import pytest
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.feedback.actuator import wrapped
 from workbench.analysis.feedback.block import cut_at, find_block
-from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
 from workbench.analysis.feedback.place import find_place
 from workbench.analysis.feedback.plant import Plant
+from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.feedback.standing import linear, standing
 from workbench.errors import InputError

@@ -118,7 +118,11 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, gi
         for text in job.notes:
             note(text)
         origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0)
-        _show(record, out, extras, given, origin)
+        try:
+            _show(record, out, extras, given, origin)
+        except InputError:
+            if stopped is None:  # else the picture or file that cannot be made is not the error to tell
+                raise
         if stopped is None:
             return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):

@@ -66,10 +66,9 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         if asked.settle or asked.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
             start = work.start(two, first, signals_of(asked.signals or {}), asked.start_after)
-            before = result  # what is known, should a run fail or somebody end it
-            job.partial = lambda: before
-            result = work.with_study(result, start, chosen, first, job)
-            result = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
+            before = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
+            job.partial = lambda: before  # what is known, should a run of the study fail or somebody end it
+            result = work.with_study(before, start, chosen, first, job)
     return result
 
 
