@@ -19,7 +19,7 @@ from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.confirm import confirm
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import balance
-from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist

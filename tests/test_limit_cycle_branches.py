@@ -15,7 +15,7 @@ from workbench.analysis.limit_cycle.continuation import follow
 from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
-from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.errors import InputError
 from workbench.system.connect import connect

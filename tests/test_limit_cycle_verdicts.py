@@ -14,8 +14,8 @@ import pytest
 from workbench.analysis.describing.base import Block
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
-from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
 from workbench.analysis.limit_cycle.peaks import told_mean
+from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.build import build_fmu
@@ -148,7 +148,7 @@ def test_a_mean_is_told_where_rounding_does_not_hide_it(mean: float, told: float
 
 def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     """At 4e-15 Hz the equations hold as well, near the point of rest: that is not the cycle at 0.2757 Hz."""
-    module = importlib.import_module("workbench.analysis.limit_cycle.limit_cycle")
+    module = importlib.import_module("workbench.analysis.limit_cycle.run")
 
     def slow(part: LinearPart, block: Block, *, frequency: float, amplitude: float, count: int) -> Cycle | None:
         found = balance(part, block, frequency=frequency, amplitude=amplitude, count=count)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from workbench.analysis.identify.result import IdentifyResult
     from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
     from workbench.analysis.limit_cycle.free_run import FreeRun
-    from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+    from workbench.analysis.limit_cycle.request import limit_cycle
     from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
     from workbench.analysis.lin.compare import LinComparison, Verdict
     from workbench.analysis.lin.request import compare, lin, lin_along, lin_over
@@ -268,7 +268,7 @@ _HOMES = {
     "workbench.analysis.describing.describe": ("DescribingFunction", "describing_function", "standard_block"),
     "workbench.analysis.limit_cycle.branch": ("Branch", "BranchPoint"),
     "workbench.analysis.limit_cycle.free_run": ("FreeRun",),
-    "workbench.analysis.limit_cycle.limit_cycle": ("limit_cycle",),
+    "workbench.analysis.limit_cycle.request": ("limit_cycle",),
     "workbench.analysis.limit_cycle.result": ("LimitCycle", "LimitCycleResult", "SimulatedCycle"),
     "workbench.analysis.nyquist.linear_part": ("LinearPart",),
     "workbench.analysis.nyquist.nyquist": ("nyquist",),

@@ -121,8 +121,9 @@ def _simulated(cycle: SimulatedCycle) -> Section:
         for name in cycle.amplitude
     ]
     began = f"{cycle.predicted_frequency_hz:.5g} Hz, amplitude {cycle.predicted_amplitude:.4g}"
+    origin = "a free run" if cycle.crossing is None else "the predicted state"
     words = (
-        f"From the predicted state ({began}) over {counted(cycle.periods, 'period')}: it ends at "
+        f"From {origin} ({began}) over {counted(cycle.periods, 'period')}: it ends at "
         f"{cycle.frequency_hz:.6g} Hz{'' if cycle.steady else ', not steady yet'}."
     )
     table = Table(("variable", "unit", "amplitude", "fundamental", "mean"), rows, right=(2, 3, 4))
@@ -132,10 +133,17 @@ def _simulated(cycle: SimulatedCycle) -> Section:
 def _free_run(run: FreeRun) -> Section:
     """Return the history of a run from rest; its picture is part of the result's."""
     rows = [
-        (f"{x.begin:.4g}", f"{x.end:.4g}", number(x.frequency_hz), number(x.amplitude, ".4g"), number(x.growth, ".4g"))
+        (
+            f"{x.begin:.4g}", f"{x.end:.4g}", number(x.frequency_hz),
+            "–" if x.frequency_hz is None else f"{100.0 * x.scatter:.2g}", number(x.amplitude, ".4g"),
+            number(x.growth, ".4g"),
+        )
         for x in run.spans
-    ]
-    headings = ("from [s]", "to [s]", "frequency [Hz]", bracketed("amplitude", run.unit), "growth [1/s]")
+    ]  # fmt: skip
+    headings = (
+        "from [s]", "to [s]", "frequency [Hz]", "scatter of the periods [%]",
+        bracketed("largest amplitude", run.unit), "growth [1/s]",
+    )  # fmt: skip
     return Section("Run from rest", paragraphs=[f"{run.signal}: {run.words()}."], tables=[Table(headings, rows)])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.analysis.describing.describe import describing_function
-from workbench.analysis.limit_cycle.limit_cycle import limit_cycle
+from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.lin.request import lin
 from workbench.analysis.nyquist.result import Crossing

@@ -11,15 +11,15 @@ from workbench.analysis.describing.base import Complex
 from workbench.analysis.limit_cycle.confirm import Simulated
 from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
+from workbench.analysis.limit_cycle.request import METHODS
 from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbit
 from workbench.model.described import DescribedModel
 
 __all__ = [
-    "METHODS", "contradictions", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle",
+    "contradictions", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle",
 ]  # fmt: skip
 
-METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
 _SAME = 1e-4  # relative difference of two cycles that are one
 _ROUGH = 0.1  # relative error that a describing function may have
 _FINE = 0.02  # of harmonic balance with its first harmonics, of a simulation that is steady

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.observe import Observation
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.csv_file import write_csv
 from workbench.origin import Reportable
 
 __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
@@ -173,16 +173,9 @@ class LimitCycleResult(Reportable):
 
         Args:
             path: of the file, or an open one.
-        """
-        if isinstance(path, str | Path):
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                self._write(file)
-        else:
-            self._write(path)
 
-    def _write(self, file: TextIO) -> None:
+        Raises:
+            InputError: the file cannot be written.
+        """
         columns = ["crossing", "method", "frequency_hz", "amplitude", "fundamental", "mean", "stable", "multiplier"]
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for c in self.limit_cycles:
-            writer.writerow(["" if getattr(c, n) is None else getattr(c, n) for n in columns])
+        write_csv(path, [columns, *([getattr(c, n) for n in columns] for c in self.limit_cycles)])

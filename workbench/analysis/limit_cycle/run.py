@@ -1,4 +1,4 @@
-"""The public function: limit cycles of a system with one nonlinear block."""
+"""Limit cycles of a system with one nonlinear block, by several methods side by side."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.blas import one_thread
-from workbench.analysis.describing.base import HARMONICS, Block
+from workbench.analysis.describing.base import Block
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
 from workbench.analysis.limit_cycle.continuation import Family, follow
 from workbench.analysis.limit_cycle.cut import Cut, cut, driven_block, only_block
 from workbench.analysis.limit_cycle.driven import DrivenBlock
 from workbench.analysis.limit_cycle.entries import (
-    METHODS,
     contradictions,
     from_orbit,
     from_run,
@@ -31,19 +30,19 @@ from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
 from workbench.analysis.limit_cycle.observe import Observation, observe
+from workbench.analysis.limit_cycle.request import METHODS, LimitCycles
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import shoot
-from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND, nyquist
+from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.core.operating_point import At
+from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.model.placing import named, start_at
-from workbench.origin import with_origin
-from workbench.signals import Signal
+from workbench.signals import Signal, signals_of
 from workbench.workers import Workers
 
-__all__ = ["METHODS", "limit_cycle"]
+__all__ = ["run"]
 
 _ON_BRANCH = 0.02  # interpolated
 _FAR = 0.2  # logarithm of a ratio of frequencies
@@ -55,92 +54,33 @@ _TIME_CONSTANTS = 40.0  # of the slowest pole: length of the first stretch of a 
 _PHASES = 400  # at which the predicted states are looked at
 
 
-@with_origin()
-def limit_cycle(
-    system: DescribedModel,
-    *,
-    block: str,
-    outputs: Sequence[str] | None = None,
-    band: tuple[float, float] = BAND,
-    amplitudes: tuple[float, float] | None = None,
-    harmonics: int = HARMONICS,
-    methods: Sequence[str] = METHODS,
-    periods: int = 400,
-    vary: Mapping[str, tuple[float, float]] | None = None,
-    run_until: float | None = None,
-    inputs: Mapping[str, Signal] | None = None,
-    at: At | None = None,
-    time: float | None = None,
-    workers: Workers | None = None,
-) -> LimitCycleResult:
-    """Find the limit cycles of a system with one nonlinear block, by several methods side by side.
-
-    The system is cut at the block. What lies between the block's output and its input is linearised (`workbench.lin`);
-    the block's describing function comes from quadrature if it is static, else it is measured; harmonic balance then
-    drives the block with the very motion, all its harmonics, and measures those of the answer. Then, for each
-    crossing of L(jω) with −1/N(A) in the band:
-
-    - describing function: frequency, amplitude, stability by counting poles on both sides;
-    - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block
-      (not for a measured block, whose inside is not known: shooting tells it);
-    - shooting on the simulated system itself (unstable cycles too), stability by its Floquet multipliers;
-    - simulation from the predicted state, for those that are stable.
-
-    The first two take what surrounds the block as linear; shooting and simulation do not, and show by how much that is
-    wrong. Where no cycle is predicted the system is run from disturbed operating points (`observed`), and what keeps
-    oscillating is reported: other cycles that no crossing predicts are not found.
-    Not for sampled or co-simulated parts.
-
-    Args:
-        system: connected model exchange parts; it stays open.
-        block: name of the nonlinear block's component.
-        outputs: variables whose amplitudes are measured in the simulation; None: all outputs.
-        band: lowest and highest frequency looked at [Hz].
-        amplitudes: lowest and highest amplitude at the block's input; needed with a block that has states, as it is
-            measured; None: 1e-4 … 1e4.
-        harmonics: of harmonic balance.
-        methods: of "describing function", "harmonic balance", "shooting", "simulation".
-        periods: longest simulation.
-        vary: parameter → (lowest, highest) value over which the cycles are followed by harmonic balance, around folds;
-            "gain" is a factor on the linear part.
-        run_until: also simulate the system from its start until then [s], and follow frequency and amplitude of the
-            block's input from period to period.
-        inputs: signals that start the motion of that run.
-        at: operating point: a point, a result that has one, or the file of either; None: where the system starts if it
-            is at rest there, else where trim finds rest.
-        time: session time [s]; connections that close later are open; None: that of `at`, else where the system starts.
-        workers: where a block is measured.
-
-    Returns:
-        Crossings, limit cycles and the simulation; `simulated` is that of the first stable cycle.
-
-    Raises:
-        InputError: no system, unknown block, variable or method, a block with several inputs or outputs in the loop.
-        FmuError, SimulationError: a part cannot be opened or evaluated.
-
-    Source: Slotine & Li, Applied Nonlinear Control, chapter 5; the source report, chapter 8.3.
-    """
-    for method in methods:
-        if method not in METHODS:
-            raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")
-    if inputs and run_until is None:
-        raise InputError("inputs force the run from rest; give its end, run_until")
-    if harmonics < 1 or periods < 1:
-        raise InputError("harmonics and periods must be 1 or more")
-    names = _outputs(system, outputs)
-    system, remarks = start_at(system, at)
-    time = system.start_time if time is None else time
+def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult:
+    """Find limit cycles; see `LimitCycles`."""
+    names = _outputs(model, asked.outputs)
+    system, remarks = start_at(model, asked.at)
+    time = system.start_time if asked.time is None else asked.time
+    steps = 3 + len(asked.vary)
     with ExitStack() as keep, one_thread():
-        loop = cut(system, block, at=system.at, time=time, keep=keep)
-        curve = _crossings(system, loop, band, amplitudes, workers)
-        work = _Work(system, loop, curve, names, harmonics, tuple(methods), periods, time, keep, band, amplitudes)
+        loop = cut(system, asked.block, at=system.at, time=time, keep=keep)
+        curve = _crossings(system, loop, asked.band, asked.amplitudes, asked.workers)
+        job.done("crossings", 1, steps)
+        work = _Work(
+            system, loop, curve, names, asked.harmonics, tuple(asked.methods), asked.periods, time, keep, asked.band,
+            asked.amplitudes,
+        )  # fmt: skip
         result = work.run()
-        branches = [b for name, limits in (vary or {}).items() for b in work.followed(name, limits, keep)]
-        units = {v.name: v.unit for v in system.description.variables if v.name in (vary or {})}
+        job.done("limit cycles", 2, steps)
+        branches: list[Branch] = []
+        for count, (name, limits) in enumerate(asked.vary.items(), start=3):
+            branches += work.followed(name, limits, keep)
+            job.done(f"cycles over {name}", count, steps)
+        units = {v.name: v.unit for v in system.description.variables if v.name in asked.vary}
+        run_freely = None if asked.run_until is None else work.run_freely(asked.run_until, signals_of(asked.inputs))
+        job.done("run from rest", steps, steps)
         return replace(
             result,
             branches=tuple(branches),
-            free_run=None if run_until is None else work.run_freely(run_until, inputs or {}),
+            free_run=run_freely,
             units=units,
             notes=tuple(dict.fromkeys([*remarks, *work.notes])),
             operating_point=named(system, loop.point),

@@ -1,0 +1,124 @@
+"""Limit cycles of a system with one nonlinear block: what can be asked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, replace
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Band, Limits, Names
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.core.where import InWorkers
+from workbench.errors import InputError, suggest
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.limit_cycle.result import LimitCycleResult  # noqa: F401 - the record's type, below
+
+__all__ = ["METHODS", "LimitCycles", "limit_cycle"]
+
+METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
+
+
+class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
+    """Predict limit cycles from the crossings of L(jω) with −1/N(A), refine them, and confirm them by simulation.
+
+    The system is cut at the block. What lies between the block's output and its input is linearised (`workbench.lin`);
+    the block's describing function comes from quadrature if it is static, else it is measured; harmonic balance then
+    drives the block with the very motion, all its harmonics, and measures those of the answer. Then, for each
+    crossing of L(jω) with −1/N(A) in the band:
+
+    - describing function: frequency, amplitude, stability by counting poles on both sides;
+    - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block
+      (not for a measured block, whose inside is not known: shooting tells it);
+    - shooting on the simulated system itself (unstable cycles too), stability by its Floquet multipliers;
+    - simulation from the predicted state, for those that are stable.
+
+    The first two take what surrounds the block as linear; shooting and simulation do not, and show by how much that is
+    wrong. Where no cycle is predicted the system is run from disturbed operating points (`observed`), and what keeps
+    oscillating is reported: other cycles that no crossing predicts are not found.
+    Not for sampled or co-simulated parts.
+
+    Returns:
+        Crossings, limit cycles and the simulation; `simulated` is that of the first stable cycle.
+
+    Raises:
+        InputError: no system, unknown block, variable or method, a block with several inputs or outputs in the loop.
+        FmuError, SimulationError: a part cannot be opened or evaluated.
+
+    Source: Slotine & Li, Applied Nonlinear Control, chapter 5; the source report, chapter 8.3.
+    """
+
+    command = "limit-cycle"
+    algorithm = "workbench.analysis.limit_cycle.run:run"
+    example = "workbench limit-cycle system:failed_aileron --block damper --output z_wing_tip --plot cycle.png"
+    counts = "steps"
+    subject = replace(
+        Analysis.subject,
+        name="system",
+        argument="model",
+        type="DescribedModel",
+        help="Connected model exchange parts; it stays open.",
+    )
+
+    _: KW_ONLY
+    block: str = option("Nonlinear block: the name of its component.", metavar="COMPONENT")
+    outputs: Names | None = option(
+        "Variables whose amplitudes are measured in the simulation; else all outputs.",
+        flag="--output",
+        metavar="NAME",
+        default=None,
+    )
+    band: Band = option("Lowest and highest frequency looked at.", unit="Hz", default=(0.01, 1000.0))
+    amplitudes: Band | None = option(
+        "Lowest and highest amplitude at the block's input; needed with a block that has states, as it is measured.",
+        flag="--amplitude",
+        positive=True,
+        default=None,
+    )
+    harmonics: int = option("Number of harmonics in harmonic balance.", metavar="K", least=1, default=7)
+    methods: Names = option(
+        "describing function, harmonic balance, shooting, simulation; repeatable; all unless given.",
+        flag="--method",
+        metavar="NAME",
+        default=METHODS,
+    )
+    periods: int = option("Longest simulation.", unit="periods", metavar="N", least=1, default=400)
+    vary: Limits = option(
+        "Follow the cycles over a parameter by harmonic balance, around folds; gain is a factor on the linear part; "
+        "repeatable.",
+        default_factory=dict,
+    )
+    run_until: float | None = option(
+        "Also simulate from the start until then, and follow frequency and amplitude of the block's input.",
+        unit="s",
+        flag="--free-run",
+        metavar="T",
+        default=None,
+    )
+    inputs: Signals = option(
+        "What starts that run: pulse:value=1,duration=0.1; repeatable.", flag="--input", default_factory=dict
+    )
+    time: float | None = option(
+        "Session time of the analysis; connections that close later are open; else that of the operating point, or "
+        "where the system starts.",
+        unit="s",
+        metavar="T",
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for method in self.methods:
+            if method not in METHODS:
+                raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")
+        for name, (low, high) in self.vary.items():
+            if not -math.inf < low < high < math.inf:
+                raise InputError(f"vary: {name}={low:g}:{high:g} is not of the form NAME=LO:HI with LO < HI")
+        if self.inputs and self.run_until is None:
+            raise InputError("inputs force the run from rest; give its end, run_until")
+
+
+limit_cycle = function(LimitCycles)
