@@ -1,7 +1,7 @@
 /* event_rules.h: what the events of a run say about the model: chattering, Zeno behaviour, a contact that gives way.
  *
  * One source for the runtime of built FMUs (Co-Simulation) and for the kernel (Model Exchange), which
- * includes it from here; the Python driver, workbench/session/me.py and turned.py, has the same numbers.
+ * includes it from here; the readable driver in Python, with which tests compare the kernel, has the same numbers.
  */
 #ifndef WORKBENCH_EVENT_RULES_H
 #define WORKBENCH_EVENT_RULES_H
