@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
 
 from workbench import __version__
 from workbench.cli import asked, notes
+from workbench.cli.analyses import derived
 from workbench.cli.build import build
-from workbench.cli.check import check
 from workbench.cli.compare_motions import compare
-from workbench.cli.delays import delays
-from workbench.cli.excite import excite
 from workbench.cli.export import export
 from workbench.cli.feed_forward import feed_forward
-from workbench.cli.feedback import feedback
-from workbench.cli.identify import identify
 from workbench.cli.info import info
 from workbench.cli.interrupt import exit_code, insist_on_interrupts, interrupted, listen_for_endings
-from workbench.cli.limit_cycle import limit_cycle
-from workbench.cli.lin import lin
-from workbench.cli.loop import loop
-from workbench.cli.modes import modes
-from workbench.cli.nfr import nfr
 from workbench.cli.program import options_of, program, said
 from workbench.cli.reproduce import reproduce
 from workbench.cli.run import run as run_study
-from workbench.cli.simulate import simulate
-from workbench.cli.trim import trim
 from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError
 
@@ -47,25 +36,23 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-app.command("info")(info)
-app.command("simulate")(simulate)
-app.command("nfr")(nfr)
-app.command("trim")(trim)
-app.command("lin")(lin)
-app.command("loop")(loop)
-app.command("delays")(delays)
-app.command("limit-cycle")(limit_cycle)
-app.command("feedback")(feedback)
-app.command("feed-forward")(feed_forward)
-app.command("modes")(modes)
-app.command("compare")(compare)
-app.command("check")(check)
-app.command("excite")(excite)
-app.command("identify")(identify)
-app.command("run")(run_study)
-app.command("reproduce")(reproduce)
-app.command("build")(build)
-app.command("export")(export)
+_COMMANDS: dict[str, Callable[..., int | None]] = {
+    **derived(),
+    "info": info,
+    "feed-forward": feed_forward,
+    "compare": compare,
+    "run": run_study,
+    "reproduce": reproduce,
+    "build": build,
+    "export": export,
+}
+# In the order of a working day.
+_ORDER = (
+    "info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "feedback", "feed-forward", "modes",
+    "compare", "check", "excite", "identify", "run", "reproduce", "build", "export",
+)  # fmt: skip
+for _name in _ORDER:
+    app.command(_name)(_COMMANDS[_name])
 
 
 def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so

@@ -126,7 +126,8 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, gi
         if stopped is None:
             return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
-        note(f"{interrupted()} after {reached[0]} of {reached[1]} {asked.counts}")
+        far = f" after {reached[0]} of {reached[1]} {asked.counts}" if reached[1] else ": there is no result"
+        note(f"{interrupted()}{far}")
         return INTERRUPTED
     assert stopped is not None  # noqa: S101
     raise stopped

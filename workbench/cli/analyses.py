@@ -1,0 +1,100 @@
+"""The commands that are derived from requests, and what some of them have besides."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from workbench.analysis.check.request import Check
+from workbench.analysis.delays.request import Delays
+from workbench.analysis.excite.request import Excite
+from workbench.analysis.feedback.request import Feedback
+from workbench.analysis.identify.request import Identify
+from workbench.analysis.limit_cycle.request import LimitCycles
+from workbench.analysis.lin.request import LinCommand
+from workbench.analysis.loop.request import Loop
+from workbench.analysis.modes.request import Modes
+from workbench.analysis.nfr import Nfr
+from workbench.analysis.request import Request
+from workbench.analysis.simulate.request import Simulate
+from workbench.analysis.trim.request import Trim
+from workbench.cli.derive import Extras, command
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.cli.output import Output
+
+__all__ = ["derived"]
+
+_OFFSET = Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")]
+_KIND = Annotated[
+    Literal["overview", "root-locus", "nyquist", "cycles", "settling", "run"],
+    typer.Option("--plot-kind", help="Which picture --plot writes."),
+]
+_BODE = Annotated[
+    Path | None, typer.Option("--bode", metavar="PATH", help="Write the Bode picture of model, --lin and --nfr.")
+]
+
+
+def derived() -> dict[str, Callable[..., int]]:
+    """Return name → command."""
+    return {kind.command: command(kind, _EXTRAS.get(kind)) for kind in _REQUESTS}
+
+
+def _with_signal(asked: Excite, given: Mapping[str, Any], _: object) -> Excite:
+    """Refuse a command line that names no signal: nobody knows which amplitude a model tolerates."""
+    if given["prbs"] is given["multisine"] is None:
+        raise InputError("a signal is needed: --prbs amplitude=1,rate=.. or --multisine band=LOW:HIGH,amplitude=1")
+    return asked
+
+
+def _with_picture(asked: Feedback, given: Mapping[str, Any], out: Output) -> Feedback:
+    """Refuse a picture that there will not be."""
+    kind = given["plot_kind"]
+    if out.plot is None and kind != "overview":
+        raise InputError("--plot-kind: there is no --plot that it could choose for")
+    for wanted, option, there in (("settling", "--settle", asked.settle), ("run", "--gain", asked.gain is not None)):
+        if kind == wanted and not there:
+            raise InputError(f"--plot-kind: {wanted} needs {option}")
+    return asked
+
+
+def _looked_at(asked: Identify, given: Mapping[str, Any], out: Output) -> Identify:
+    """Refuse a picture of nothing, and ask for the order where that is wanted."""
+    if given["bode"] is not None and asked.lin is asked.nfr is None:
+        raise InputError("--bode: give what to compare the model with: --lin, --nfr or both")
+    return replace(asked, order=_ask(asked, given["data"], out)) if given["order"] == "ask" else asked
+
+
+def _ask(asked: Identify, data: str, out: Output) -> int:
+    """Show singular values and principal angles, and ask for the order."""
+    from workbench.core.job import Job
+    from workbench.report.identify import order_section
+    from workbench.report.terminal import section_text
+
+    if not sys.stdin.isatty():
+        raise InputError("--order ask: there is no terminal to ask; give a number or auto")
+    proposal = replace(asked, validation=None, bootstrap=0, lin=None, nfr=None, amplitude=None).run(data, Job())
+    out.say(lambda width: section_text(order_section(proposal), width))
+    answer = str(typer.prompt(f"order (0 … {asked.max_order})", default=str(proposal.order))).strip()
+    if answer == "auto":
+        return proposal.order
+    if not answer.isdecimal():
+        raise InputError(f"--order: '{answer}' is neither auto nor a number of states, 0 (a gain) or more")
+    return int(answer)
+
+
+_REQUESTS: tuple[type[Request[Any, Any]], ...] = (
+    Simulate, Nfr, Trim, LinCommand, Loop, Delays, LimitCycles, Feedback, Modes, Check, Excite, Identify,
+)  # fmt: skip
+_EXTRAS: dict[type[Request[Any, Any]], Extras] = {
+    Nfr: Extras(drawn={"offset": (_OFFSET, False)}),
+    Excite: Extras(before=_with_signal),
+    Feedback: Extras(plotted={"plot_kind": (_KIND, "overview")}, before=_with_picture),
+    Identify: Extras(pictures={"bode": (_BODE, lambda record, path: record.overlay.plot(path))}, before=_looked_at),
+}
