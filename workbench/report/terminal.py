@@ -12,6 +12,7 @@ from workbench.report.tones import worst_first
 __all__ = ["section_text", "text_of"]
 
 _GAP = "  "
+_MOST_WORDS = 60  # of a column in a pipe: sentences go on below
 _LEAST_WORDS = 30  # a column of sentences is made no narrower
 _MOST_ROWS = 60  # of a table; more belong into a file
 
@@ -91,10 +92,15 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
 
 
 def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
-    """Return the width of each column; the widest one of words gives way where that fits the table into the line."""
+    """Return the width of each column; the widest one of words gives way where that fits the table into the line.
+
+    Only sentences are wide enough for that, which are broken between words.
+    """
     sizes = [max(len(r[k]) for r in (table.headings, *rows)) for k in range(len(table.headings))]
     words = [k for k in range(len(sizes)) if k not in table.at_right]
-    if width is None or not words:
+    if width is None:
+        return [min(size, _MOST_WORDS) if k in words else size for k, size in enumerate(sizes)]
+    if not words:
         return sizes
     widest = max(words, key=sizes.__getitem__)
     room = width - sum(sizes) - len(_GAP) * (len(sizes) - 1) + sizes[widest]
