@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 import shutil
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -201,3 +203,47 @@ def test_parameters_are_set_before_initialisation() -> None:
         rate = math.sqrt(4e4 - 25.0)
         expected = 1.0 - 0.5 * math.exp(-0.5) * (math.cos(0.1 * rate) + 5.0 / rate * math.sin(0.1 * rate))
         assert session.values(["damper.s_rel"])["damper.s_rel"] == pytest.approx(expected, abs=1e-4)
+
+
+MANY_INSTANCES = """
+import ctypes
+from tests.gemseo import gemseo_fmu
+from workbench.model.load import load
+
+file = gemseo_fmu("MassSpringSystem")
+with load(file, "cs") as first:
+    for _ in range(1100):  # more than a process has thread-specific keys
+        first.open_session().close()
+    with first.recipe.open() as again, again.open_session():
+        pass
+for _ in range(5):  # binaries that were not loaded before
+    with load(file, "cs") as other, other.open_session():
+        pass
+assert ctypes.CFUNCTYPE(ctypes.c_int)(lambda: 7)() == 7  # Python still finds its own
+"""
+
+NO_KEY_LEFT = """
+import ctypes
+from tests.gemseo import gemseo_fmu
+from workbench.errors import FmuError
+from workbench.model.load import load
+
+own = ctypes.CDLL(None)
+while own.pthread_key_create(ctypes.byref(ctypes.c_ulong()), None) == 0:
+    pass
+try:
+    with load(gemseo_fmu("MassSpringSystem"), "cs") as model, model.open_session():
+        raise AssertionError("it was loaded")
+except FmuError as error:
+    assert "no thread-specific key is left" in str(error), error
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the keys are those of POSIX threads")
+@pytest.mark.parametrize("code", [MANY_INSTANCES, NO_KEY_LEFT], ids=["many instances", "no key left"])
+def test_keys_that_an_fmu_leaves_behind_crash_nobody(code: str) -> None:
+    """Each instance of OpenModelica's FMUs takes a key; a binary that never got one writes into Python's."""
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True, cwd=Path(__file__).parents[1]
+    )
+    assert done.returncode == 0, done.stderr

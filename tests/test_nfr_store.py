@@ -168,8 +168,8 @@ def test_two_sweeps_share_a_store(tmp_path: Path) -> None:
         (["--jobs", "0"], "jobs: 0 is too few"),
         (["--jobs", "2", "--in-process"], "it cannot have 2 jobs"),
         (["--timeout", "0"], "timeout: 0 s is not a positive number"),
-        (["--memory-limit", "-5"], "memory limit: -5 MB is not a positive number"),
-        (["--timeout", "1", "--in-process"], "in process: time and memory limits need"),
+        (["--memory-limit", "-5"], "--memory-limit: -5 MB is not a positive number"),
+        (["--timeout", "1", "--in-process"], "--in-process: time and memory limits need"),
         (["--in-process", "--scheduler", "tcp://x:1"], "only one place can run the points"),
     ],
 )

@@ -46,7 +46,7 @@ class Loading(Options):
         default=None,
     )
     tolerance: float | None = option(
-        "Relative tolerance of the integration; else the default experiment's, or 1e-6.",
+        "Relative tolerance of the integration; else the default experiment's, or 1e-6 (nfr, excite: 1e-8).",
         positive=True,
         below=1.0,
         default=None,

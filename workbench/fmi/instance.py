@@ -125,12 +125,12 @@ class Instance(ABC):
         self.event_mode = interface == "me" or (self.capabilities.event_mode and event_mode)
         self.source = source
         self.folder = folder if folder.is_absolute() else folder.resolve()
-        self.component: Any = self._instantiate(logging=False)
+        self.component: Any = self._made(logging=False)
         if not self.component and interface == "cs" and self.event_mode:
             self._instantiate_without_event_mode()
         if not self.component:
             # Many FMUs say why only if logging is on; only then is the noise wanted.
-            self.component = self._instantiate(logging=True)
+            self.component = self._made(logging=True)
         if not self.component:
             self._closed = True
             library.close()
@@ -139,12 +139,17 @@ class Instance(ABC):
             # Files name categories that the binary refuses, some going to an error state for it.
             self.library[self.CALLS["free"]](self.component)
             self.log.lines.clear()
-            self.component = self._instantiate(logging=False)
+            self.component = self._made(logging=False)
+
+    def _made(self, *, logging: bool) -> Any:
+        component = self._instantiate(logging=logging)
+        self.library.reclaim_key()
+        return component
 
     def _instantiate_without_event_mode(self) -> None:
         """Try again without event mode, which is the caller's choice in FMI 3.0 (4.2.1)."""
         self.event_mode = False
-        self.component = self._instantiate(logging=False)
+        self.component = self._made(logging=False)
         if self.component:
             self.remark = "the FMU declares event mode but refuses to be instantiated with it: it runs without"
         else:

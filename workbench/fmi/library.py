@@ -28,6 +28,7 @@ _CLASSES: Mapping[tuple[int, str], Any] = {
     (3, "cs"): fmi3._FMU3,  # noqa: SLF001
 }
 _TEXT = ("Version", "TypesPlatform")
+_KEY = "mmc_thread_data_key"  # of OpenModelica's runtime
 
 Function = Callable[..., int]
 
@@ -57,16 +58,36 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
 
 
 class _Binary:
-    """A loaded binary, let go when the last of its holders has closed."""
+    """A loaded binary, let go when the last of its holders has closed.
+
+    OpenModelica's FMUs take a thread-specific key (POSIX threads) at each instantiation, use the newest one for all
+    instances, and give none back. A process has some 1024, and a binary that never got one takes the first key of the
+    process, which is Python's: Python crashes. So the older ones are given back here.
+    """
 
     def __init__(self, dll: ctypes.CDLL | None) -> None:
         self._dll = dll
+        self._key: int | None = None  # of the last instantiation
         self.holders = 0
         self.addresses: dict[str, int | None] = {}
+
+    def reclaim_key(self) -> None:
+        """Give back the key that the binary had before the instantiation that is just over."""
+        try:
+            key = None if self._dll is None else ctypes.c_uint.in_dll(self._dll, _KEY).value
+        except ValueError:  # another tool's
+            return
+        self._give_back(unless=key)
+        self._key = key
+
+    def _give_back(self, *, unless: int | None = None) -> None:
+        if self._key not in (None, unless) and sys.platform != "win32":
+            _loader().pthread_key_delete(self._key)
 
     def drop(self) -> None:
         self.holders -= 1
         if self.holders == 0 and self._dll is not None:
+            self._give_back()
             _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
 
 
@@ -103,6 +124,10 @@ class Library:
             self._open = False
             self._binary.drop()
 
+    def reclaim_key(self) -> None:
+        """Give back what the instantiation that is just over has made superfluous."""
+        self._binary.reclaim_key()
+
     def __getitem__(self, name: str) -> Function:
         return self._functions[name]
 
@@ -134,6 +159,9 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
     Raises:
         FmuError: the system cannot load it, e.g. a library it needs is absent.
     """
+    if not _has_key_left():
+        why = "some FMU has taken them without giving them back; go on in a new process (worker processes are such)"
+        raise FmuError(f"{path.name}: no thread-specific key is left in this process: {why}")
     try:
         dll = _load(path)
     except OSError as error:
@@ -168,6 +196,17 @@ def _unload(handle: int) -> None:
         _loader().dlclose(handle)
 
 
+def _has_key_left() -> bool:
+    """Whether this process would get another thread-specific key."""
+    if sys.platform == "win32":
+        return True
+    key = ctypes.c_ulong(0)  # unsigned int or unsigned long
+    found: bool = _loader().pthread_key_create(ctypes.byref(key), None) == 0
+    if found:
+        _loader().pthread_key_delete(key)
+    return found
+
+
 @lru_cache(maxsize=1)
 def _loader() -> ctypes.CDLL:
     """Return the system's own functions for loading libraries."""
@@ -175,6 +214,7 @@ def _loader() -> ctypes.CDLL:
     own.dlopen.restype, own.dlopen.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
     own.dlclose.restype, own.dlclose.argtypes = ctypes.c_int, [ctypes.c_void_p]
     own.dlerror.restype, own.dlerror.argtypes = ctypes.c_char_p, []
+    own.pthread_key_delete.argtypes = [ctypes.c_ulong]
     return own
 
 

@@ -10,7 +10,7 @@ from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, counted, number, sampled_rows
+from workbench.report.tables import behind, bracketed, counted, number, sampled_rows
 from workbench.report.tones import Verdict
 
 __all__ = ["branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
@@ -52,7 +52,7 @@ def _lead(result: LimitCycleResult) -> str:
     if not stable:
         return f"{counted(len(result.crossings), 'crossing')}, and none of them is a stable limit cycle."
     best = stable[-1]
-    size = f"{best.amplitude:.4g} {result.input_unit or ''}".strip()
+    size = f"{best.amplitude:.4g}{behind(result.input_unit)}"
     where = f"{best.frequency_hz:.5g} Hz with amplitude {size} of {result.input}"
     return f"A stable limit cycle at {where} (by {best.method})."
 
@@ -67,7 +67,7 @@ def _verdicts(result: LimitCycleResult) -> list[Verdict]:
 
 
 def _cycle_words(c: LimitCycle, unit: str | None) -> str:
-    size = f"{c.amplitude:.4g} {unit or ''}".strip()
+    size = f"{c.amplitude:.4g}{behind(unit)}"
     place = "free run" if c.crossing is None else f"crossing {c.crossing + 1}"
     return f"{place}, {c.method}: {c.frequency_hz:.5g} Hz, amplitude {size}"
 

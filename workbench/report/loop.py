@@ -8,7 +8,7 @@ from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.result import LoopResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import number, pole_table
+from workbench.report.tables import behind, number, pole_table
 from workbench.report.tones import Verdict
 
 __all__ = ["loop_page"]
@@ -22,7 +22,7 @@ _HEADINGS = (
 def loop_page(result: LoopResult) -> Page:
     """Return the page of a loop: verdict on the closed loop, margins, pictures, what was measured."""
     place = result.place
-    unit = "" if place.unit in (None, "1") else f" {place.unit}"
+    unit = behind(place.unit)
     return Page(
         title=f"Loop of {result.system} at {place.source}",
         lead=f"Opened at {place.label}, where the signal is {result.value:.6g}{unit} at the operating point.",

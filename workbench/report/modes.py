@@ -6,7 +6,7 @@ import math
 
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, counted, number
+from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict
 
 __all__ = ["modes_page"]
@@ -27,7 +27,7 @@ def modes_page(result: ModesResult) -> Page:
         facts={
             "parameter": f"{parameter}, {_range(result.sets[0])}",
             "configurations": ", ".join(_name(s) for s in result.sets),
-            "critical values": f"to {result.tolerance:.2g} {result.unit or ''}".strip(),
+            "critical values": f"to {result.tolerance:.2g}{behind(result.unit)}",
         },
         sections=[
             Section("Diagram", paragraphs=[_sentence(result.criterion)], figures=[(result.plot, words)]),
@@ -60,7 +60,7 @@ def _lead(result: ModesResult) -> str:
 
 
 def _critical_words(result: ModesResult, c: Critical) -> str:
-    where = f"{result.parameter} = {c.value:.6g} {result.unit or ''}".strip()
+    where = f"{result.parameter} = {c.value:.6g}{behind(result.unit)}"
     at = f" at {c.frequency_hz:.4g} Hz" if c.frequency_hz > 0.0 else ""
     return f"mode {c.mode} becomes {c.becomes} at {where} ({c.kind}{at})"
 

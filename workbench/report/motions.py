@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.analysis.motions.result import MotionComparison
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, counted, number
+from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict
 
 __all__ = ["motions_page"]
@@ -35,7 +35,7 @@ def _lead(result: MotionComparison) -> str:
     begin, end = result.windows[last]
     sizes = [(s, result.measure(s, signal, last)) for s in result.systems]
     shown = result.shown[signal]
-    listed = [f"{s} {shown.factor * m.peak:.3g} {shown.unit or ''}".strip() for s, m in sizes if m is not None]
+    listed = [f"{s} {shown.factor * m.peak:.3g}{behind(shown.unit)}" for s, m in sizes if m is not None]
     return f"Peak of {signal} from {begin:g} to {end:g} s: {', '.join(listed) or 'not reached'}."
 
 

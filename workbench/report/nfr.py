@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.analysis.nfr_result import MISSING, NfrResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, counted, number
+from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict
 
 __all__ = ["nfr_page"]
@@ -40,7 +40,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         facts={
             "input": bracketed(result.input, result.input_unit),
             "output": bracketed(result.output, result.output_unit),
-            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + _blank(result.input_unit),
+            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + behind(result.input_unit),
             "frequencies": _range(result),
         },
         sections=[
@@ -60,7 +60,7 @@ def _range(result: NfrResult) -> str:
 
 def _lead(result: NfrResult) -> str:
     parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
-    falls = [f"{f:.4g} Hz at {a:g}{_blank(result.input_unit)}" for a, f in _bandwidths(result)]
+    falls = [f"{f:.4g} Hz at {a:g}{behind(result.input_unit)}" for a, f in _bandwidths(result)]
     parts += [f"The gain is 3 dB below that of the lowest frequency at {', '.join(falls)}."] if falls else []
     spread = _spread(result)
     parts += [f"Between the amplitudes it differs by {spread:.3g} dB at most."] if np.isfinite(spread) else []
@@ -121,11 +121,7 @@ def _values(result: NfrResult, i: int) -> Section:
         if not _is_missing(result, i, j)
     ]
     table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
-    return Section(f"Amplitude {result.amplitude[i]:g}{_blank(unit)}", tables=[table])
-
-
-def _blank(unit: str | None) -> str:
-    return f" {unit}" if unit and unit != "1" else ""
+    return Section(f"Amplitude {result.amplitude[i]:g}{behind(unit)}", tables=[table])
 
 
 def _is_missing(result: NfrResult, i: int, j: int) -> bool:

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from workbench.core.poles import POLE_HEADINGS, pole_rows
 from workbench.report.page import Section, Table
 
-__all__ = ["MOST_ENTRIES", "bracketed", "counted", "matrices", "matrix", "number", "pole_table", "sampled_rows"]
+__all__ = [
+    "MOST_ENTRIES",
+    "behind",
+    "bracketed",
+    "counted",
+    "matrices",
+    "matrix",
+    "number",
+    "pole_table",
+    "sampled_rows",
+]
 
 MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
 _MOST_POLES = 100
@@ -25,6 +35,11 @@ def number(value: float | None, form: str = ".5g") -> str:
 def bracketed(name: str, unit: str | None) -> str:
     """Return "name [unit]", or the name alone where there is no unit."""
     return f"{name} [{unit}]" if unit and unit != "1" else name
+
+
+def behind(unit: str | None) -> str:
+    """Return a unit as it stands behind a number: with a blank, or nothing where there is none."""
+    return f" {unit}" if unit and unit != "1" else ""
 
 
 def rate_unit(unit: str | None, dt: float = 0.0) -> str | None:
