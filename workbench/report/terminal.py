@@ -88,7 +88,7 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
             yield from _row(row, columns, sizes, table.at_right)
         yield ""
     if len(table.rows) > len(rows):
-        yield f"{len(table.rows) - len(rows)} more rows: --csv writes all"
+        yield f"{len(table.rows) - len(rows)} more rows: --json writes all"
 
 
 def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
