@@ -123,7 +123,7 @@ EXAMPLES = {
 }
 
 
-def agrees(found: Vector, example: Example) -> None:
+def assert_agrees(found: Vector, example: Example) -> None:
     for value, expected, digits in zip(found, example.expected, example.digits, strict=True):
         assert value == pytest.approx(expected, abs=0.5000001 * 10.0**-digits, rel=0)
 
@@ -135,7 +135,7 @@ def test_central_differences_with_total_widths_give_every_published_digit(name: 
     point = float(C @ example.x0 + D * example.u0)
     halves = 0.5 * np.array(example.widths) * np.append(C, D)
     differences = [block(point + half) - block(point - half) for half in halves]
-    agrees(np.array(differences) / np.array(example.widths), example)
+    assert_agrees(np.array(differences) / np.array(example.widths), example)
 
 
 @pytest.mark.parametrize(("u0", "slope"), [(AT_TWO, AT_TWO_SLOPE), (0.5974, AT_GAIN_SLOPE)])
@@ -369,7 +369,7 @@ def test_fmus_give_every_published_digit(fmus: Path, name: str, fmi: int) -> Non
     example = EXAMPLES[name]
     with load(fmus / f"fmi{fmi}" / f"{example.model}.fmu", "me") as model, model.open_point() as point:
         found = differences(point, np.array(example.x0, float), example.u0, np.array(example.widths, float))
-    agrees(found[2], example)
+    assert_agrees(found[2], example)
     assert found[:2] == pytest.approx(np.column_stack([A, B]), abs=1e-12)
 
 

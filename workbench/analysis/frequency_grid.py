@@ -18,7 +18,7 @@ def frequency_grid(
     Args:
         frequencies: explicit list [Hz], or None.
         band: lowest and highest frequency [Hz], or None; exactly one of the two is given.
-        ratio: ratio of neighbouring frequencies in a band, above 1.
+        ratio: of each frequency of a band to the one below it, above 1.
         falling: whether a falling order is kept as given; else the order is rising.
 
     Raises:

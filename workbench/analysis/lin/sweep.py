@@ -217,7 +217,7 @@ def with_parameters(model: Model, parameters: Mapping[str, float]) -> AbstractCo
     """Return the model with other parameters, a new one if there are any.
 
     Raises:
-        InputError: the model is no file.
+        InputError: the model is not a file.
     """
     if not parameters:
         return nullcontext(model)
@@ -230,7 +230,7 @@ def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | n
     if store is None:
         return nullcontext()
     if model.recipe is None:
-        raise InputError(f"store: {model.name} is no file; its results cannot be told from another model's")
+        raise InputError(f"store: {model.name} is not a file; its results cannot be told from another model's")
     subject = {
         "analysis": "lin",
         "algorithm": _ALGORITHM,

@@ -35,7 +35,7 @@ Settings = Mapping[str, Value]
 def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     """Follow modes over a parameter; see `Modes`."""
     if not isinstance(model, DescribedModel):
-        raise InputError(f"modes: {model.name} is no file; what it consists of cannot be varied")
+        raise InputError(f"modes: {model.name} is not a file; what it consists of cannot be varied")
     vary, limits = varied(asked.vary)
     against = list(asked.against)
     grid = _values(asked, limits)

@@ -69,7 +69,7 @@ def _with_gain(model: Model, name: str, value: float) -> AbstractContextManager[
     """Return the system with another gain, opened anew."""
     recipe = model.recipe
     if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"modes: {model.name} is no system")
+        raise InputError(f"modes: {model.name} is not a system")
     parts = tuple(
         replace(c, gain=value) if isinstance(c, GainComponent) and f"{c.name}.gain" == name else c
         for c in recipe.system.components
