@@ -186,7 +186,7 @@ def test_bad_options_are_one_line(
 
 
 def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(wb.InputError, match="is no file"):
+    with pytest.raises(wb.InputError, match="is not a file"):
         NfrSweep(lag(1.0), "u", "y", [1.0], 1.0, store=tmp_path)
     other: NfrResult = nfr(lag(1.0), "u", "x", [1.0], 1.0)
     with pytest.raises(wb.InputError, match="previous: its output is x, not y"):

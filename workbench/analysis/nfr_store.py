@@ -65,10 +65,10 @@ class NfrStore:
             limits: of the present run.
 
         Raises:
-            InputError: the model is no file, the folder cannot be used, its file is no store.
+            InputError: the model is not a file, the folder cannot be used, its file is no store.
         """
         if model.recipe is None:
-            raise InputError(f"store: {model.name} is no file; its results cannot be told from another model's")
+            raise InputError(f"store: {model.name} is not a file; its results cannot be told from another model's")
         subject = {
             "analysis": "nfr",
             "algorithm": _ALGORITHM,
