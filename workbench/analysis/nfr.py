@@ -61,9 +61,9 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     usual_tolerance = 1e-8
 
     input: str = option("Input to force.", metavar="U")
-    output: str = option("Output (or state) to measure.", metavar="Y")
+    output: str = option("Output or state to measure.", metavar="Y")
     frequencies: Numbers | None = option(
-        "Frequencies, measured in rising order.", unit="Hz", flag="--freq", metavar="F,..", default=None
+        "Frequencies to measure, in rising order.", unit="Hz", flag="--freq", metavar="F,..", default=None
     )
     amplitudes: Numbers | None = option(
         "Amplitudes of the sine, in the unit of the input.",
@@ -73,33 +73,41 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         needed="a nonlinear model's response depends on it",
     )
     _: KW_ONLY
-    band: Band | None = option("Lowest and highest frequency, in place of a list.", unit="Hz", default=None)
-    ratio: float = option("Ratio of neighbouring frequencies in a band.", default=1.2)
+    band: Band | None = option("Lowest and highest frequency, instead of a list.", unit="Hz", default=None)
+    ratio: float = option("Ratio of neighbouring frequencies in the band.", default=1.2)
     errcrit: float = option(
-        "A point has settled when phase [rad] and 10 x gain change by less in a period.", default=0.1, positive=True
+        "A point has settled when its phase [rad] and 10 times its gain change by less than this in a period.",
+        default=0.1,
+        positive=True,
     )
     max_periods: int = option(
-        "Average and mark a point that has not settled after so many periods.", default=20, least=2
+        "Number of periods after which a point that has not settled is averaged, and marked as such.",
+        default=20,
+        least=2,
     )
-    carry: bool = option("Carry the state to the next frequency; frequencies may then fall (HI:LO).", default=False)
+    carry: bool = option(
+        "Carry the state over to the next frequency; the band may then be falling (HI:LO).", default=False
+    )
     step: float | None = option(
-        "Communication step to measure a co-simulation at; else found by halving.",
+        "Communication step of co-simulation; by default found by halving.",
         unit="s",
         default=None,
         positive=True,
     )
-    verify: bool = option("Measure model exchange once more with a hundredth of the tolerance.", default=False)
-    drift_check: bool = option("Watch the model with zero input first, and warn where it moves.", default=True)
+    verify: bool = option("Model exchange: repeat each point with a hundredth of the tolerance.", default=False)
+    drift_check: bool = option("Run the model with zero input first, and warn if it moves.", default=True)
     store: File | None = option(
-        "Folder that keeps finished points; the same command goes on.", metavar="DIR", default=None
+        "Folder in which finished points are kept; the same command continues from there.", metavar="DIR", default=None
     )
     redo: Names = option(
         "Points of the store to measure again: averaged, failed, settled.", metavar="STATUS,..", default=()
     )
     executor: Executor | None = option(
-        "Executor in place of worker processes; it stays open.", default=None, python=True
+        "Executor to use instead of worker processes; it stays open.", default=None, python=True
     )
-    previous: NfrResult | None = option("Earlier result, in place of a store or besides.", default=None, python=True)
+    previous: NfrResult | None = option(
+        "Earlier result whose points are kept, instead of a store or in addition to it.", default=None, python=True
+    )
 
     def went_well(self, record: NfrResult) -> bool:
         """Return whether no point failed.

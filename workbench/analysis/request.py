@@ -91,7 +91,7 @@ class Request(Options, Generic[_Subject, _Record]):
 
     _: KW_ONLY
     progress: Progress | None = option(
-        "Called after each finished part with what it is, the number done and the number in all.",
+        "Function that is called after each finished part with a description, the number done and the total number.",
         default=None,
         python=True,
     )

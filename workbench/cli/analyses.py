@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 __all__ = ["derived"]
 
-_OFFSET = Annotated[bool, typer.Option("--offset", help="Draw the output's mean too.")]
+_OFFSET = Annotated[bool, typer.Option("--offset", help="Also draw the mean of the output.")]
 _KIND = Annotated[
     Literal["overview", "root-locus", "nyquist", "cycles", "settling", "run"],
-    typer.Option("--plot-kind", help="Which picture --plot writes."),
+    typer.Option("--plot-kind", help="Picture that --plot writes."),
 ]
 _BODE = Annotated[
-    Path | None, typer.Option("--bode", metavar="PATH", help="Write the Bode picture of model, --lin and --nfr.")
+    Path | None, typer.Option("--bode", metavar="PATH", help="Write a Bode plot of the model, --lin and --nfr.")
 ]
 
 

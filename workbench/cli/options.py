@@ -49,23 +49,24 @@ ModelName = Annotated[
 ]
 Interface = Annotated[
     Literal["auto", "me", "cs"],
-    typer.Option("--interface", help="Model exchange or co-simulation; auto takes me where the FMU offers it."),
+    typer.Option("--interface", help="Interface of the FMU; auto prefers me (model exchange)."),
 ]
 Solver = Annotated[
     Literal["auto", "vkm", "gear"],
-    typer.Option("--solver", help="Integration of model exchange: Kutta-Merson or Gear (stiff)."),
+    typer.Option("--solver", help="Integrator for model exchange: vkm (Kutta-Merson) or gear (stiff)."),
 ]
 Step = Annotated[
     float | None,
-    typer.Option("--step", metavar="S", help="Communication step of co-simulation, output interval else [s]."),
+    typer.Option("--step", metavar="S", help="Communication step, or output interval of model exchange [s]."),
 ]
-Tolerance = Annotated[float | None, typer.Option("--tolerance", help="Relative tolerance of the integration.")]
+Tolerance = Annotated[float | None, typer.Option("--tolerance", help="Relative tolerance of the integrator.")]
 Start = Annotated[
     float | None,
-    typer.Option("--start", metavar="T", help="Time at which runs begin [s]; else the FMU's default experiment, or 0."),
+    typer.Option("--start", metavar="T", help="Time at which runs begin [s]; by default the FMU's own, or 0."),
 ]
 Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter or start value; repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Value of a parameter, or start value; repeatable."),
 ]
 Bias = Annotated[
     list[str] | None, typer.Option("--bias", metavar="NAME=VALUE", help="Constant added to an input; repeatable.")
@@ -75,7 +76,7 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="POINT.JSON",
-        help="Operating point to be at: what trim --json wrote, or the JSON of any other result.",
+        help="Operating point to start from: what trim --json wrote, or the JSON of any other result.",
     ),
 ]
 Json = Annotated[
@@ -86,24 +87,25 @@ Plot = Annotated[Path | None, typer.Option("--plot", metavar="PATH", help="Write
 
 Report = Annotated[
     Path | None,
-    typer.Option("--report", metavar="PATH", help="Write a page that stands alone: pictures, tables, data: .html."),
+    typer.Option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data."),
 ]
 
 Jobs = Annotated[
-    int | None, typer.Option("--jobs", metavar="N", help="Worker processes at a time; by default one per core.")
+    int | None, typer.Option("--jobs", metavar="N", help="Number of worker processes; by default one per core.")
 ]
 InProcess = Annotated[
-    bool, typer.Option("--in-process", help="Run the FMU in this process: for debugging; a crash ends everything.")
+    bool, typer.Option("--in-process", help="Run the FMU in this process, for debugging; a crash ends everything.")
 ]
 Timeout = Annotated[
     float | None,
-    typer.Option("--timeout", metavar="S", help="Longest time for one result [s]; 3600 unless set, inf for none."),
+    typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; 3600 by default, inf for no limit."),
 ]
 MemoryLimit = Annotated[
-    float | None, typer.Option("--memory-limit", metavar="MB", help="How much an FMU may allocate (Linux).")
+    float | None, typer.Option("--memory-limit", metavar="MB", help="Memory that an FMU may allocate (Linux).")
 ]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", metavar="tcp://..", help="Run on an existing Dask cluster.")
+    str | None,
+    typer.Option("--scheduler", metavar="tcp://..", help="Address of a Dask scheduler; the points run on its cluster."),
 ]
 
 

@@ -27,42 +27,46 @@ class Loading(Options):
     group = "Model"
 
     interface: str = option(
-        "Model exchange or co-simulation; auto takes model exchange where the FMU offers it.",
+        "Interface of the FMU, model exchange or co-simulation; auto prefers model exchange.",
         choices=("auto", *INTERFACES),
         default="auto",
     )
     solver: str = option(
-        "Integration of model exchange: Kutta-Merson, Gear (stiff), none (no states); co-simulation brings its own.",
+        "Integrator for model exchange: vkm (Kutta-Merson), gear (stiff models) or none (no states). A co-simulation "
+        "FMU has its own, fmu.",
         choices=("auto", "vkm", "gear", "none", "fmu"),
         default="auto",
     )
     _: KW_ONLY
     step: float | None = option(
-        "Communication step of co-simulation, output interval of a time history by model exchange; else the default "
-        "experiment's.",
+        "Communication step of co-simulation, or output interval of a time history with model exchange; by default "
+        "that of the FMU's default experiment.",
         unit="s",
         metavar="S",
         positive=True,
         default=None,
     )
     tolerance: float | None = option(
-        "Relative tolerance of the integration; else the default experiment's, or 1e-6 (nfr, excite: 1e-8).",
+        "Relative tolerance of the integrator; by default that of the FMU's default experiment, or 1e-6 (nfr, excite "
+        "and loop: always 1e-8).",
         positive=True,
         below=1.0,
         default=None,
     )
     start: float | None = option(
-        "Time at which runs begin; else the default experiment's, or 0.",
+        "Time at which runs begin; by default that of the FMU's default experiment, or 0.",
         unit="s",
         metavar="T",
         finite=True,
         default=None,
     )
-    start_values: Settings = option("Parameter or start value; repeatable.", flag="--set", default_factory=dict)
-    bias: Values = option("Constant added to an input, forced or not; repeatable.", default_factory=dict)
+    start_values: Settings = option(
+        "Value of a parameter, or start value of a variable; repeatable.", flag="--set", default_factory=dict
+    )
+    bias: Values = option("Constant added to an input, whether it is forced or not; repeatable.", default_factory=dict)
     hold_inputs: bool = option(
-        "Co-simulation: hold inputs between communication points, as most masters do, also where the FMU takes their "
-        "slopes. For comparisons with such masters; less accurate at the same step.",
+        "Co-simulation: hold inputs constant between communication points, as most masters do, even if the FMU accepts "
+        "their slopes. For comparisons with such masters; less accurate at the same step.",
         default=False,
         python=True,
     )

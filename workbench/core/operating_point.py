@@ -165,7 +165,7 @@ class AtPoint(Options):
 
     _: KW_ONLY
     at: At | None = option(
-        "Operating point to be at: what trim --json wrote, or the JSON of any other result.",
+        "Operating point to start from: what trim --json wrote, or the JSON of any other result.",
         metavar="POINT.JSON",
         form=FILE,
         default=None,

@@ -45,11 +45,15 @@ class Worker(Options):
     """
 
     _: KW_ONLY
-    in_process: bool = option("Run the FMU in this process: for debugging; a crash ends everything.", default=False)
-    timeout: float | None = option(
-        "Longest time for one result [s]; 3600 unless set, inf for none.", metavar="S", default=DEFAULT_TIMEOUT
+    in_process: bool = option(
+        "Run the FMU in this process, for debugging; a crash of the FMU ends everything.", default=False
     )
-    memory_limit: float | None = option("How much an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None)
+    timeout: float | None = option(
+        "Time limit for one result [s]; 3600 by default, inf for no limit.", metavar="S", default=DEFAULT_TIMEOUT
+    )
+    memory_limit: float | None = option(
+        "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None
+    )
 
     @property
     def limits(self) -> Limits:
@@ -71,10 +75,12 @@ class Workers(Worker):
     """
 
     _: KW_ONLY
-    jobs: int | None = option("Worker processes at a time; by default one per core.", metavar="N", default=None)
-    scheduler: str | None = option("Run on an existing Dask cluster.", metavar="tcp://..", default=None)
+    jobs: int | None = option("Number of worker processes; by default one per core.", metavar="N", default=None)
+    scheduler: str | None = option(
+        "Address of a Dask scheduler; the points run on its cluster.", metavar="tcp://..", default=None
+    )
     executor: Executor | None = option(
-        "Executor in place of worker processes; it stays open.", default=None, python=True
+        "Executor to use instead of worker processes; it stays open.", default=None, python=True
     )
 
     def __post_init__(self) -> None:
@@ -96,7 +102,7 @@ class InWorker(Options):
 
     _: KW_ONLY
     workers: Worker | None = option(
-        "Under which limits a worker process runs the FMU; else it runs in this process.",
+        "Limits of the worker process that runs the FMU; by default the FMU runs in this process.",
         default=None,
         group="Where it runs",
     )
@@ -107,8 +113,8 @@ class InWorkers(Options):
 
     _: KW_ONLY
     workers: Workers | None = option(
-        "Where the FMU runs and under which limits; else in one worker process per core, where a crash costs one "
-        "point. A model that is not a file runs in this process.",
+        "Where the FMU runs and under which limits; by default in one worker process per core, so that a crash costs "
+        "only one point. A model that is not a file runs in this process.",
         default=None,
         group="Where it runs",
     )

@@ -25,12 +25,12 @@ class _Patient(Workers):
 
     scheduler: str | None = option("Not for checks.", default=None, python=True)
     timeout: float | None = option(
-        "Longest time for one check [s]; 60 unless set, inf for none.", metavar="S", default=_PATIENCE
+        "Time limit for one check [s]; 60 by default, inf for no limit.", metavar="S", default=_PATIENCE
     )
 
 
 class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
-    """Check whether an FMU keeps its promises: a health card of each interface; of a system, of each FMU in it.
+    """Check whether an FMU keeps its promises: a health card for each interface of the FMU, or of each FMU in a system.
 
     Each line has a verdict (good, watch, broken, not applicable), the evidence, and what follows for the analyses.
     The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.
@@ -55,19 +55,19 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
 
     _: KW_ONLY
     only: Names | None = option(
-        "These checks only: validation, runs, step, reset, determinism, instances, snapshots, directional, "
+        "Run these checks only: validation, runs, step, reset, determinism, instances, snapshots, directional, "
         "dependencies, drift, start-time, nominals, inputs, jumps, memory.",
         default=None,
     )
     skip: Names | None = option("Leave these checks out.", default=None)
     interface: str = option(
-        "Model exchange or co-simulation; auto: each that is offered.",
+        "Interface to check, model exchange or co-simulation; auto checks each that the FMU offers.",
         choices=("auto", *INTERFACES),
         default="auto",
         group="Model",
     )
     workers: Workers | None = option(
-        "Where the FMU runs and under which limits; else in worker processes, 60 s for each check.",
+        "Where the FMU runs and under which limits; by default in worker processes, with 60 s for each check.",
         default=None,
         group="Where it runs",
         part=_Patient,

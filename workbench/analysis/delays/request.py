@@ -17,7 +17,7 @@ __all__ = ["Delays", "delays"]
 
 
 class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
-    """Tell which connections of a system carry a delay, what phase that costs, and how far the answer is off.
+    """Report which connections of a system carry a delay, the phase lost there, and the error of the response.
 
     For systems with co-simulation parts. The system runs three times, with the step, half of it and a quarter. A value
     that is held over a step of length h is h/2 late on average, which turns a sine of frequency f by 360·f·h/2 [deg].
@@ -40,28 +40,28 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
 
     _: KW_ONLY
     stop: float | None = option(
-        "Length of each run; else to the end of the default experiment, or 500 steps.",
+        "Length of each run; by default that of the default experiment, or 500 steps.",
         unit="s",
         metavar="T",
         positive=True,
         default=None,
     )
     inputs: Signals = option(
-        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. The others "
-        "keep their start value, or that of the operating point.",
+        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. Other "
+        "inputs keep their start value or that of the operating point.",
         flag="--input",
         default_factory=dict,
     )
     step: float | None = option(
-        "Communication step; else the one that a run would use, controlled or not.",
+        "Communication step; by default the one that `simulate` would use, whether it is controlled or not.",
         unit="s",
         metavar="S",
         positive=True,
         default=None,
     )
     frequency: float | None = option(
-        "Frequency at which the lost phase is told; else the crossover of each loop, where the model exchange sides of "
-        "the parts give it.",
+        "Frequency at which to report the lost phase; by default the crossover of each loop, if the parts also have "
+        "model exchange, which gives it.",
         unit="Hz",
         flag="--freq",
         metavar="F",

@@ -83,7 +83,7 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     parts = ("identification", "validation")
 
     inputs: Names = option(
-        "Inputs to force; repeatable. The others keep the operating point's values.",
+        "Inputs to force; repeatable. Other inputs keep their value at the operating point.",
         flag="--input",
         also="--inputs",
         metavar="U,..",
@@ -93,22 +93,23 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     )
     _: KW_ONLY
     signal: Design | None = option(
-        "PrbsDesign or MultisineDesign; a PRBS of amplitude 1 with one bit a sample if nothing is named.",
+        "PrbsDesign or MultisineDesign; by default a PRBS of amplitude 1 with one bit per sample.",
         python=True,
         default=None,
     )
     prbs: _Prbs | None = option(
-        "Binary sequence: amplitude, rate [Hz] (one bit a sample), order (the shortest that does not repeat), seed, "
-        "offset (the operating point). Several values go with a colon, one for each input: amplitude=2:0.5.",
+        "Binary sequence: amplitude, rate [Hz] (default: one bit per sample), order (default: the shortest sequence "
+        "that does not repeat), seed, offset (default: the operating point). Separate the values of several inputs by "
+        "colons: amplitude=2:0.5.",
         default=None,
     )
     multisine: _Multisine | None = option(
-        "Sines of a band: band=LOW:HIGH [Hz], amplitude (peak), periods, lines (all or odd), seed, offset; several "
-        "values as above.",
+        "Sum of sines: band=LOW:HIGH [Hz], amplitude (peak), periods, lines (all or odd), seed, offset. Separate the "
+        "values of several inputs by colons.",
         default=None,
     )
     dt: float | None = option(
-        "Sampling interval; the model's own period where it has one.",
+        "Sampling interval; by default the period of a sampled model.",
         unit="s",
         flag="--step",
         metavar="DT",
@@ -117,7 +118,7 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     )
     samples: int = option("Length of the part for identification.", metavar="N", least=2, default=3000)
     validation_samples: int | None = option(
-        "Length of the part for validation; as long as the other by default, 0 for none. It is written beside the CSV "
+        "Length of the part for validation; by default the same length, 0 for none. It is written next to the CSV "
         "file, as NAME_validation.",
         flag="--validation",
         metavar="N",
@@ -125,11 +126,16 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
         default=None,
     )
     settle: float = option(
-        "How long the inputs rest at their middles before.", unit="s", metavar="T", least=0.0, finite=True, default=0.0
+        "Time for which the inputs rest at their mean values before the experiment.",
+        unit="s",
+        metavar="T",
+        least=0.0,
+        finite=True,
+        default=0.0,
     )
     verify_step: bool = option(
-        "Co-simulation: run the identification part again with half the communication step, and note where that "
-        "changes more than 1 % of an output's range.",
+        "Co-simulation: repeat the identification part with half the communication step, and report outputs that "
+        "change by more than 1 % of their range.",
         default=True,
     )
 

@@ -82,12 +82,11 @@ else:
 
 
 class Feedback(AtPoint, Analysis["FeedbackResult"]):
-    """Feed an output back to an input, u = g·y: which gains stabilise, what they do to a limit cycle, how fast.
+    """Feed an output back to an input, u = g·y: stabilising gains, their effect on a limit cycle, settling times.
 
-    The system is linearised at rest between the target and the source; a nonlinear block counts with its slope there.
+    The system is linearised at rest from the target to the source, a nonlinear block by its slope there.
     All gains at which a pole reaches the border of stability are found exactly (`workbench.analysis.feedback.gains`),
-    and the poles are counted between them. Then, if asked for or if there is a nonlinear block:
-
+    and the unstable poles are counted between them. Then, if requested or if there is a nonlinear block:
     - limit cycles left: for gains in the stable intervals, the crossings of the linear part that the block sees (the
       feedback closed) with −1/N(A), and whether small and large motions grow;
     - settling: the feedback closes on a limit cycle of the nonlinear system, once for each of several gains; the time
@@ -121,24 +120,24 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
 
     _: KW_ONLY
     source: str = option(
-        "Output that is fed back: component.variable, an output of the system, or of one FMU its plain name.",
+        "Output that is fed back: component.variable, or an output of the system or of a single FMU.",
         flag="--from",
         metavar="A.Y",
     )
-    target: str = option("Input that it acts on, named likewise.", flag="--to", metavar="B.U")
-    gains: Range = option("Lowest and highest gain to look at; else all.", default=(-math.inf, math.inf))
+    target: str = option("Input that the feedback acts on, named in the same way.", flag="--to", metavar="B.U")
+    gains: Range = option("Lowest and highest gain to consider; by default all gains.", default=(-math.inf, math.inf))
     settle: bool = option("Measure settling times over the stable gains.", default=False)
     gain: float | None = option(
-        "Simulate this gain closing, and keep the time histories.", metavar="G", finite=True, default=None
+        "Simulate the feedback with this gain, and keep the time histories.", metavar="G", finite=True, default=None
     )
     block: str | None = option(
-        "Component to take as the nonlinear block; else the only static one there is.",
+        "Component to treat as the nonlinear block; by default the only static nonlinear component.",
         metavar="COMPONENT",
         group=_ANALYSIS,
         default=None,
     )
     time: float | None = option(
-        "Session time of the analysis; else that of the operating point, or where the system starts. Connections that "
+        "Time of the analysis; by default that of the operating point, or the system's start time. Connections that "
         "close later are open.",
         unit="s",
         metavar="T",
@@ -146,27 +145,28 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         default=None,
     )
     method: str = option(
-        "How to linearise; auto chooses.",
+        "Method of linearisation; auto chooses.",
         choices=("auto", "exact", "difference", "kalman-bertram", "response"),
         group=_ANALYSIS,
         default="auto",
     )
     count: int = option(
-        "How many gains to look at for cycles left, and to measure settling times of.",
+        "Number of gains for which remaining cycles are predicted and settling times measured.",
         metavar="N",
         least=1,
         group=_ANALYSIS,
         default=15,
     )
     signals: Signals | None = option(
-        "Excite the motion from rest, as pulse:duration=0.1,value=1; else it is a predicted limit cycle; repeatable.",
+        "Excite the motion from rest, e.g. pulse:duration=0.1,value=1; by default the motion is a predicted limit "
+        "cycle; repeatable.",
         flag="--pulse",
         metavar="INPUT=SIGNAL",
         group=_MOTION,
         default=None,
     )
     start_after: float | None = option(
-        "Close the feedback so long after the excitation began.",
+        "Time from the start of the excitation to the closing of the feedback.",
         unit="s",
         metavar="T",
         positive=True,
@@ -174,19 +174,19 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         default=None,
     )
     watch: str | None = option(
-        "Variable whose magnitude decides that the motion has settled; else the block's input, or the source.",
+        "Variable whose magnitude decides that the motion has settled; by default the block's input, or the source.",
         metavar="NAME",
         group=_MOTION,
         default=None,
     )
     settle_gains: Range | None = option(
-        "Lowest and highest gain to measure settling times of; else the stable interval nearest to 0, less 3 % at its "
-        "ends.",
+        "Lowest and highest gain for which settling times are measured; by default the stable interval nearest to 0, "
+        "less 3 % at each end.",
         group=_SETTLING,
         default=None,
     )
     threshold: float = option(
-        "Part of the magnitude before closing, below which the motion has settled.",
+        "Fraction of the initial magnitude below which the motion has settled.",
         metavar="PART",
         positive=True,
         below=1.0,
@@ -194,7 +194,7 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         default=0.01,
     )
     thresholds: Numbers = option(
-        "Other thresholds, to see how the best gain moves.",
+        "Other thresholds, to show how the best gain depends on the threshold.",
         metavar="PART,..",
         positive=True,
         below=1.0,
@@ -203,7 +203,7 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
     )
     order: int = option("Order of the polynomial through the settling times.", least=2, group=_SETTLING, default=4)
     longest: float | None = option(
-        "Give a run up after this time; else after 250 cycles.",
+        "Longest duration of a run; by default 250 cycles.",
         unit="s",
         metavar="S",
         positive=True,
@@ -211,36 +211,36 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         default=None,
     )
     stop: float | None = option(
-        "Session time at which that simulation ends; else 160 cycles after closing.",
+        "Time at which the simulation ends; by default 160 cycles after closing.",
         unit="s",
         metavar="T",
         group=_RUN,
         default=None,
     )
     outputs: Names = option(
-        "Further variables to record; repeatable.", flag="--output", metavar="NAME", group=_RUN, default=()
+        "Additional variable to record; repeatable.", flag="--output", metavar="NAME", group=_RUN, default=()
     )
     limit: _Size | None = option(
-        "Largest deflection of the target either way, as 25deg; a number alone is in its unit.",
+        "Maximum deflection of the target in either direction, e.g. 25deg; a plain number is in the target's unit.",
         group=_ACTUATOR,
         default=None,
     )
     rate_limit: _Size | None = option(
-        "Largest rate of the target, as 40deg/s; a number alone is in its unit per second.",
+        "Maximum rate of the target, e.g. 40deg/s; a plain number is in the target's unit per second.",
         group=_ACTUATOR,
         default=None,
     )
     actuator: str | None = option(
-        "FMU with one input and one output, in place of the limits.", metavar="FMU", group=_ACTUATOR, default=None
+        "FMU with one input and one output, instead of the limits.", metavar="FMU", group=_ACTUATOR, default=None
     )
     band: Range | None = option(
-        "Lowest and highest frequency at which limit cycles are looked for; else 0.01 to 1000.",
+        "Lowest and highest frequency of the search for limit cycles; by default 0.01 to 1000.",
         unit="Hz",
         python=True,
         default=None,
     )
     amplitudes: Range | None = option(
-        "Smallest and largest amplitude at the block's input at which they are looked for; else 1e-4 to 1e4.",
+        "Smallest and largest amplitude at the block's input in the search for limit cycles; by default 1e-4 to 1e4.",
         python=True,
         default=None,
     )

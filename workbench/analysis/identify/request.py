@@ -90,62 +90,87 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
 
     _: KW_ONLY
     inputs: Names | None = option(
-        "Columns that force; else those that the file or the experiment names.",
+        "Columns with inputs; by default those that the file or the experiment names.",
         flag="--input",
         also="--inputs",
         metavar="U,..",
         default=None,
     )
     outputs: Names | None = option(
-        "Columns that follow; else likewise.", flag="--output", also="--outputs", metavar="Y,..", default=None
+        "Columns with outputs; by default those that the file or the experiment names.",
+        flag="--output",
+        also="--outputs",
+        metavar="Y,..",
+        default=None,
     )
-    order: _Order = option("Number of states, 0 for a gain; ask shows the bars and asks.", default="auto")
+    order: _Order = option(
+        "Number of states, 0 for a gain; ask shows the singular values and prompts for it.", default="auto"
+    )
     validation: _Data | None = option(
-        "Other data of the same model; else the data of the fit, which flatters the model.",
+        "Other data from the same model; by default the data of the fit, which makes the model look too good.",
         flag="--validate",
         metavar="DATA2",
         default=None,
     )
-    method: str = option("Subspace weighting.", choices=("moesp", "n4sid", "cva"), default="moesp")
+    method: str = option("Weighting of the subspace method.", choices=("moesp", "n4sid", "cva"), default="moesp")
     basis: str | None = option(
-        "Principal angles (combined) or singular values (unscaled) show the order; else the method's own.",
+        "Choose the order from principal angles (combined) or singular values (unscaled); by default as the method "
+        "does.",
         choices=("combined", "unscaled"),
         default=None,
         group="Estimate",
     )
     biased: bool = option(
-        "Regression on the state sequence: less variance, a bias that stays.", default=False, group="Estimate"
+        "Estimate by regression on the state sequence, with less variance but a remaining bias.",
+        default=False,
+        group="Estimate",
     )
     horizon: int | None = option(
-        "Block rows of the subspace method; else chosen.", unit="samples", metavar="N", default=None, group="Estimate"
+        "Number of block rows of the subspace method; by default chosen from the data.",
+        unit="samples",
+        metavar="N",
+        default=None,
+        group="Estimate",
     )
     max_order: int = option("Largest order that auto considers.", metavar="N", least=1, default=20, group="Estimate")
-    feedthrough: bool = option("Estimate D: inputs act at once; else it is zero.", default=True, group="Estimate")
+    feedthrough: bool = option(
+        "Estimate the direct feedthrough D; otherwise D is zero.", default=True, group="Estimate"
+    )
     delay: _Delay = option(
-        "Known delay of the inputs; auto takes the one that the advice estimates.",
+        "Known delay of the inputs; auto uses the estimate from the data.",
         unit="samples",
         default=0,
         group="Estimate",
     )
     stable: bool = option("Move unstable poles inside the unit circle.", default=False, group="Estimate")
     detrend: str = option(
-        "What is taken off the data before the fit.", choices=("mean", "linear", "none"), default="mean", group="Data"
+        "Trend to remove from the data before the fit.",
+        choices=("mean", "linear", "none"),
+        default="mean",
+        group="Data",
     )
     settle: float = option(
-        "How much is cut off the beginning.", unit="s", metavar="T", least=0.0, finite=True, default=0.0, group="Data"
+        "Time to cut off at the beginning.", unit="s", metavar="T", least=0.0, finite=True, default=0.0, group="Data"
     )
     dt: float | None = option(
         "Sampling interval of a file without times.", unit="s", metavar="S", positive=True, default=None, group="Data"
     )
     lags: int | None = option(
-        "Lags of the residual tests; 25 unless set.", unit="samples", metavar="N", default=None, group="Validation"
+        "Number of lags in the residual tests; by default 25.",
+        unit="samples",
+        metavar="N",
+        default=None,
+        group="Validation",
     )
     bootstrap: int = option(
-        "Replicates for the confidence of the poles, e.g. 200; 0 for none.", metavar="N", default=0, group="Validation"
+        "Number of bootstrap replicates for confidence regions of the poles, e.g. 200; 0 for none.",
+        metavar="N",
+        default=0,
+        group="Validation",
     )
     seed: int = option("Seed of the bootstrap's random numbers.", python=True, default=0)
     lin: LinResult | LinearModel | File | None = option(
-        "Linearisation to compare the frequency response with.",
+        "Linear model to compare the frequency response with.",
         metavar="LIN.JSON",
         form=FILE,
         default=None,
@@ -159,7 +184,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Validation",
     )
     amplitude: float | None = option(
-        "Amplitude of the nonlinear frequency response that is taken, where it has several.",
+        "Amplitude to use from a nonlinear frequency response with several amplitudes.",
         metavar="A",
         default=None,
         group="Validation",

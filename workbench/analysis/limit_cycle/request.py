@@ -66,44 +66,46 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     _: KW_ONLY
     block: str = option("Nonlinear block: the name of its component.", metavar="COMPONENT")
     outputs: Names | None = option(
-        "Variables whose amplitudes are measured in the simulation; else all outputs.",
+        "Variables whose amplitudes are measured in the simulation; by default all outputs.",
         flag="--output",
         metavar="NAME",
         default=None,
     )
-    band: Band = option("Lowest and highest frequency looked at.", unit="Hz", default=(0.01, 1000.0))
+    band: Band = option("Lowest and highest frequency of the search.", unit="Hz", default=(0.01, 1000.0))
     amplitudes: Band | None = option(
-        "Lowest and highest amplitude at the block's input; needed with a block that has states, as it is measured.",
+        "Lowest and highest amplitude at the block's input; required for a block with states, which is measured.",
         flag="--amplitude",
         positive=True,
         default=None,
     )
     harmonics: int = option("Number of harmonics in harmonic balance.", metavar="K", least=1, default=7)
     methods: Names = option(
-        "describing function, harmonic balance, shooting, simulation; repeatable; all unless given.",
+        "Method to use: describing function, harmonic balance, shooting or simulation; by default all; repeatable.",
         flag="--method",
         metavar="NAME",
         default=METHODS,
     )
-    periods: int = option("Longest simulation.", unit="periods", metavar="N", least=1, default=400)
+    periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
     vary: Limits = option(
-        "Follow the cycles over a parameter by harmonic balance, around folds; gain is a factor on the linear part; "
-        "repeatable.",
+        "Follow the cycles over a parameter between two finite limits by harmonic balance, also around folds; gain is "
+        "a factor on the linear part; repeatable.",
         default_factory=dict,
     )
     run_until: float | None = option(
-        "Also simulate from the start until then, and follow frequency and amplitude of the block's input.",
+        "Also simulate from the start up to this time, and follow frequency and amplitude of the block's input.",
         unit="s",
         flag="--free-run",
         metavar="T",
         default=None,
     )
     inputs: Signals = option(
-        "What starts that run: pulse:value=1,duration=0.1; repeatable.", flag="--input", default_factory=dict
+        "Force an input in the run of --free-run, e.g. pulse:value=1,duration=0.1; repeatable.",
+        flag="--input",
+        default_factory=dict,
     )
     time: float | None = option(
-        "Session time of the analysis; connections that close later are open; else that of the operating point, or "
-        "where the system starts.",
+        "Time of the analysis; by default that of the operating point, or the system's start time. Connections that "
+        "close later are open.",
         unit="s",
         metavar="T",
         default=None,

@@ -37,7 +37,7 @@ __all__ = [
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
 
-_HOW, _SEVERAL, _MEASURED = "How it is made", "Several linear models", "Comparison"
+_HOW, _SEVERAL, _MEASURED = "Method", "Several linear models", "Comparison"
 
 
 # -- options that several of the requests have -------------------------------------------------
@@ -50,13 +50,11 @@ class PointOptions(AtPoint):
 
     _: KW_ONLY
     x0: Values | None = option(
-        "Value of a state or discrete state at the point, in place of the operating point's; repeatable.", default=None
+        "Value of a state or discrete state, instead of that of the operating point; repeatable.", default=None
     )
-    u0: Values | None = option(
-        "Value of an input at the point, in place of the operating point's; repeatable.", default=None
-    )
+    u0: Values | None = option("Value of an input, instead of that of the operating point; repeatable.", default=None)
     time: float | None = option(
-        "Session time of the point; else that of the operating point, or where the model starts.",
+        "Time of the point; by default that of the operating point, or the model's start time.",
         unit="s",
         metavar="T",
         default=None,
@@ -68,13 +66,15 @@ class _Perturbed(Options):
 
     _: KW_ONLY
     dx: Widths | None = option(
-        "Total width of the perturbation of the states: one for all, by name, or a list in their order; else chosen "
-        "and verified.",
+        "Total width of the perturbation of the states: one value for all, values by name, or a list in their order; "
+        "by default chosen and verified.",
         default=None,
     )
-    du: Widths | None = option("Total width of the perturbation of the inputs, given likewise.", default=None)
+    du: Widths | None = option(
+        "Total width of the perturbation of the inputs, given in the same way as dx.", default=None
+    )
     period: float | None = option(
-        "Period over which the method response holds its inputs; else the communication step.",
+        "Period over which the method response holds its inputs; by default the communication step.",
         unit="s",
         metavar="S",
         default=None,
@@ -86,7 +86,7 @@ class _Sampled(Options):
 
     _: KW_ONLY
     periods: Numbers | None = option(
-        "Sample periods for the method kalman-bertram; else found from the time events.",
+        "Sample periods for the method kalman-bertram; by default found from the time events.",
         unit="s",
         metavar="S,..",
         default=None,
@@ -97,15 +97,17 @@ class _Sampled(Options):
 class _Chosen(Options):
     _: KW_ONLY
     inputs: Names | None = option(
-        "Inputs of the linear model, in this order; else all real ones; repeatable.", metavar="U,..", default=None
+        "Inputs of the linear model, in this order; by default all real inputs; repeatable.",
+        metavar="U,..",
+        default=None,
     )
     outputs: Names | None = option(
-        "Outputs or states that are the linear model's outputs; else all real outputs; repeatable.",
+        "Outputs or states to use as outputs of the linear model; by default all real outputs; repeatable.",
         metavar="Y,..",
         default=None,
     )
     method: str = option(
-        "How the linear model is made; auto chooses and says why.", choices=METHOD_NAMES, default="auto"
+        "Method of linearisation; auto chooses and gives the reason.", choices=METHOD_NAMES, default="auto"
     )
 
 
@@ -114,9 +116,11 @@ class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
 
     _: KW_ONLY
     points: int = option("Number of periods that the method response records.", default=400)
-    order: int | None = option("Number of states of the method response; else chosen.", default=None)
+    order: int | None = option(
+        "Number of states that the method response identifies; by default chosen from the data.", default=None
+    )
     continuous: bool = option(
-        "Turn a discrete linear model into the continuous one whose hold equivalent it is.", default=False
+        "Convert a discrete linear model to the continuous model of which it is the hold equivalent.", default=False
     )
 
 
@@ -133,8 +137,8 @@ class Lin(_Single, Analysis["LinResult"]):
     print(model.poles(), model.result.method, model.result.why)
     ```
 
-    Not a statement about large motions: see `workbench.nfr` for gain and phase over the amplitude. Each method's
-    own limits stand in its docstring (`workbench.analysis.lin.methods.METHODS`).
+    A linear model says nothing about large motions: see `workbench.nfr` for gain and phase over the amplitude. The
+    docstring of each method gives its limits (`workbench.analysis.lin.methods.METHODS`).
 
     Returns:
         A `control.StateSpace` with names (see `LinearModel`); its `result` tells how it was made, what is
@@ -155,7 +159,7 @@ class Lin(_Single, Analysis["LinResult"]):
 class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
     """Linearise at every combination of parameters, inputs or states.
 
-    The point is not trimmed anew: where the equilibrium moves with what is varied, trim first and
+    The point is not trimmed again: if the equilibrium moves with what is varied, trim first and
     linearise each point with `lin`.
 
     Raises:
@@ -169,8 +173,10 @@ class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
 
     over: Grid = option("Parameters, inputs or states to vary, with their values.")
     _: KW_ONLY
-    jobs: int = option("Worker processes at a time; 1: in this process.", default=1)
-    store: File | None = option("Folder that keeps finished models; the same call goes on.", default=None)
+    jobs: int = option("Number of worker processes; 1: run in this process.", default=1)
+    store: File | None = option(
+        "Folder in which finished models are kept; the same call continues from there.", default=None
+    )
 
 
 class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
@@ -190,11 +196,13 @@ class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
 
     times: Numbers = option("Times at which to linearise, rising.", unit="s")
     _: KW_ONLY
-    signals: Signals | None = option("Forced inputs; the others keep their start values.", default=None)
+    signals: Signals | None = option(
+        "Signals of the forced inputs; other inputs keep their start values.", default=None
+    )
 
 
 class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
-    """Linearise by every method that applies, on both interfaces where the FMU has them, and measure.
+    """Linearise by every method that applies, on each interface of the FMU, and compare with a measured response.
 
     The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
     by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
@@ -215,23 +223,24 @@ class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
     output: str = option("Output to compare.")
     _: KW_ONLY
     frequencies: Numbers | None = option(
-        "Frequencies to compare at; else nine around the poles, up to 0.4 of the Nyquist frequency.",
+        "Frequencies of the comparison; by default nine around the poles, up to 0.4 of the Nyquist frequency.",
         unit="Hz",
         positive=True,
         default=None,
     )
     amplitude: float | None = option(
-        "Amplitude of the sine; else 0.001 of the larger of magnitude and nominal value (1 where none is declared).",
+        "Amplitude of the sine; by default 0.001 of the input's value or nominal value (1 if not declared), whichever "
+        "is larger.",
         positive=True,
         default=None,
     )
-    measure: bool = option("Measure, and do not only compare the methods with each other.", default=True)
+    measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
 
 
 class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
-    """Linearise at an operating point: A, B, C, D with names, what is doubtful, and why rows and columns are zero.
+    """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
 
-    Over a grid of values, along a simulation, or by all methods beside a measurement, where that is asked for.
+    If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
     """
 
     command = "lin"
@@ -240,28 +249,28 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
 
     _: KW_ONLY
     over: Grid = option(
-        "Values of a parameter, input or state, one linear model for each combination; repeatable.",
+        "Values of a parameter, input or state; gives one linear model for each combination; repeatable.",
         default_factory=dict,
         group=_SEVERAL,
     )
-    jobs: int = option("Worker processes for --over.", default=1, group=_SEVERAL)
+    jobs: int = option("Number of worker processes for --over.", default=1, group=_SEVERAL)
     store: File | None = option(
-        "Folder that keeps finished models of --over; the same command goes on.",
+        "Folder in which finished models of --over are kept; the same command continues from there.",
         metavar="DIR",
         default=None,
         group=_SEVERAL,
     )
     snapshot: Numbers | None = option(
-        "Times of a simulation at which to linearise.", unit="s", metavar="T1,T2,..", default=None, group=_SEVERAL
+        "Linearise at these times of a simulation.", unit="s", metavar="T1,T2,..", default=None, group=_SEVERAL
     )
     signals: Signals | None = option(
-        "Force an input of the simulation for --snapshot: a number, sine:…, step:…, file.csv; repeatable.",
+        "Force an input in the simulation for --snapshot: a number, sine:…, step:…, file.csv; repeatable.",
         flag="--input",
         default=None,
         group=_SEVERAL,
     )
     compare: bool = option(
-        "Compare all methods and both interfaces with each other and with a measured response.",
+        "Compare all methods on all interfaces with each other and with a measured response.",
         default=False,
         group=_MEASURED,
     )
@@ -275,7 +284,7 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
         group=_MEASURED,
     )
     amplitude: float | None = option(
-        "Amplitude of the sine that --compare measures with.", positive=True, default=None, group=_MEASURED
+        "Amplitude of the sine for --compare.", positive=True, default=None, group=_MEASURED
     )
 
     def __post_init__(self) -> None:

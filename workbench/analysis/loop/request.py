@@ -80,13 +80,14 @@ class Loop(InWorkers, Analysis["LoopResult"]):
     usual_tolerance = 1e-8
 
     open: Open | None = option(
-        "Where the loop is opened: a source 'plant.y' (all connections that leave it), an input 'controller.u' (the "
-        "one that ends there), one connection 'plant.y -> controller.u', or an output of the system.",
+        "Connection at which the loop is opened: a source 'plant.y' (all its connections), an input 'controller.u' "
+        "(the connection to it), one connection 'plant.y -> controller.u', or an output of the system.",
         form=_CONNECTION,
         default=None,
     )
     amplitudes: Numbers | None = option(
-        "Measure too, at amplitudes of the signal passed on, in its unit; else the linear loop only.",
+        "Also measure the loop at these amplitudes of the signal at the opened connection, in its unit; by default "
+        "only the linear loop is analysed.",
         flag="--amplitude",
         default=None,
     )
@@ -95,51 +96,68 @@ class Loop(InWorkers, Analysis["LoopResult"]):
     )
     _: KW_ONLY
     at: At | Open | None = option(
-        "Operating point of the closed loop: what trim --json wrote, or the JSON of any other result; else where the "
-        "system starts.",
+        "Operating point of the closed loop: what trim --json wrote, or the JSON of any other result; by default the "
+        "system's start.",
         metavar="POINT.JSON",
         form=FILE,
         group="Model",
         default=None,
     )
     band: Band | None = option(
-        "Lowest and highest frequency to measure, in place of a list; else around the linear crossovers.",
+        "Lowest and highest frequency to measure, instead of a list; by default around the linear crossovers.",
         unit="Hz",
         group=_MEASURING,
         default=None,
     )
-    ratio: float = option("Ratio of neighbouring frequencies in a band.", group=_MEASURING, default=1.2)
+    ratio: float = option("Ratio of neighbouring frequencies in the band.", group=_MEASURING, default=1.2)
     how: str = option(
-        "Break the loop, or inject a sine in closed loop; auto breaks loops that are stable when open.",
+        "Break the loop, or inject a sine into the closed loop; auto breaks loops that are stable when open.",
         choices=("auto", "break", "inject", "both"),
         group=_MEASURING,
         default="auto",
     )
     point: At | None = option(
-        "Another word for at.", metavar="POINT.JSON", form=FILE, group="Model", hidden=True, default=None
+        "Operating point of the closed loop; use at.",
+        metavar="POINT.JSON",
+        form=FILE,
+        group="Model",
+        hidden=True,
+        default=None,
     )
-    trim: bool = option("Trim the closed loop first, and open it there.", default=False)
+    trim: bool = option("Trim the closed loop first, and open it at that point.", default=False)
     method: str = option(
-        "How to linearise; auto chooses.",
+        "Method of linearisation; auto chooses.",
         choices=("auto", "exact", "difference", "kalman-bertram", "response"),
         default="auto",
     )
-    dx: Width = option("Widths of `lin` for the states.", python=True, default=None)
-    du: float | None = option("Width of `lin` for the signal passed on.", python=True, default=None)
+    dx: Width = option("Total width of the perturbation of the states, as in `lin`.", python=True, default=None)
+    du: float | None = option(
+        "Total width of the perturbation of the signal at the opened connection, as in `lin`.",
+        python=True,
+        default=None,
+    )
     refine: int = option(
-        "Rounds of more points at the crossovers that were measured.", least=0, below=11, group=_MEASURING, default=2
+        "Number of rounds that add points near the measured crossovers.",
+        least=0,
+        below=11,
+        group=_MEASURING,
+        default=2,
     )
     errcrit: float = option(
-        "A point has settled when phase [rad] and 10 x gain change by less in a period.",
+        "A point has settled when its phase [rad] and 10 times its gain change by less than this in a period.",
         positive=True,
         group=_MEASURING,
         default=0.1,
     )
     max_periods: int = option(
-        "Average and mark a point that has not settled after so many periods.", least=2, group=_MEASURING, default=20
+        "Number of periods after which a point that has not settled is averaged, and marked as such.",
+        least=2,
+        group=_MEASURING,
+        default=20,
     )
     stopped: Callable[[], bool] | None = option(
-        "Asked every few points; true ends the measurement, and what was measured is returned.",
+        "Function that is called every few points; if it returns true the measurement ends, and what was measured so "
+        "far is returned.",
         python=True,
         default=None,
     )

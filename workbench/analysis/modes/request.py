@@ -17,7 +17,7 @@ __all__ = ["Modes", "modes"]
 
 
 class Modes(PointOptions, Analysis["ModesResult"]):
-    """Follow every mode over a parameter through crossings, and find where modes become unstable: a flutter diagram.
+    """Follow every mode over a parameter, through crossings, and find where modes become unstable: a flutter diagram.
 
     ```python
     with wb.load("fmu:Aircraft") as aircraft:
@@ -52,29 +52,29 @@ class Modes(PointOptions, Analysis["ModesResult"]):
 
     _: KW_ONLY
     vary: str = option(
-        "Parameter, input or state to vary, of a system component.name or component.gain; with its range, or with "
-        "values as NAME=A,B,.. .",
+        "Parameter, input or state to vary, with its range LO:HI or its values A,B,..; in a system component.name or "
+        "component.gain.",
         form=VARIED,
     )
-    values: Numbers | None = option("Values, rising.", python=True, default=None)
-    band: Band | None = option("Lowest and highest value.", python=True, default=None)
-    points: int = option("Number of equidistant values in a range.", metavar="N", least=2, default=41)
-    set: Settings | None = option("Parameters that all configurations have.", python=True, default=None)
-    against: Configurations = option("Parameters of a further configuration to compare with; repeatable.", default=())
+    values: Numbers | None = option("Values of what is varied, rising.", python=True, default=None)
+    band: Band | None = option("Lowest and highest value of what is varied.", python=True, default=None)
+    points: int = option("Number of equidistant values in the range.", metavar="N", least=2, default=41)
+    set: Settings | None = option("Parameters that all configurations have in common.", python=True, default=None)
+    against: Configurations = option("Parameters of another configuration to compare with; repeatable.", default=())
     trimmed: bool = option(
-        "Find the equilibrium at each value, the inputs held; else the operating point stays.",
+        "Trim at each value with the inputs held; by default the operating point stays the same.",
         flag="--trim",
         default=False,
     )
-    method: str = option("How each linear model is made.", choices=METHOD_NAMES, default="auto")
+    method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
     tolerance: float | None = option(
-        "Precision of critical values; else 1e-6 of the range.",
+        "Precision of critical values; by default 1e-6 of the range.",
         flag="--precision",
         metavar="D",
         positive=True,
         default=None,
     )
-    jobs: int = option("Worker processes at a time.", metavar="N", default=1)
+    jobs: int = option("Number of worker processes.", metavar="N", default=1)
 
 
 modes = function(Modes)

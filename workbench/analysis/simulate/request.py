@@ -40,34 +40,40 @@ class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
     example = "workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png"
 
     _: KW_ONLY
-    stop: float | None = option("End of the run; else the default experiment's.", unit="s", metavar="T", default=None)
+    stop: float | None = option(
+        "End of the run; by default that of the FMU's default experiment.", unit="s", metavar="T", default=None
+    )
     inputs: Signals = option(
-        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. The others "
-        "keep their start value, or that of the operating point.",
+        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. Other "
+        "inputs keep their start value or that of the operating point.",
         flag="--input",
         default_factory=dict,
     )
     outputs: Names | None = option(
-        "Variables to record; else all outputs, or all states, or all local variables.",
+        "Variables to record; by default all outputs, or, if there are none, all states, or all local variables.",
         flag="--output",
         metavar="NAME",
         default=None,
     )
     start_time: float | None = option(
-        "Where it starts; else at the point, or as the model does.", unit="s", python=True, default=None
+        "Start of the run; by default the time of the operating point, or the model's start time.",
+        unit="s",
+        python=True,
+        default=None,
     )
     interval: float | None = option(
-        "Distance of the recorded points; else the step of the default experiment, doubled until there are at most "
-        "5000, in co-simulation a multiple of the communication step, or 1/500 of the run.",
+        "Interval between recorded points; by default the step of the default experiment, doubled until there are at "
+        "most 5000 points (co-simulation: a multiple of the communication step), or 1/500 of the run.",
         unit="s",
         python=True,
         default=None,
     )
     points: Numbers | None = option(
-        "Recorded points themselves, rising, in place of an interval.", unit="s", python=True, default=None
+        "Times to record, rising, instead of an interval.", unit="s", python=True, default=None
     )
     verify_step: bool = option(
-        "Co-simulation: run again with half the communication step, and note where that changes more than 1 %.",
+        "Co-simulation: repeat the run with half the communication step, and report outputs that change by more than "
+        "1 %.",
         default=True,
     )
 

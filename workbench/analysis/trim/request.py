@@ -59,33 +59,33 @@ class Trim(AtPoint, Analysis["TrimResult"]):
     free: Names = option("Inputs to find; repeatable.", metavar="U,..", default=())
     fix: Values | None = option("Value that a state, input or output must have; repeatable.", default=None)
     bound: Limits | None = option(
-        "Lowest and highest value of a state, input or output; a bound input is free; repeatable.", default=None
+        "Lowest and highest value of a state, input or output; an input with bounds is free; repeatable.", default=None
     )
     floating: Names = option(
         "States whose derivative need not vanish; repeatable.", flag="--float", metavar="X,..", default=()
     )
     x0: Values | None = option(
-        "Value of a state at which the search begins, in place of the operating point's; repeatable.", default=None
+        "Value of a state at which the search begins, instead of that of the operating point; repeatable.", default=None
     )
     u0: Values | None = option(
-        "Value that an input is held at, or at which the search begins if it is free or bound; repeatable.",
+        "Value at which an input is held, or at which the search begins if the input is free; repeatable.",
         default=None,
     )
     time: float | None = option(
-        "Session time of the point; else that of the operating point, or where the model starts.",
+        "Time of the point; by default that of the operating point, or the model's start time.",
         unit="s",
         metavar="T",
         default=None,
     )
     family: str = option(
-        "Which one to take of a family of equilibria: the one with the least floating derivatives, or the one nearest "
-        "to the start.",
+        "Choice from a family of equilibria: the one with the smallest floating derivatives, or the one nearest to the "
+        "start values.",
         choices=("slowest", "nearest"),
         default="slowest",
         group=_HOW,
     )
     period: float | None = option(
-        "Basic time period of a sampled model; else found from its time events.",
+        "Basic time period of a sampled model; by default found from its time events.",
         unit="s",
         metavar="S",
         positive=True,
@@ -93,7 +93,7 @@ class Trim(AtPoint, Analysis["TrimResult"]):
         group=_HOW,
     )
     step: float | None = option(
-        "Communication step of co-simulation; else the model's own, or 1 ms, and finer where that does not do.",
+        "Communication step of co-simulation; by default the model's own or 1 ms, refined if necessary.",
         unit="s",
         metavar="S",
         positive=True,
@@ -101,7 +101,7 @@ class Trim(AtPoint, Analysis["TrimResult"]):
         group=_HOW,
     )
     longest: float | None = option(
-        "Longest run of a co-simulation whose states cannot be set; else 200 000 steps.",
+        "Longest run of a co-simulation FMU whose states cannot be set; by default 200 000 steps.",
         unit="s",
         metavar="S",
         positive=True,
@@ -109,8 +109,8 @@ class Trim(AtPoint, Analysis["TrimResult"]):
         group=_HOW,
     )
     tolerance: float = option(
-        "Largest residual over the change that each unknown makes in it when it moves by its nominal value, or by "
-        "itself where that is more.",
+        "Largest residual, relative to the change in it when an unknown moves by its nominal value (or by its own "
+        "value, if that is larger).",
         positive=True,
         python=True,
         default=1e-8,
