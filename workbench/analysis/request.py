@@ -10,7 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, TypeVar
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Concatenate,
+    ForwardRef,
+    Generic,
+    ParamSpec,
+    TypeVar,
+    get_args,
+)
 
 from workbench.core.job import Job, Progress
 from workbench.core.option import Options, documented, option, with_options
@@ -142,7 +152,15 @@ def function(
     """
     kind: Any = request
     name = kind.command.replace("-", "_")
-    return with_origin(*kind.parts)(with_options(request, _run, name=name, first=kind.subject.first))
+    made = with_options(request, _run, name=name, first=kind.subject.first, returns=_record_of(kind))
+    return with_origin(*kind.parts)(made)
+
+
+def _record_of(request: type[Request[Any, Any]]) -> str:
+    """Return the name of the record, as the class of the request has it in its brackets."""
+    bases = (base for owner in request.__mro__ for base in vars(owner).get("__orig_bases__", ()))
+    record = next(args[-1] for base in bases if (args := get_args(base)))
+    return str(record.__forward_arg__ if isinstance(record, ForwardRef) else record.__name__)
 
 
 def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:

@@ -289,6 +289,7 @@ def with_options(
     *,
     name: str,
     first: tuple[str, str, str],
+    returns: str = "",
     words: str = "",
 ) -> Callable[Concatenate[_First, _Given], _Made]:
     """Return a function whose parameters are an object and the options of a request.
@@ -298,18 +299,27 @@ def with_options(
         make: what the function does with the object and the request.
         name: of the function.
         first: name, type and help of the object.
+        returns: type of what the function returns; empty: as `make` says.
         words: what comes before the docstring of the request.
     """
     kind: Any = request
     parameter = inspect.Parameter(first[0], inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=first[1])
     own = inspect.signature(kind).parameters  # those that several requests share come first there
-    signature = inspect.Signature([parameter, *(own[d.name] for d in options_of(kind))])
+    given = [parameter, *(own[d.name] for d in options_of(kind))]
+    returned = returns or (make.__name__ if inspect.isclass(make) else make.__annotations__["return"])
+    signature = inspect.Signature(given, return_annotation=returned)
 
     def call(*args: Any, **kwargs: Any) -> _Made:  # noqa: ANN401 - the signature says which
-        values = signature.bind(*args, **kwargs).arguments
+        try:
+            values = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            unknown = [key for key in kwargs if key not in signature.parameters]
+            meant = "".join(f"; {suggest(key, signature.parameters)}" for key in unknown[:1])
+            raise TypeError(f"{name}() {error}{meant}") from None
         return make(values.pop(first[0]), kind(**values))
 
     call.__signature__ = signature  # type: ignore[attr-defined]
+    call.__annotations__ = {**{p.name: p.annotation for p in given}, "return": returned}
     call.__doc__ = f"{words}\n\n" if words else ""
     call.__doc__ += kind.__doc__.replace(_ARGUMENTS, f"{_ARGUMENTS}\n    {first[0]}: {first[2]}", 1)
     call.__name__ = call.__qualname__ = name

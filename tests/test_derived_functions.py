@@ -1,0 +1,61 @@
+"""Functions that are derived from requests: what editors, notebooks and mypy know of their options and results.
+
+`checked_by_mypy` is never called: `mypy --strict` refuses a `type: ignore` that hides no error, so that each of these
+lines is an error with that code, and each `assert_type` holds.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any, assert_type
+
+import pytest
+
+import workbench as wb
+from workbench.analysis.request import Request
+from workbench.core.option import options_of
+
+FUNCTIONS = {name: value for name in wb.__all__ if inspect.isfunction(value := getattr(wb, name))}
+
+
+def requests(kind: type[Any] = Request) -> list[type[Any]]:
+    """Every request that a public function runs; the functions are imported above."""
+    below = [c for sub in kind.__subclasses__() for c in (sub, *requests(sub))]
+    return [c for c in below if vars(c).get("command", "").replace("-", "_") in FUNCTIONS and c.algorithm]
+
+
+def checked_by_mypy(model: wb.Model) -> None:
+    assert_type(wb.nfr(model, "u", "y", band=(0.5, 20), amplitudes=[1, 4]), wb.NfrResult)
+    assert_type(wb.simulate(model, stop=2.0, inputs={"u": wb.Step(time=0.1, value=1.0)}), wb.SimulationResult)
+    assert_type(wb.lin(model, inputs=["u"]), wb.LinearModel)
+    assert_type(wb.delays(model), wb.DelayReport | wb.NoDelays)
+    assert_type(wb.check("x.fmu", only=["step"]), wb.HealthCard)
+    wb.nfr(model, "u", "y", bnd=(0.5, 20))  # type: ignore[call-arg]
+    wb.nfr(model, "u")  # type: ignore[call-arg]
+    wb.nfr(model, "u", "y", ratio="wide")  # type: ignore[arg-type]
+    wb.simulate(model, stop="2 s")  # type: ignore[arg-type]
+    wb.trim(model, u0=["u"])  # type: ignore[arg-type]
+    wb.load("x.fmu", toleranc=1e-8)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("kind", requests(), ids=lambda c: c.__name__)
+def test_signature_has_the_options_and_the_result(kind: type[Any]) -> None:
+    signature = inspect.signature(FUNCTIONS[kind.command.replace("-", "_")])
+    assert list(signature.parameters)[1:] == [d.name for d in options_of(kind)]
+    for part in (str(signature.return_annotation)).split(" | "):
+        assert inspect.isclass(getattr(wb, part))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_public_function_has_annotations(name: str) -> None:
+    signature = inspect.signature(FUNCTIONS[name])
+    named = {p.name: p.annotation for p in signature.parameters.values()}
+    assert FUNCTIONS[name].__annotations__ == {**named, "return": signature.return_annotation}
+    assert inspect.Parameter.empty not in FUNCTIONS[name].__annotations__.values()
+
+
+def test_what_a_function_does_not_know_is_told_with_its_name() -> None:
+    with pytest.raises(TypeError, match=r"^load\(\) got an unexpected keyword argument 'tolerence'.*tolerance"):
+        wb.load("fmu:Rudder", tolerence=1e-8)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"^nfr\(\) missing a required argument: 'output'$"):
+        wb.nfr(wb.load, "u")  # type: ignore[arg-type, call-arg]
