@@ -31,14 +31,14 @@ LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
 # No analysis builds; what all may use uses no layer but these.
 COMMON = {
     "errors": set(),
-    "core": {"errors"},
+    "core": {"csv_file", "errors"},
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
     "csv_file": {"errors"},
     "json_values": set(),
     "shift_register": set(),
     "store": {"errors"},
-    "build": {"errors", "origin", "toolchain"},
+    "build": {"core", "errors", "origin", "toolchain"},
     "toolchain": {"errors", "fmi"},
     "origin": {"core", "errors", "fmi", "model", "system", "report"},
 }

@@ -20,9 +20,10 @@ import pytest
 
 import workbench as wb
 from tests.report_pages import check_page_file, data_of, facts_of_page, read_page
+from workbench.core.record import Reportable
 from workbench.fmi.archive import locate
 from workbench.json_values import finite
-from workbench.origin import Origin, Reportable, origin_of, remember, with_origin
+from workbench.origin import Origin, origin_of, remember, with_origin
 from workbench.report import Page, Section, Table, Verdict, write_page
 from workbench.report.page import SUFFIXES
 from workbench.report.results import PAGES, page_of, write_report

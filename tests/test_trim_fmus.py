@@ -249,7 +249,7 @@ def test_an_operating_point_survives_json() -> None:
         ("[]", "not an operating point"),
         ("{}", "'x' is missing"),
         ('{"x": {"a": null}, "u": {}}', "x: a must be a finite number"),
-        ('{"x": 3, "u": {}}', "x must give a value to each name"),
+        ('{"x": 3, "u": {}}', "'x' must be an object that gives a value to each name"),
         ("{", "is not JSON"),
     ],
 )

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.certificate import Certificate
+from workbench.analysis.certificate import from_dict as certificate_of
 from workbench.analysis.nfr_jumps import jumps
 from workbench.analysis.nfr_point import NfrPoint
 from workbench.analysis.settling import NO_EFFECT
 from workbench.analysis.zero_input import ZeroInput
-from workbench.core.operating_point import OperatingPoint, point_in_json, point_of_json
-from workbench.csv_file import write_csv
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.model import Model, Variable
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -38,7 +38,12 @@ _JUMP_DEG = 100.0
 _CSV_FIELDS = (
     "thd", "delta_phase_deg", "delta_gain", "defect", "drift", "check", "check_gain", "check_phase_deg", "why"
 )  # fmt: skip
-_NEW = ("error", "stable")
+# Columns of the CSV before these.
+_COLUMNS = (
+    "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "error", "stable", "averaged", "periods"
+)  # fmt: skip
+_SIGNAL = {"": "name", "_unit": "unit"}
+_POINTS = entry(dims=("amplitude", "frequency_hz"))
 _NOTHING_KNOWN = Certificate(errcrit=math.nan, max_periods=0)
 
 
@@ -58,7 +63,7 @@ class FailedPoint:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NfrResult(Reportable):
+class NfrResult(Record):
     """Nonlinear frequency response: gain, phase and offset over frequency and amplitude.
 
     Arrays have the shape (n_a, n_f), [amplitude][frequency], both rising; NaN where a point failed.
@@ -94,25 +99,27 @@ class NfrResult(Reportable):
     model: str
     interface: str
     solver: str
-    input: str
-    output: str
-    input_unit: str | None
-    output_unit: str | None
-    frequency_hz: Floats
-    amplitude: Floats
-    response: NDArray[np.complex128]
-    phase_deg: Floats
-    offset: Floats
-    averaged: NDArray[np.bool_]
-    error: Floats
-    stable: Floats
-    periods: NDArray[np.int64]
-    step: Floats
+    input: str = field(metadata=entry(kept=False))
+    output: str = field(metadata=entry(kept=False))
+    input_unit: str | None = field(metadata=entry(kept=False))
+    output_unit: str | None = field(metadata=entry(kept=False))
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
+    amplitude: Floats = field(metadata=entry(dims=("amplitude",)))
+    response: NDArray[np.complex128] = field(metadata=entry(dims=("amplitude", "frequency_hz"), kept=False))
+    phase_deg: Floats = field(metadata=entry(dims=("amplitude", "frequency_hz"), unit="deg"))
+    offset: Floats = field(metadata=_POINTS)
+    averaged: NDArray[np.bool_] = field(metadata=_POINTS)
+    error: Floats = field(metadata=_POINTS)
+    stable: Floats = field(metadata=entry(dims=("amplitude", "frequency_hz"), kept=False))
+    periods: NDArray[np.int64] = field(metadata=_POINTS)
+    step: Floats = field(metadata=entry(dims=("amplitude", "frequency_hz"), unit="s"))
     failed: tuple[FailedPoint, ...]
     warnings: tuple[str, ...]
-    certificates: tuple[tuple[Certificate | None, ...], ...]
+    certificates: tuple[tuple[Certificate | None, ...], ...] = field(metadata=entry(kept=False))
     zero_input: ZeroInput | None = None
     operating_point: OperatingPoint | None = None
+
+    _WHAT, _COMMAND = "a frequency response", "nfr"
 
     @property
     def status(self) -> tuple[tuple[str, ...], ...]:
@@ -144,115 +151,48 @@ class NfrResult(Reportable):
         with np.errstate(divide="ignore"):
             return 20.0 * np.log10(self.gain)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result as plain lists and numbers, ready for JSON; a failed value is None."""
+    def computed(self) -> dict[str, Any]:
+        """Return gain, what the points are worth, and the signals with their units."""
+        stable = [[None if np.isnan(x) else bool(x) for x in row] for row in self.stable.tolist()]
+        names = [f.name for f in fields(Certificate)]
+        certificate = {n: [[getattr(c, n, None) for c in row] for row in self.certificates] for n in names}
         return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
             "input": {"name": self.input, "unit": self.input_unit},
             "output": {"name": self.output, "unit": self.output_unit},
-            "frequency_hz": self.frequency_hz.tolist(),
-            "amplitude": self.amplitude.tolist(),
-            "gain": _nullable(self.gain),
-            "gain_db": _nullable(self.gain_db),
-            "phase_deg": _nullable(self.phase_deg),
-            "offset": _nullable(self.offset),
-            "averaged": self.averaged.tolist(),
-            "error": _nullable(self.error),
-            "stable": [[None if np.isnan(x) else bool(x) for x in row] for row in self.stable.tolist()],
-            "periods": self.periods.tolist(),
-            "step": _nullable(self.step),
-            "failed": [vars(f) for f in self.failed],
-            "warnings": list(self.warnings),
-            "certificate": self._certificate_arrays(),
-            "zero_input": None if self.zero_input is None else vars(self.zero_input),
-            **point_in_json(self.operating_point),
+            "gain": self.gain,
+            "gain_db": self.gain_db,
+            "stable": stable,
+            "certificate": {"status": self.status, **certificate},
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> NfrResult:
-        """Return the result that `to_dict` or the JSON of `workbench nfr` describes, without its certificates.
-
-        Args:
-            data: all its keys.
-
-        Raises:
-            InputError: a key is missing or holds something else.
-        """
-        try:
-            return cls._from_dict(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"this is no frequency response: {type(error).__name__}: {error}") from None
-
-    @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> NfrResult:
-        frequency, amplitude = (np.array(data[k], dtype=np.float64) for k in ("frequency_hz", "amplitude"))
-        shape = (len(amplitude), len(frequency))
-        keys = ("gain", "phase_deg", "offset", "error", "stable", "step")
-        # What versions before 0.2 wrote says nothing of errors.
-        unknown = [[None] * shape[1]] * shape[0]
-        gain, phase, offset, error, stable, step = (
-            np.array(data.get(k, unknown) if k in _NEW else data[k], dtype=np.float64).reshape(shape) for k in keys
-        )
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the response of gain and phase, the certificates point by point; versions before 0.2 had neither."""
+        shape = (len(data["amplitude"]), len(data["frequency_hz"]))
+        unknown = np.full(shape, np.nan)
+        gain, phase = (np.array(data[key], dtype=np.float64).reshape(shape) for key in ("gain", "phase_deg"))
         # A gain of 0 has no phase.
         angle = np.radians(np.where(gain == 0.0, 0.0, phase))
-        return cls(
-            model=data["model"],
-            interface=data["interface"],
-            solver=data["solver"],
-            input=data["input"]["name"],
-            output=data["output"]["name"],
-            input_unit=data["input"]["unit"],
-            output_unit=data["output"]["unit"],
-            frequency_hz=frequency,
-            amplitude=amplitude,
-            response=np.asarray(gain * np.exp(1j * angle), dtype=np.complex128),
-            phase_deg=phase,
-            offset=offset,
-            averaged=np.array(data["averaged"], dtype=bool).reshape(shape),
-            error=error,
-            stable=stable,
-            periods=np.array(data["periods"], dtype=np.int64).reshape(shape),
-            step=step,
-            failed=tuple(FailedPoint(**f) for f in data["failed"]),
-            warnings=tuple(data["warnings"]),
-            certificates=((None,) * shape[1],) * shape[0],
-            operating_point=point_of_json(data),
-        )
+        names = {f"{side}{what}": data[side][key] for side in ("input", "output") for what, key in _SIGNAL.items()}
+        return {
+            "error": unknown,
+            "stable": unknown,
+            **data,
+            **names,
+            "response": np.asarray(gain * np.exp(1j * angle), dtype=np.complex128),
+            "certificates": _certificates(data.get("certificate", {}), shape),
+        }
 
-    def _certificate_arrays(self) -> dict[str, Any]:
-        """One [amplitude][frequency] array for each field of the certificates."""
-        names = [f.name for f in fields(Certificate)]
-        arrays = {n: [[getattr(c, n, None) for c in row] for row in self.certificates] for n in names}
-        return {"status": [list(row) for row in self.status], **arrays}
-
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line per point: what the table shows, the reason of a failure, and the certificate.
-
-        Args:
-            path: file to write, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_csv(path, self._csv_rows())
-
-    def _csv_rows(self) -> list[list[Any]]:
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each point: what the table shows, the reason of a failure, and the certificate."""
         reasons = {(f.amplitude, f.frequency_hz): f.reason for f in self.failed}
-        names = ["amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "error", "stable"]
-        names += ["averaged", "periods", "failed"]
-        rows: list[list[Any]] = [[*names, "status", *_CSV_FIELDS, *(f"h{n}" for n in range(2, 11))]]
-        status = self.status
-        numbers = [
-            _nullable(x) for x in (self.gain, self.gain_db, self.phase_deg, self.offset, self.error, self.stable)
-        ]
+        yield (*_COLUMNS, "failed", "status", *_CSV_FIELDS, *(f"h{n}" for n in range(2, 11)))
         for i, a in enumerate(self.amplitude.tolist()):
             for j, f in enumerate(self.frequency_hz.tolist()):
-                values = [x[i][j] for x in numbers]
-                values += [int(self.averaged[i, j]), int(self.periods[i, j]), reasons.get((a, f), "")]
-                rows.append([a, f, *values, status[i][j], *_csv_certificate(self.certificates[i][j])])
-        return rows
+                values = [getattr(self, name)[i, j] for name in _COLUMNS[2:]]
+                known = self.certificates[i][j] or _NOTHING_KNOWN
+                found = [getattr(known, name) for name in _CSV_FIELDS]
+                yield (a, f, *values, reasons.get((a, f), ""), self.status[i][j], *found, *known.harmonics)
 
     def to_frd(self, amplitude: float | None = None) -> FrequencyResponseData:
         """Return the response at one amplitude as python-control's frequency response data.
@@ -418,14 +358,11 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _csv_certificate(certificate: Certificate | None) -> list[Any]:
-    known = certificate or _NOTHING_KNOWN
-    return [*(getattr(known, name) for name in _CSV_FIELDS), *known.harmonics]
-
-
-def _nullable(values: Floats) -> list[Any]:
-    """Nested lists with None in place of what is not finite."""
-    return [[x if np.isfinite(x) else None for x in row] for row in values.tolist()]
+def _certificates(arrays: Mapping[str, Any], shape: tuple[int, int]) -> tuple[tuple[Certificate | None, ...], ...]:
+    """Return the certificates of one array for each field; None where nothing is known."""
+    known = [f.name for f in fields(Certificate) if f.name in arrays]
+    rows = [[{n: arrays[n][i][j] for n in known} for j in range(shape[1])] for i in range(shape[0])]
+    return tuple(tuple(None if v.get("errcrit") is None else certificate_of(v) for v in row) for row in rows)
 
 
 def _identifier(name: str) -> str:

@@ -14,14 +14,15 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
+from workbench.core.record import Record
 from workbench.errors import InputError
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 
 __all__ = ["ExportResult", "export", "generate_linear"]
 
 
 @dataclass(frozen=True, slots=True)
-class ExportResult(Reportable):
+class ExportResult(Record):
     """What was exported.
 
     Attributes:

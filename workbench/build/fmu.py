@@ -25,8 +25,9 @@ from workbench.build.pack import pack
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
+from workbench.core.record import Record
 from workbench.errors import BuildError, suggest
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.toolchain import PLATFORMS, Platform, compile_all
 
 TOOL = "FMI workbench"
@@ -35,7 +36,7 @@ FMI_VERSIONS = (2, 3)
 
 
 @dataclass(frozen=True, slots=True)
-class BuildResult(Reportable):
+class BuildResult(Record):
     """What was built.
 
     Attributes:

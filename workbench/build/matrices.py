@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.record import read_json
 from workbench.errors import InputError
 
 __all__ = ["Matrices", "matrices_of", "read_matrices"]
@@ -74,12 +75,7 @@ def read_matrices(path: str | Path) -> Matrices:
     Raises:
         InputError: no such file, not JSON, a key that is missing or of the wrong shape, a value that is not finite.
     """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+    data = read_json(path)
     try:
         return matrices_of(data)
     except InputError as error:

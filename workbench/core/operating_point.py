@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from workbench.core.forms import FILE
 from workbench.core.option import Options, option
+from workbench.core.record import Part
 from workbench.errors import InputError
 
 __all__ = ["At", "AtPoint", "HasPoint", "OperatingPoint", "Stands", "point_in_json", "point_of_json"]
@@ -22,7 +23,7 @@ _OF_LINEAR = {"x": "x0", "u": "u0", "y": "y0", "dx": "dx0", "discrete": "discret
 
 
 @dataclass(frozen=True, kw_only=True)
-class OperatingPoint:
+class OperatingPoint(Part):
     """States, inputs and outputs of a model at one instant.
 
     Not a full state of a black box: a co-simulation FMU shows no states, so `x` may be empty, and
@@ -75,67 +76,15 @@ class OperatingPoint:
         more = [f"… ({len(values)} in all)"] if len(values) > most else []
         return ", ".join([*texts, *more])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the point as plain dictionaries, ready for JSON."""
-        sets = {name: dict(getattr(self, name)) for name in _SETS}
-        return {
-            "model": self.model,
-            "model_sha256": self.model_sha256,
-            "parameters": dict(self.parameters),
-            **sets,
-            "units": dict(self.units),
-            "time": self.time,
-            "period": self.period,
-        }
+    _WHAT, _COMMAND = "an operating point", "trim"
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> OperatingPoint:
-        """Return the point that `to_dict` or the JSON of any result describes; further keys are ignored.
-
-        Args:
-            data: with "operating_point", or with "x" and "u" (a point, a trim) or "x0" and "u0" (a linear model).
-
-        Raises:
-            InputError: a key is missing, a value is not a finite number.
-        """
-        data = _inner(data)
-        for key in ("x", "u"):
-            if key not in data:
-                raise InputError(f"is not an operating point: '{key}' is missing; workbench trim --json writes one")
-        sets = {key: _numbers(key, data.get(key) or {}) for key in _SETS}
-        period = data.get("period")
-        return cls(
-            **sets,
-            units=_units(data.get("units") or {}),
-            time=_number("time", data.get("time", 0.0)),
-            period=None if period is None else _number("period", period),
-            model=_text("model", data.get("model")),
-            model_sha256=_text("model_sha256", data.get("model_sha256")),
-            parameters=_mapping("parameters", data.get("parameters") or {}),
-        )
-
-    @classmethod
-    def read(cls, path: str | Path) -> OperatingPoint:
-        """Return the point in a JSON file: what `workbench trim --json` or any other command wrote.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: no such file, not JSON, no operating point.
-        """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-        except ValueError as error:
-            raise InputError(f"{path}: is not JSON: {error}") from None
-        if not isinstance(data, Mapping):
-            raise InputError(f"{path}: is not an operating point: an object with x and u is needed")
-        try:
-            return cls.from_dict(data)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the keys of a point: "operating_point", "x" and "u" (a point, a trim) or "x0" and "u0" (`lin`)."""
+        known = {key: held for key, held in _inner(data).items() if held is not None}
+        for key in (*_SETS, "time", "period"):
+            _refuse_infinite(key, known.get(key))
+        return known
 
 
 class HasPoint(Protocol):
@@ -213,31 +162,8 @@ def _refuse_two_values(key: str, outer: object, inner: object) -> None:
             )
 
 
-def _numbers(key: str, values: object) -> dict[str, float]:
-    return {name: _number(f"{key}: {name}", value) for name, value in _mapping(key, values).items()}
-
-
-def _number(what: str, value: object) -> float:
-    if not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{what} must be a finite number, not {json.dumps(value, default=str)}")
-    return float(value)
-
-
-def _mapping(key: str, values: object) -> dict[str, Any]:
-    if not isinstance(values, Mapping):
-        raise InputError(f"{key} must give a value to each name")
-    return {str(name): value for name, value in values.items()}
-
-
-def _units(units: object) -> dict[str, str | None]:
-    if not isinstance(units, Mapping):
-        raise InputError("units must give a unit to each name")
-    return {str(name): None if unit is None else str(unit) for name, unit in units.items()}
-
-
-def _text(key: str, value: object) -> str:
-    if value is None:
-        return ""
-    if not isinstance(value, str):
-        raise InputError(f"{key} must be text, not {json.dumps(value, default=str)}")
-    return value
+def _refuse_infinite(key: str, held: object) -> None:
+    for name, number in held.items() if isinstance(held, Mapping) else [(None, held)]:
+        if (number is None and name is not None) or (isinstance(number, float) and not math.isfinite(number)):
+            what = key if name is None else f"{key}: {name}"
+            raise InputError(f"{what} must be a finite number, not {json.dumps(number)}")

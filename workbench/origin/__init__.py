@@ -5,6 +5,6 @@ models and of reports is imported when it is used, in the way of `.plot()`.
 """
 
 from workbench.origin.facts import FmuFacts, ModelFacts, Origin
-from workbench.origin.kept import Reportable, origin_of, remember, with_origin
+from workbench.origin.kept import origin_of, remember, with_origin
 
-__all__ = ["FmuFacts", "ModelFacts", "Origin", "Reportable", "origin_of", "remember", "with_origin"]
+__all__ = ["FmuFacts", "ModelFacts", "Origin", "origin_of", "remember", "with_origin"]

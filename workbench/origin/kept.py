@@ -6,68 +6,17 @@ import time
 import weakref
 from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 from workbench.origin.facts import Origin
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["Reportable", "origin_of", "remember", "with_origin"]
+__all__ = ["origin_of", "remember", "with_origin"]
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
 # By identity: results hold arrays, which have no hash. An entry goes with its result.
 _ORIGINS: dict[int, tuple[weakref.ref[object], Origin]] = {}
-
-
-class Reportable:
-    """A result that can be drawn and written as a page; `workbench.report.results` has the tables that say how."""
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
-            cls.__repr__ = Reportable.__repr__  # type: ignore[method-assign]
-
-    def __repr__(self) -> str:
-        """Return one line: what it is, and its page's first sentence."""
-        from workbench.report.results import line_of  # noqa: PLC0415
-
-        return line_of(self)
-
-    def _repr_html_(self) -> str:
-        """Return the page for a notebook."""
-        from workbench.report.results import notebook_of  # noqa: PLC0415  pages need pictures, and those matplotlib
-
-        return notebook_of(self)
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the result.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        from workbench.report.results import picture_of  # noqa: PLC0415  matplotlib is slow
-
-        return picture_of(self, path)
-
-    def report(self, path: str | Path) -> None:
-        """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.
-
-        Args:
-            path: of the page, .html.
-
-        Raises:
-            InputError: another suffix, or the file cannot be written.
-        """
-        from workbench.report.results import write_report  # noqa: PLC0415  pages need pictures, and those matplotlib
-
-        write_report(self, path)
 
 
 def remember(result: object, origin: Origin) -> None:

@@ -16,10 +16,11 @@ from typing import Any
 
 from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, ModelVariable, Unknown
 
+from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.system.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.system.container_variables import Shown, shown_units, shown_variables
 from workbench.system.description import Resolved, SystemDescription, Wire
@@ -35,7 +36,7 @@ _FILE_MODE = 0o100644 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class ContainerResult(Reportable):
+class ContainerResult(Record):
     """What was exported.
 
     Attributes:

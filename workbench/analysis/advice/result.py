@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from workbench.analysis.experiment import Experiment
-from workbench.csv_file import write_csv
+from workbench.core.record import Record
 from workbench.errors import InputError, suggest
-from workbench.origin import Reportable
 
 __all__ = ["VERDICTS", "Advice", "Finding"]
 
@@ -48,7 +47,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Advice(Reportable):
+class Advice(Record):
     """Findings about one experiment, one for each topic.
 
     Attributes:
@@ -126,14 +125,7 @@ class Advice(Reportable):
             "findings": [f.to_dict() for f in self.findings],
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write one line for each finding: topic, verdict, evidence, advice.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        rows = [[f.topic, f.verdict, f.evidence, f.advice] for f in self.findings]
-        write_csv(path, [["topic", "verdict", "evidence", "advice"], *rows])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each finding."""
+        yield ("topic", "verdict", "evidence", "advice")
+        yield from ((f.topic, f.verdict, f.evidence, f.advice) for f in self.findings)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
-from workbench.origin import Reportable
 
 __all__ = ["VERDICTS", "Finding", "HealthCard", "HealthLine"]
 
@@ -67,7 +67,7 @@ class HealthLine:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthCard(Reportable):
+class HealthCard(Record):
     """Whether an FMU, or each FMU of a system, keeps its promises.
 
     Attributes:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from workbench.core.operating_point import OperatingPoint
-from workbench.origin import Reportable
+from workbench.core.record import Record
 from workbench.system.master.richardson import Halving
 
 __all__ = ["ConnectionDelay", "DelayReport", "LoopDelay", "NoDelays"]
@@ -52,7 +52,7 @@ class LoopDelay:
 
 
 @dataclass(frozen=True)
-class DelayReport(Reportable):
+class DelayReport(Record):
     """What the master costs at this communication step.
 
     Attributes:
@@ -160,7 +160,7 @@ def _output_words(o: Halving, step: float) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoDelays(Reportable):
+class NoDelays(Record):
     """A model without a master.
 
     Attributes:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,10 @@ from workbench.analysis.describing.rate_limiter import RateLimiter
 from workbench.analysis.describing.static import StaticBlock
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
+from workbench.core.record import Record
 from workbench.errors import InputError, suggest
 from workbench.model import Model
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.workers import Workers
 
 __all__ = ["STANDARD", "DescribingFunction", "describing_function", "standard_block"]
@@ -41,7 +40,7 @@ STANDARD: Mapping[str, Callable[..., Block]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class DescribingFunction(Reportable):
+class DescribingFunction(Record):
     """N(A, f) of one block.
 
     Attributes:
@@ -83,19 +82,13 @@ class DescribingFunction(Reportable):
             "harmonics": [[[_number(h) for h in k] for k in row] for row in self.harmonics.tolist()],
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write one line for each amplitude and frequency.
-
-        Args:
-            path: of the file.
-        """
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["amplitude", "frequency_hz", "real", "imag", "minus_inverse_real", "minus_inverse_imag"])
-            for i, a in enumerate(self.amplitude.tolist()):
-                for j, f in enumerate(self.frequency_hz.tolist()):
-                    n, inverse = complex(self.gain[i, j]), complex(self.minus_inverse[i, j])
-                    writer.writerow([a, f, n.real, n.imag, inverse.real, inverse.imag])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each amplitude and frequency."""
+        yield ("amplitude", "frequency_hz", "real", "imag", "minus_inverse_real", "minus_inverse_imag")
+        for i, a in enumerate(self.amplitude):
+            for j, f in enumerate(self.frequency_hz):
+                n, inverse = self.gain[i, j], self.minus_inverse[i, j]
+                yield (a, f, n.real, n.imag, inverse.real, inverse.imag)
 
 
 def _number(value: float) -> float | None:

@@ -8,8 +8,8 @@ from typing import Any, TextIO
 
 from workbench.analysis.experiment import Experiment
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.record import Record
 from workbench.errors import InputError
-from workbench.origin import Reportable
 
 __all__ = ["ExciteResult", "SignalFacts", "validation_path"]
 
@@ -47,7 +47,7 @@ class SignalFacts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExciteResult(Reportable):
+class ExciteResult(Record):
     """Recorded experiments.
 
     Attributes:

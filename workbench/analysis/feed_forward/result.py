@@ -15,8 +15,8 @@ from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
-from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     import control
@@ -26,7 +26,7 @@ __all__ = ["FeedForwardResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedForwardResult(Reportable):
+class FeedForwardResult(Record):
     """A filter from the nonlinear block's output to the control input, and how it came about.
 
     Attributes:

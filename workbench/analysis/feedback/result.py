@@ -15,9 +15,9 @@ from workbench.analysis.feedback.plant import Complex, Plant
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ CONVENTION = (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackResult(Reportable):
+class FeedbackResult(Record):
     """A scalar feedback from an output to an input, over its gain.
 
     Attributes:

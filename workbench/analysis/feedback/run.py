@@ -12,9 +12,9 @@ import numpy as np
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
@@ -27,7 +27,7 @@ HANDED = "handed to the target"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackRun(Reportable):
+class FeedbackRun(Record):
     """A simulation in which the feedback closes.
 
     Attributes:

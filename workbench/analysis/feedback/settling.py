@@ -15,10 +15,11 @@ from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.request import THRESHOLDS
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.job import Job
+from workbench.core.record import Record
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
-from workbench.origin import Reportable
-from workbench.session.base import Floats, Record, Session
+from workbench.session.base import Floats, Session
+from workbench.session.base import Record as Recorded
 from workbench.signals import Signal
 
 __all__ = ["GainRun", "Settings", "SettlingStudy", "settling_study"]
@@ -99,7 +100,7 @@ class GainRun:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SettlingStudy(Reportable):
+class SettlingStudy(Record):
     """Settling times over the gain.
 
     Attributes:
@@ -254,7 +255,7 @@ def _watched(
     """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
     period = 1.0 / start.frequency
     longest = settings.longest or 250.0 * period
-    pieces: list[Record] = []
+    pieces: list[Recorded] = []
     why = "given up"
     begin = session.time
     while session.time < begin + longest * (1.0 - 1e-9):

@@ -13,7 +13,7 @@ from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, Validation
 from workbench.core.closed_loop import ClosedLoop, between
-from workbench.origin import Reportable
+from workbench.core.record import Record
 
 if TYPE_CHECKING:
     import control
@@ -23,7 +23,7 @@ __all__ = ["IdentifyResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdentifyResult(Reportable):
+class IdentifyResult(Record):
     """An identified model, how it came about and what it is worth.
 
     Attributes:

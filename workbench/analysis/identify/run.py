@@ -15,7 +15,6 @@ from workbench.analysis.nfr_result import NfrResult
 from workbench.analysis.subspace import SubspaceEstimate, estimate
 from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, overlay, same_settings, validate
 from workbench.core.job import Job
-from workbench.core.record_file import read_record
 from workbench.errors import InputError
 
 __all__ = ["run"]
@@ -106,7 +105,7 @@ def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:
         return None
     return overlay(
         model,
-        lin=read_record("lin", lin, LinResult.from_dict) if isinstance(lin, str | Path) else lin,
-        nfr=read_record("nfr", nfr, NfrResult.from_dict) if isinstance(nfr, str | Path) else nfr,
+        lin=LinResult.read(lin) if isinstance(lin, str | Path) else lin,
+        nfr=NfrResult.read(nfr) if isinstance(nfr, str | Path) else nfr,
         amplitude=asked.amplitude,
     )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from workbench.origin import Reportable
+from workbench.core.record import Record
 
 __all__ = ["Branch", "BranchPoint"]
 
@@ -34,7 +33,7 @@ class BranchPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Branch(Reportable):
+class Branch(Record):
     """Limit cycles followed over a parameter, around folds.
 
     Attributes:
@@ -58,14 +57,7 @@ class Branch(Reportable):
             "ends": list(self.ends),
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write one line for each point.
-
-        Args:
-            path: of the file.
-        """
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(BranchPoint.__dataclass_fields__)
-            for point in self.points:
-                writer.writerow(["" if v is None else v for v in vars(point).values()])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each point."""
+        yield tuple(BranchPoint.__dataclass_fields__)
+        yield from (tuple(vars(p).values()) for p in self.points)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,9 @@ import numpy as np
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.passes import rising_passes
 from workbench.analysis.simulate.request import simulate
+from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
-from workbench.origin import Reportable
 from workbench.signals import Signal
 
 __all__ = ["FreeRun", "Span", "free_run", "oscillation_history"]
@@ -53,7 +51,7 @@ class Span:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FreeRun(Reportable):
+class FreeRun(Record):
     """A simulated signal and what it oscillates with, period by period.
 
     Attributes:
@@ -109,16 +107,10 @@ class FreeRun(Reportable):
             "spans": [s.to_dict() for s in self.spans],
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write one line for each period: time, frequency, amplitude.
-
-        Args:
-            path: of the file.
-        """
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["time", "frequency_hz", "amplitude"])
-            writer.writerows(np.column_stack([self.period_time, self.frequency_hz, self.amplitude]).tolist())
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each period."""
+        yield ("time", "frequency_hz", "amplitude")
+        yield from np.column_stack([self.period_time, self.frequency_hz, self.amplitude]).tolist()
 
 
 def free_run(

@@ -13,8 +13,8 @@ from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.observe import Observation
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
-from workbench.origin import Reportable
 
 __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
 
@@ -97,7 +97,7 @@ class SimulatedCycle:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitCycleResult(Reportable):
+class LimitCycleResult(Record):
     """Crossings, limit cycles by several methods side by side, and a simulation that confirms them.
 
     Attributes:

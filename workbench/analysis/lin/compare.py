@@ -26,10 +26,10 @@ from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.option import recast
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 __all__ = ["LinComparison", "Verdict", "run_all"]
@@ -79,7 +79,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class LinComparison(Reportable):
+class LinComparison(Record):
     """All methods on one model at one point, from one input to one output.
 
     Attributes:

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, pole_keys, vanished
-from workbench.csv_file import write_csv
-from workbench.errors import InputError
-from workbench.origin import Reportable
+from workbench.core.record import Part, Record, entry
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.state_space import LinearModel
 
-__all__ = ["Doubt", "Intersample", "LinResult", "Zero", "write_matrices"]
+__all__ = ["Doubt", "Intersample", "LinResult", "Zero"]
 
 Complex = NDArray[np.complex128]
 
+# Between samples: an interval's begin and end, by the names of the linear model around it.
+_OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
+_OUTPUTS_OF_INPUTS = entry(dims=("intervals", 2, "output_names", "input_names"))
+
 
 @dataclass(frozen=True)
-class Doubt:
+class Doubt(Part):
     """An entry that should not be trusted blindly.
 
     Attributes:
@@ -45,7 +46,7 @@ class Doubt:
 
 
 @dataclass(frozen=True)
-class Zero:
+class Zero(Part):
     """A row or column that is zero, and why.
 
     Attributes:
@@ -60,7 +61,7 @@ class Zero:
 
 
 @dataclass(frozen=True, eq=False)
-class Intersample:
+class Intersample(Part):
     """Outputs within one period of a discrete model, and what inputs do within it.
 
     Attributes:
@@ -75,32 +76,21 @@ class Intersample:
     """
 
     tau: Floats
-    C: Floats
-    D: Floats
+    C: Floats = field(metadata=_OUTPUTS_OF_STATES)
+    D: Floats = field(metadata=_OUTPUTS_OF_INPUTS)
     sampled: bool
     nodes: Floats = field(default_factory=lambda: np.zeros(0))
-    B_nodes: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
-    D_nodes: Floats = field(default_factory=lambda: np.zeros((0, 0, 2, 0, 0)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists."""
-        return {n: v.tolist() if isinstance(v, np.ndarray) else v for n, v in vars(self).items()}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any], sizes: tuple[int, int, int]) -> Intersample:
-        """Return what `to_dict` describes; `sizes` are q, n and m."""
-        q, n, m = sizes
-        k, p = len(data["tau"]) - 1, len(data["nodes"])
-        shapes = {
-            "tau": (k + 1,), "C": (k, 2, q, n), "D": (k, 2, q, m), "nodes": (p,), "B_nodes": (p, n, m),
-            "D_nodes": (p, k, 2, q, m),
-        }  # fmt: skip
-        arrays = {name: np.array(data[name], dtype=np.float64).reshape(shape) for name, shape in shapes.items()}
-        return cls(sampled=bool(data["sampled"]), **arrays)
+    B_nodes: Floats = field(
+        default_factory=lambda: np.zeros((0, 0, 0)), metadata=entry(dims=("nodes", "state_names", "input_names"))
+    )
+    D_nodes: Floats = field(
+        default_factory=lambda: np.zeros((0, 0, 2, 0, 0)),
+        metadata=entry(dims=("nodes", "intervals", 2, "output_names", "input_names")),
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinResult(Reportable):
+class LinResult(Record):
     """A linear model and how it was made.
 
     Continuous (dt = 0): dx/dt = A x + B u, y = C x + D u. Discrete (dt > 0): x(k+1) = A x(k) + B u(k),
@@ -132,23 +122,25 @@ class LinResult(Reportable):
     interface: str
     method: str
     why: str
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
+    A: Floats = field(metadata=entry(dims=("state_names", "state_names")))
+    B: Floats = field(metadata=entry(dims=("state_names", "input_names")))
+    C: Floats = field(metadata=entry(dims=("output_names", "state_names")))
+    D: Floats = field(metadata=entry(dims=("output_names", "input_names")))
     dt: float
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     units: Mapping[str, str | None]
-    point: OperatingPoint
-    zeros: tuple[Zero, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
+    point: OperatingPoint = field(metadata=entry(key="operating_point"))
+    zeros: tuple[Zero, ...] = field(default=(), metadata=entry(key="zero_rows_and_columns"))
+    doubts: tuple[Doubt, ...] = field(default=(), metadata=entry(key="doubtful"))
     notes: tuple[str, ...] = ()
     calls: Mapping[str, int] = field(default_factory=dict)
     intersample: Intersample | None = None
     refused: Mapping[str, str] = field(default_factory=dict)
     holds_to_hz: float | None = None
+
+    _WHAT, _COMMAND = "a linear model", "lin"
 
     @property
     def operating_point(self) -> OperatingPoint:
@@ -235,45 +227,21 @@ class LinResult(Reportable):
         """
         return replace(self, why=why)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "method": self.method,
-            "why": self.why,
-            **{name: np.asarray(getattr(self, name)).tolist() for name in "ABCD"},
-            "dt": self.dt,
-            **{n: list(getattr(self, n)) for n in ("state_names", "input_names", "output_names")},
-            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
-            **pole_keys(self.poles, self.dt),
-            "x0": dict(self.point.x),
-            "u0": dict(self.point.u),
-            "y0": dict(self.point.y),
-            "discrete0": dict(self.point.discrete),
-            "dx0": dict(self.point.dx),
-            "time": self.point.time,
-            "units": dict(self.units),
-            **point_in_json(self.point),
-            "zero_rows_and_columns": [vars(z) for z in self.zeros],
-            "doubtful": [vars(d) for d in self.doubts],
-            "notes": list(self.notes),
-            "refused": dict(self.refused),
-            "holds_to_hz": self.holds_to_hz,
-            "calls": dict(self.calls),
-            "intersample": self.intersample.to_dict() if self.intersample is not None else None,
-        }
+    def computed(self) -> dict[str, Any]:
+        """Return the poles, and the point by the names it has beside matrices."""
+        point = self.point
+        at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
+        return {"poles": self.poles, **pole_keys(self.poles, self.dt), **at, "time": point.time}
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each entry of a matrix: matrix, row, column, value.
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the point from files of earlier versions, too."""
+        return {**data, "operating_point": OperatingPoint.from_dict(data)}
 
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_matrices([({}, self)], path)
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield one row for each entry of a matrix: matrix, row, column, value."""
+        yield ["matrix", "row", "column", "value"]
+        yield from self.entries()
 
     def entries(self) -> Iterator[list[Any]]:
         """Yield matrix, row, column and value of every entry."""
@@ -282,56 +250,6 @@ class LinResult(Reportable):
         for matrix, (left, top) in sides.items():
             table = getattr(self, matrix)
             yield from ([matrix, a, b, table[i, j]] for i, a in enumerate(left) for j, b in enumerate(top))
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> LinResult:
-        """Return the result that `to_dict` or the JSON of `workbench lin` describes.
-
-        Args:
-            data: all its keys.
-
-        Raises:
-            InputError: a key is missing or holds something else.
-        """
-        try:
-            return cls._from_dict(data)
-        except KeyError as error:
-            raise InputError(f"is not a linear model: {error} is missing; workbench lin --json writes one") from None
-        except (TypeError, ValueError) as error:
-            raise InputError(f"is not a linear model: {error}; workbench lin --json writes one") from None
-
-    @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> LinResult:
-        states, inputs, outputs = (tuple(data[k]) for k in ("state_names", "input_names", "output_names"))
-        n, m, q = len(states), len(inputs), len(outputs)
-        between = data["intersample"]
-        return cls(
-            model=data["model"],
-            interface=data["interface"],
-            method=data["method"],
-            why=data["why"],
-            A=_matrix(data, "A", n, n),
-            B=_matrix(data, "B", n, m),
-            C=_matrix(data, "C", q, n),
-            D=_matrix(data, "D", q, m),
-            state_names=states,
-            input_names=inputs,
-            output_names=outputs,
-            dt=float(data["dt"]),
-            units=dict(data["units"]),
-            point=OperatingPoint.from_dict(data),
-            zeros=tuple(Zero(**z) for z in data["zero_rows_and_columns"]),
-            doubts=tuple(Doubt(**d) for d in data["doubtful"]),
-            notes=tuple(data["notes"]),
-            refused=dict(data.get("refused", {})),
-            holds_to_hz=data.get("holds_to_hz"),
-            calls=dict(data["calls"]),
-            intersample=None if between is None else Intersample.from_dict(between, (q, n, m)),
-        )
-
-
-def _matrix(data: Mapping[str, Any], name: str, rows: int, columns: int) -> Floats:
-    return np.array(data[name], dtype=np.float64).reshape(rows, columns)
 
 
 def _weights(tau: Floats, s: complex) -> tuple[Complex, Complex]:
@@ -344,18 +262,3 @@ def _weights(tau: Floats, s: complex) -> tuple[Complex, Complex]:
     last = np.where(small, e1 * h / 2.0, h * (e0 - e1 * (1.0 + safe)) / safe**2)
     both = np.where(small, (e0 + e1) * h / 2.0, h * (e0 - e1) / safe)
     return both - last, last
-
-
-def write_matrices(members: Sequence[tuple[Mapping[str, float], LinResult]], path: str | Path | TextIO) -> None:
-    """Write one line for each entry of a matrix, behind what was varied.
-
-    Args:
-        members: (what was varied → value, linear model).
-        path: of the file, or an open text stream.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    names = list(members[0][0]) if members else []
-    rows = [[*values.values(), *entry] for values, result in members for entry in result.entries()]
-    write_csv(path, [[*names, "matrix", "row", "column", "value"], *rows])

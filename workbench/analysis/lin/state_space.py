@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ import control
 
 from workbench.analysis.lin.result import LinResult
 from workbench.core.operating_point import OperatingPoint
-from workbench.origin import Reportable
+from workbench.core.record import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,3 +69,12 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""
         return self.result.to_dict()
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> LinearModel:
+        """Return the model that `to_dict` or a file of `workbench lin --json` describes.
+
+        Raises:
+            InputError: a key is missing or holds something else.
+        """
+        return cls(LinResult.from_dict(data))

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from workbench.analysis.lin.result import LinResult
+from workbench.core.record import Record
 from workbench.errors import InputError, suggest
 from workbench.model import Model
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal
 
@@ -21,7 +22,7 @@ _TOLERANCE = 1e-10  # of the run: what is compared is the model, not its integra
 
 
 @dataclass(frozen=True, eq=False)
-class StepCheck(Reportable):
+class StepCheck(Record):
     """Responses to one step from the point of a linear model.
 
     Attributes:

@@ -6,23 +6,23 @@ import itertools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from workbench import __version__
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinAlong, LinOver
-from workbench.analysis.lin.result import LinResult, write_matrices
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import make_task
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
+from workbench.core.record import Part, Record, entry
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model
 from workbench.model.placing import find_point
-from workbench.origin import Reportable
 from workbench.signals import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -40,7 +40,7 @@ _DECIDING = ("method", "x0", "u0", "dx", "du", "inputs", "outputs", "time", "per
 
 
 @dataclass(frozen=True, eq=False)
-class LinPoint:
+class LinPoint(Part):
     """One member of an array of linear models.
 
     Attributes:
@@ -50,7 +50,7 @@ class LinPoint:
     """
 
     values: dict[str, float]
-    result: LinResult | None
+    result: LinResult | None = field(metadata=entry(inline=True))
     reason: str | None = None
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class LinPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class LinGrid(Reportable):
+class LinGrid(Record):
     """An array of linear models.
 
     Attributes:
@@ -71,7 +71,9 @@ class LinGrid(Reportable):
     interface: str
     solver: str
     over: dict[str, tuple[float, ...]]
-    points: tuple[LinPoint, ...]
+    points: tuple[LinPoint, ...] = field(metadata=entry(key="systems"))
+
+    _WHAT, _COMMAND = "a family of linear models", "lin --over"
 
     @property
     def failed(self) -> tuple[LinPoint, ...]:
@@ -94,27 +96,16 @@ class LinGrid(Reportable):
         named = [(str(p), p.result) for p in self.points if p.result is not None]
         return plot_curves(named, path)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "over": {name: list(values) for name, values in self.over.items()},
-            "systems": [{"values": p.values, **(p.result.to_dict() if p.result else {})} for p in self.points],
-            "failed": [{**p.values, "reason": p.reason} for p in self.failed],
-        }
+    def computed(self) -> dict[str, Any]:
+        """Return why there is no model at some points."""
+        return {"failed": [{**p.values, "reason": p.reason} for p in self.failed]}
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each entry of a matrix, behind what was varied.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_matrices([(p.values, p.result) for p in self.points if p.result is not None], path)
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield one row for each entry of a matrix, behind what was varied."""
+        yield [*self.over, "matrix", "row", "column", "value"]
+        for point in self.points:
+            if point.result is not None:
+                yield from ([*point.values.values(), *row] for row in point.result.entries())
 
 
 def _label(values: Mapping[str, float]) -> str:

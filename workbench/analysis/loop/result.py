@@ -17,8 +17,8 @@ from workbench.analysis.loop.place import Place
 from workbench.analysis.loop.transfer import Transfer
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.record import Record
 from workbench.errors import InputError
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ _MANY = 200
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoopResult(Reportable):
+class LoopResult(Record):
     """A loop opened at one place: loop transfer L, sensitivities, margins.
 
     Convention: negative feedback. Where the signal passed on at the place is z and y comes back, L = -Y/Z, so that the

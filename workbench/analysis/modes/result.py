@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from workbench.analysis.modes.poles import Complex
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.fmi.variable import Value
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 __all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
@@ -205,7 +205,7 @@ class ModeSet:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModesResult(Reportable):
+class ModesResult(Record):
     """Frequency and damping of every mode over a parameter: a flutter diagram, where it is an airspeed.
 
     Attributes:

@@ -10,8 +10,8 @@ from typing import Any, TextIO
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.units import Shown
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
-from workbench.origin import Reportable
 from workbench.session.base import Floats
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
@@ -65,7 +65,7 @@ class MotionFailed:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionComparison(Reportable):
+class MotionComparison(Record):
     """Motions of several models under the same signals.
 
     Attributes:

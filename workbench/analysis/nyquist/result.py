@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.origin import Reportable
+from workbench.core.record import Record
 
 __all__ = ["CRITERION", "Crossing", "NyquistResult"]
 
@@ -53,7 +52,7 @@ class Crossing:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NyquistResult(Reportable):
+class NyquistResult(Record):
     """L(jω) of a loop 1 + N·L = 0, and all its crossings in a band.
 
     Attributes:
@@ -97,17 +96,10 @@ class NyquistResult(Reportable):
             "imag": self.response.imag.tolist(),
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the table of crossings.
-
-        Args:
-            path: of the file.
-        """
-        with Path(path).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(Crossing.__dataclass_fields__)
-            for c in self.crossings:
-                writer.writerow(["" if v is None else v for v in c.to_dict().values()])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each crossing."""
+        yield tuple(Crossing.__dataclass_fields__)
+        yield from (tuple(vars(c).values()) for c in self.crossings)
 
     def band(self, low: float, high: float) -> NyquistResult:
         """Return the part of the curve between two frequencies.

@@ -13,8 +13,9 @@ from scipy.linalg import matrix_balance
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.modes.poles import poles_of
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.record import Record
 from workbench.errors import InputError, SimulationError, suggest
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 
 if TYPE_CHECKING:
     import control
@@ -27,7 +28,7 @@ _KEPT = 1e-4  # Hankel singular values below this part of the largest are left o
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BalancedReduction(Reportable):
+class BalancedReduction(Record):
     """A reduced system, and what was left out.
 
     Attributes:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TextIO
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.csv_file import write_csv
-from workbench.origin import Reportable
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record, entry
 from workbench.session.base import Floats
 
 __all__ = ["SimulationResult"]
 
 
 @dataclass(frozen=True)
-class SimulationResult(Reportable):
+class SimulationResult(Record):
     """Time histories.
 
     Attributes:
@@ -32,44 +31,18 @@ class SimulationResult(Reportable):
     model: str
     interface: str
     solver: str
-    time: Floats
-    signals: dict[str, Floats]
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    signals: dict[str, Floats] = field(metadata=entry(dims=("time",)))
     units: dict[str, str | None]
     notes: tuple[str, ...] = ()
     ended_at: float | None = None
     failed: str | None = None
     operating_point: OperatingPoint | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists, as the command line writes them to JSON."""
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "time": self.time.tolist(),
-            "signals": {name: values.tolist() for name, values in self.signals.items()},
-            "units": dict(self.units),
-            "notes": list(self.notes),
-            "ended_at": self.ended_at,
-            "failed": self.failed,
-            **point_in_json(self.operating_point),
-        }
+    _WHAT, _COMMAND = "a simulation", "simulate"
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write time [s] and every signal as columns with a heading line; a run cut short ends with a comment.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_csv(path, [["time", *self.signals], *zip(*self._columns(), strict=True), *self._cut()])
-
-    def _cut(self) -> list[list[str]]:
-        if self.ended_at is None:
-            return []
-        return [[f"# ended at {self.ended_at:.9g} s: {self.failed or 'by the FMU itself'}"]]
-
-    def _columns(self) -> list[list[float]]:
-        return [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Return time [s] and every signal as columns; the last row of a run cut short is a remark."""
+        yield from super().rows()
+        if self.ended_at is not None:
+            yield [f"# ended at {self.ended_at:.9g} s: {self.failed or 'by the FMU itself'}"]

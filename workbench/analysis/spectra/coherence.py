@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ from scipy import stats
 
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.spectra.cross import Complex, cross_spectra
-from workbench.analysis.spectra.density import write_rows
 from workbench.analysis.spectra.window import WindowSettings, choose_window
+from workbench.core.record import Record
 from workbench.errors import InputError
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
 __all__ = ["Coherence", "coherence"]
@@ -27,7 +27,7 @@ _NORMAL_95 = float(stats.norm.ppf(0.975))  # of a normal variable, in standard d
 
 
 @dataclass(frozen=True, eq=False)
-class Coherence(Reportable):
+class Coherence(Record):
     """Squared coherence, 0 … 1, from 0 to the Nyquist frequency; NaN where no input has power.
 
     Noise, nonlinear distortion, further inputs and a memory longer than a segment all make it smaller.
@@ -119,20 +119,13 @@ class Coherence(Reportable):
             "settings": self.settings.to_dict(),
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write frequency, the multiple coherence of each output, the ordinary ones, and 95 % bounds as columns.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each frequency: the multiple coherence of each output, the ordinary ones, 95 % bounds."""
         pairs = [f"{y} from {u}" for y in self.output_names for u in self.input_names]
         bounds = [f"{y} from all inputs, {side} 95 %" for side in ("lower", "upper") for y in self.output_names]
-        header = ["frequency [Hz]", *(f"{y} from all inputs" for y in self.output_names), *pairs, *bounds]
+        yield ("frequency [Hz]", *(f"{y} from all inputs" for y in self.output_names), *pairs, *bounds)
         flat = self.ordinary.reshape(len(self.frequency_hz), -1)
-        write_rows(path, header, np.column_stack([self.frequency_hz, self.multiple, flat, *self.interval_95]))
+        yield from np.column_stack([self.frequency_hz, self.multiple, flat, *self.interval_95]).tolist()
 
 
 @with_origin()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,16 +11,16 @@ import numpy as np
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.window import WindowSettings, choose_window
-from workbench.csv_file import write_csv
+from workbench.core.record import Record
 from workbench.errors import InputError, suggest
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
-__all__ = ["SpectralDensity", "sdf", "write_rows"]
+__all__ = ["SpectralDensity", "sdf"]
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralDensity(Reportable):
+class SpectralDensity(Record):
     """One-sided spectral densities, from 0 to the Nyquist frequency.
 
     Attributes:
@@ -75,17 +74,10 @@ class SpectralDensity(Reportable):
             "settings": self.settings.to_dict(),
         }
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write frequency and the auto-densities as columns.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        header = [f"{n} [{u or '1'}^2/Hz]" for n, u in zip(self.columns, self.units, strict=True)]
-        write_rows(path, ["frequency [Hz]", *header], np.column_stack([self.frequency_hz, self.density]))
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each frequency, with the spectral densities of the channels."""
+        yield ("frequency [Hz]", *(f"{n} [{u or '1'}^2/Hz]" for n, u in zip(self.columns, self.units, strict=True)))
+        yield from np.column_stack([self.frequency_hz, self.density]).tolist()
 
 
 @with_origin()
@@ -126,12 +118,3 @@ def sdf(
     )
     frequency, matrix = cross_spectra(np.hstack([experiment.u, experiment.y])[:, at], settings)
     return SpectralDensity(experiment.name, frequency, matrix, chosen, tuple(units[i] for i in at), settings)
-
-
-def write_rows(path: str | Path, header: Sequence[str], table: Floats) -> None:
-    """Write a table with a heading line; what is not a number becomes an empty cell.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    write_csv(path, [header, *([None if v != v else v for v in row] for row in table.tolist())])  # noqa: PLR0124  NaN

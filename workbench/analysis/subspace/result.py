@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.analysis.identified import IdentifiedModel
-from workbench.origin import Reportable
+from workbench.core.record import Record
 from workbench.session.base import Floats
 
 __all__ = ["SubspaceEstimate"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SubspaceEstimate(Reportable):
+class SubspaceEstimate(Record):
     """An identified model and how it came about.
 
     Attributes:

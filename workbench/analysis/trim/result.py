@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TextIO
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.csv_file import write_csv
-from workbench.origin import Reportable
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Part, Record, entry
 
 __all__ = ["NullDirection", "Residual", "TrimResult"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Residual:
+class Residual(Part):
     """What is left of one equation at the point.
 
     Attributes:
@@ -36,27 +33,23 @@ class Residual:
     required: bool = True
     idle: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields, ready for JSON."""
-        return dict(vars(self))
-
 
 @dataclass(frozen=True, kw_only=True)
-class NullDirection:
+class NullDirection(Part):
     """A direction in which the unknowns may change together and every equation still holds, at least at first.
 
     Attributes:
         components: unknown → its change [its unit]; the largest is one nominal value, those of no effect are left out.
     """
 
-    components: dict[str, float]
+    components: dict[str, float] = field(metadata=entry(inline=True))
 
     def __str__(self) -> str:
         return ", ".join(f"{name} {value:+.4g}" for name, value in self.components.items())
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrimResult(Reportable):
+class TrimResult(Record):
     """An operating point, or where the search for one ended.
 
     Attributes:
@@ -80,8 +73,8 @@ class TrimResult(Reportable):
     interface: str
     solver: str
     method: str
-    point: OperatingPoint
-    residuals: tuple[Residual, ...]
+    point: OperatingPoint = field(metadata=entry(key="operating_point"))
+    residuals: tuple[Residual, ...] = field(metadata=entry(key="residual"))
     null_directions: tuple[NullDirection, ...]
     converged: bool
     message: str
@@ -90,44 +83,25 @@ class TrimResult(Reportable):
     evaluations: int
     notes: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; `OperatingPoint.from_dict` reads the point back."""
-        return {
-            "interface": self.interface,
-            "solver": self.solver,
-            "method": self.method,
-            **self.point.to_dict(),
-            "model": self.model,
-            **point_in_json(self.point),
-            "residual": [r.to_dict() for r in self.residuals],
-            "null_directions": [dict(d.components) for d in self.null_directions],
-            "converged": self.converged,
-            "message": self.message,
-            "unknowns": list(self.unknowns),
-            "iterations": self.iterations,
-            "evaluations": self.evaluations,
-            "notes": list(self.notes),
-        }
+    _WHAT, _COMMAND = "a trim", "trim"
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line per number: set (x, u, y, dx, discrete, residual), name, value, unit.
+    def computed(self) -> dict[str, Any]:
+        """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too."""
+        return self.point.to_dict()
 
-        Args:
-            path: file to write, or an open text stream.
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the point with the keys of the trim that it has, too."""
+        return {**data, "operating_point": OperatingPoint.from_dict(data)}
 
-        Raises:
-            InputError: the file cannot be written.
-        """
-        write_csv(path, self._rows())
-
-    def _rows(self) -> Iterator[list[Any]]:
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield one row for each number: set (x, u, y, dx, discrete, residual), name, value, unit."""
         yield ["set", "name", "value", "unit"]
         point = self.point
         for name in ("x", "discrete", "u", "y", "dx"):
             values: dict[str, float] = getattr(point, name)
-            for variable, value in values.items():
+            for variable, number in values.items():
                 unit = point.units.get(variable) or ""
-                yield [name, variable, value, f"{unit or '1'} / s" if name == "dx" else unit]
+                yield [name, variable, number, f"{unit or '1'} / s" if name == "dx" else unit]
         for residual in self.residuals:
-            left = residual.value if math.isfinite(residual.value) else ""
-            yield ["residual", residual.name, left, residual.unit or ""]
+            yield ["residual", residual.name, residual.value, residual.unit or ""]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,9 @@ from workbench.analysis.march import march
 from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
-from workbench.csv_file import write_csv
+from workbench.core.record import Record
 from workbench.errors import InputError
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
 __all__ = ["PoleBootstrap", "bootstrap_poles"]
@@ -32,7 +31,7 @@ _AT_ONCE = 4_000_000  # numbers of simulated outputs and states held at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoleBootstrap(Reportable):
+class PoleBootstrap(Record):
     """Poles of many models identified from records like the one measured.
 
     Attributes:
@@ -105,18 +104,11 @@ class PoleBootstrap(Reportable):
         many = {"replicates": len(self.replicates), "words": list(self.words)}
         return {**plain, **many, "regions": [r.to_dict() for r in self.regions]}
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the poles of every replicate, real and imaginary parts as columns.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        head = [f"{part} {k + 1}" for k in range(len(self.regions)) for part in ("real", "imaginary")]
-        table = np.stack([self.replicates.real, self.replicates.imag], axis=-1).reshape(len(self.replicates), -1)
-        write_csv(path, [head, *table.tolist()])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each replicate."""
+        yield [f"{part} {k + 1}" for k in range(len(self.regions)) for part in ("real", "imaginary")]
+        table = np.stack([self.replicates.real, self.replicates.imag], axis=-1)
+        yield from table.reshape(len(self.replicates), -1).tolist()
 
 
 @with_origin()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from numpy.typing import NDArray
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr_result import NfrResult
-from workbench.csv_file import write_csv
+from workbench.core.record import Record
 from workbench.errors import InputError, suggest
-from workbench.origin import Reportable, with_origin
+from workbench.origin import with_origin
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Overlay(Reportable):
+class Overlay(Record):
     """Frequency responses from one input to one output, as sines would show them.
 
     Attributes:
@@ -136,21 +135,11 @@ class Overlay(Reportable):
         axis = {"amplitude": amplitude, "frequency_hz": self.frequency_hz.tolist()}
         return {**plain, **axis, "curves": curves, "differences": gaps, "words": list(self.words)}
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the differences, one line per frequency and curve.
-
-        Args:
-            path: of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        rows = [
-            (d.curve, *row)
-            for d in self.differences
-            for row in zip(d.frequency_hz.tolist(), _nullable(d.gain_db), _nullable(d.phase_deg), strict=True)
-        ]
-        write_csv(path, [("curve", "frequency_hz", "difference_db", "difference_deg"), *rows])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each frequency of each difference."""
+        yield ("curve", "frequency_hz", "difference_db", "difference_deg")
+        for d in self.differences:
+            yield from ((d.curve, *row) for row in zip(d.frequency_hz, d.gain_db, d.phase_deg, strict=True))
 
 
 @with_origin()

@@ -13,9 +13,9 @@ from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
+from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import InputError
-from workbench.origin import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,7 @@ __all__ = ["Validation"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Validation(Reportable):
+class Validation(Record):
     """An identified model compared with data.
 
     Attributes:

@@ -1,0 +1,148 @@
+"""Records: JSON, tables and frames that are derived from the fields."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from workbench.core.record import Part, Record, entry
+from workbench.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corner(Part):
+    frequency_hz: float
+    pole: complex
+    words: str = ""
+
+    def computed(self) -> dict[str, Any]:
+        return {"stable": self.pole.real < 0.0}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep(Record):
+    names: tuple[str, ...]
+    time: NDArray[np.float64] = field(metadata=entry(dims=("time",), unit="s"))
+    signals: dict[str, NDArray[np.float64]] = field(metadata=entry(dims=("time",)))
+    units: dict[str, str | None]
+    matrix: NDArray[np.float64] = field(metadata=entry(dims=("names", "inputs")))
+    inputs: tuple[str, ...]
+    response: NDArray[np.complex128]
+    corners: tuple[Corner, ...] = field(default=(), metadata=entry(key="corner_points"))
+    nearest: Corner | None = field(default=None, metadata=entry(inline=True))
+    limits: dict[float, float | None] = field(default_factory=dict)
+    hidden: object = field(default=None, metadata=entry(kept=False))
+
+    _WHAT, _COMMAND = "a sweep", "sweep"
+
+
+def sweep(**changed: Any) -> Sweep:  # noqa: ANN401 - fields
+    given: dict[str, Any] = {
+        "names": ("a", "b"),
+        "inputs": (),
+        "time": np.array([0.0, 1.0, 2.0]),
+        "signals": {"x": np.array([1.0, np.nan, 3.0]), "y": np.array([0.0, 0.5, np.inf])},
+        "units": {"x": "m", "y": None},
+        "matrix": np.zeros((2, 0)),
+        "response": np.array([1.0 + 2.0j, complex(np.nan, np.nan)]),
+        "corners": (Corner(frequency_hz=2.0, pole=-1 + 3j), Corner(frequency_hz=np.nan, pole=1j, words="twice")),
+        "limits": {0.5: 1.0, 2.0: None},
+    }
+    return Sweep(**{**given, **changed})
+
+
+def written(record: Record) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(json.dumps(record.to_dict(), allow_nan=False))
+    return data
+
+
+def test_the_keys_are_those_of_the_fields() -> None:
+    data = written(sweep())
+    assert data["time"] == [0.0, 1.0, 2.0]
+    assert data["signals"] == {"x": [1.0, None, 3.0], "y": [0.0, 0.5, None]}
+    assert data["response"] == [[1.0, 2.0], [None, None]]
+    assert data["corner_points"][0] == {"frequency_hz": 2.0, "pole": [-1.0, 3.0], "words": "", "stable": True}
+    assert data["limits"] == {"0.5": 1.0, "2": None}
+    assert not {"hidden", "corners", "nearest"} & set(data)
+
+
+def test_a_record_reads_its_own_json() -> None:
+    first = sweep(signals={"x": np.array([1.0, np.nan, 3.0])}, nearest=Corner(frequency_hz=3.0, pole=1j))
+    again = Sweep.from_dict({"command": "sweep", "seconds": 0.1, **written(first)})
+    assert again.corners[0] == first.corners[0]
+    assert np.isnan(again.corners[1].frequency_hz)
+    assert again.nearest == first.nearest
+    assert again.limits == first.limits
+    np.testing.assert_array_equal(again.response, first.response)
+    np.testing.assert_array_equal(again.signals["x"], first.signals["x"])
+    assert again.matrix.shape == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"time": None}, "is not a sweep: 'time' must be a list, not null"),
+        ({"names": "ab"}, "is not a sweep: 'names' must be a list, not \"ab\"; workbench sweep --json writes one"),
+        ({"names": ["a"], "matrix": [[1.0], [2.0]]}, r"'matrix' has the shape \(2, 1\), not \(1, 0\)"),
+        ({"corner_points": [{"frequency_hz": 1.0}]}, "'corner_points.pole' is missing"),
+        ({"limits": {"0.5": "high"}}, "'limits.0.5' must be a number, not \"high\""),
+    ],
+)
+def test_a_wrong_key_is_named(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Sweep.from_dict({**written(sweep()), **changed})
+
+
+def test_a_missing_key_is_named() -> None:
+    data = written(sweep())
+    del data["units"]
+    with pytest.raises(InputError, match="is not a sweep: 'units' is missing; workbench sweep --json writes one"):
+        Sweep.from_dict(data)
+
+
+def test_arrays_over_the_same_axis_are_a_table() -> None:
+    text = io.StringIO()
+    _signals_only().to_csv(text)
+    assert list(csv.reader(io.StringIO(text.getvalue()))) == [
+        ["time", "x"], ["0.0", "1.0"], ["1.0", ""], ["2.0", "3.0"]
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Signals(Record):
+    time: NDArray[np.float64] = field(metadata=entry(dims=("time",), unit="s"))
+    signals: dict[str, NDArray[np.float64]] = field(metadata=entry(dims=("time",)))
+
+
+def _signals_only() -> Signals:
+    return Signals(time=np.array([0.0, 1.0, 2.0]), signals={"x": np.array([1.0, np.nan, 3.0])})
+
+
+def test_signals_are_found_by_name() -> None:
+    record = _signals_only()
+    assert record["x"] is record.signals["x"]
+    with pytest.raises(InputError, match="Signals has no 'z'"):
+        record["z"]
+
+
+def test_a_frame_has_the_columns_of_the_table() -> None:
+    pytest.importorskip("pandas")
+    frame = _signals_only().to_dataframe()
+    assert list(frame.columns) == ["time", "x"]
+    np.testing.assert_array_equal(frame["x"], [1.0, np.nan, 3.0])
+
+
+def test_a_data_set_has_coordinates_and_units() -> None:
+    pytest.importorskip("xarray")
+    data = sweep(signals={"x": np.array([1.0, np.nan, 3.0])}).to_xarray()
+    assert data["x"].dims == ("time",)
+    assert data["x"].attrs == {"unit": "m"}
+    assert data["time"].attrs == {"unit": "s"}
+    assert data["matrix"].dims == ("names", "inputs")
