@@ -221,7 +221,7 @@ def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type
     flags = [flag, *filter(None, [declared.option.also])]
     option = typer.Option(
         *flags,
-        help=declared.help,
+        help=f"{declared.help} Repeatable." if form is not None and form.repeated else declared.help,
         metavar=metavar,
         rich_help_panel=group or None,
         hidden=declared.option.hidden,

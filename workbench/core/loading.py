@@ -61,9 +61,9 @@ class Loading(Options):
         default=None,
     )
     start_values: Settings = option(
-        "Value of a parameter, or start value of a variable; repeatable.", flag="--set", default_factory=dict
+        "Value of a parameter, or start value of a variable.", flag="--set", default_factory=dict
     )
-    bias: Values = option("Constant added to an input, whether it is forced or not; repeatable.", default_factory=dict)
+    bias: Values = option("Constant added to an input, whether it is forced or not.", default_factory=dict)
     hold_inputs: bool = option(
         "Co-simulation: hold inputs constant between communication points, as most masters do, even if the FMU accepts "
         "their slopes. For comparisons with such masters; less accurate at the same step.",

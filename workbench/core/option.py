@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import inspect
 import math
+import re
 import sys
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import MISSING, dataclass, field, fields
@@ -333,6 +334,7 @@ def documented(request: type[Options]) -> str:
     Args:
         request: class of the options.
     """
-    head, returns, tail = inspect.cleandoc(request.__doc__ or "").partition("\nReturns:")
+    text = inspect.cleandoc(request.__doc__ or "")
+    head, *tail = re.split(r"^(?=(?:Returns|Raises|Examples):$)", text, maxsplit=1, flags=re.MULTILINE)
     lines = [_ARGUMENTS, *(f"    {d.name}: {d.help}" for d in options_of(request))]
-    return "\n".join([head.rstrip(), "", *lines, "", *([f"{returns.strip()}{tail}"] if returns else [])])
+    return "\n".join([head.rstrip(), "", *lines, "", *tail])

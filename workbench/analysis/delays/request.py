@@ -47,7 +47,7 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
         default=None,
     )
     inputs: Signals = option(
-        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; repeatable. Other "
+        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv. Other "
         "inputs keep their start value or that of the operating point.",
         flag="--input",
         default_factory=dict,

@@ -83,13 +83,13 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     parts = ("identification", "validation")
 
     inputs: Names = option(
-        "Inputs to force; repeatable. Other inputs keep their value at the operating point.",
+        "Inputs to force. Other inputs keep their value at the operating point.",
         flag="--input",
         also="--inputs",
         metavar="U,..",
     )
     outputs: Names = option(
-        "Outputs to record, or any other variables; repeatable.", flag="--output", also="--outputs", metavar="Y,.."
+        "Outputs to record, or any other variables.", flag="--output", also="--outputs", metavar="Y,.."
     )
     _: KW_ONLY
     signal: Design | None = option(

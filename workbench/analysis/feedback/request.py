@@ -159,7 +159,7 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
     )
     signals: Signals | None = option(
         "Excite the motion from rest, e.g. pulse:duration=0.1,value=1; by default the motion is a predicted limit "
-        "cycle; repeatable.",
+        "cycle.",
         flag="--pulse",
         metavar="INPUT=SIGNAL",
         group=_MOTION,
@@ -217,9 +217,7 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         group=_RUN,
         default=None,
     )
-    outputs: Names = option(
-        "Additional variable to record; repeatable.", flag="--output", metavar="NAME", group=_RUN, default=()
-    )
+    outputs: Names = option("Additional variable to record.", flag="--output", metavar="NAME", group=_RUN, default=())
     limit: _Size | None = option(
         "Maximum deflection of the target in either direction, e.g. 25deg; a plain number is in the target's unit.",
         group=_ACTUATOR,

@@ -80,7 +80,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     )
     harmonics: int = option("Number of harmonics in harmonic balance.", metavar="K", least=1, default=7)
     methods: Names = option(
-        "Method to use: describing function, harmonic balance, shooting or simulation; by default all; repeatable.",
+        "Method to use: describing function, harmonic balance, shooting or simulation; by default all.",
         flag="--method",
         metavar="NAME",
         default=METHODS,
@@ -88,7 +88,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
     vary: Limits = option(
         "Follow the cycles over a parameter between two finite limits by harmonic balance, also around folds; gain is "
-        "a factor on the linear part; repeatable.",
+        "a factor on the linear part.",
         default_factory=dict,
     )
     run_until: float | None = option(
@@ -99,7 +99,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
         default=None,
     )
     inputs: Signals = option(
-        "Force an input in the run of --free-run, e.g. pulse:value=1,duration=0.1; repeatable.",
+        "Force an input in the run of --free-run, e.g. pulse:value=1,duration=0.1.",
         flag="--input",
         default_factory=dict,
     )

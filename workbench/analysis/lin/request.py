@@ -50,9 +50,9 @@ class PointOptions(AtPoint):
 
     _: KW_ONLY
     x0: Values | None = option(
-        "Value of a state or discrete state, instead of that of the operating point; repeatable.", default=None
+        "Value of a state or discrete state, instead of that of the operating point.", default=None
     )
-    u0: Values | None = option("Value of an input, instead of that of the operating point; repeatable.", default=None)
+    u0: Values | None = option("Value of an input, instead of that of the operating point.", default=None)
     time: float | None = option(
         "Time of the point; by default that of the operating point, or the model's start time.",
         unit="s",
@@ -97,12 +97,12 @@ class _Sampled(Options):
 class _Chosen(Options):
     _: KW_ONLY
     inputs: Names | None = option(
-        "Inputs of the linear model, in this order; by default all real inputs; repeatable.",
+        "Inputs of the linear model, in this order; by default all real inputs.",
         metavar="U,..",
         default=None,
     )
     outputs: Names | None = option(
-        "Outputs or states to use as outputs of the linear model; by default all real outputs; repeatable.",
+        "Outputs or states to use as outputs of the linear model; by default all real outputs.",
         metavar="Y,..",
         default=None,
     )
@@ -249,7 +249,7 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
 
     _: KW_ONLY
     over: Grid = option(
-        "Values of a parameter, input or state; gives one linear model for each combination; repeatable.",
+        "Values of a parameter, input or state; gives one linear model for each combination.",
         default_factory=dict,
         group=_SEVERAL,
     )
@@ -264,7 +264,7 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
         "Linearise at these times of a simulation.", unit="s", metavar="T1,T2,..", default=None, group=_SEVERAL
     )
     signals: Signals | None = option(
-        "Force an input in the simulation for --snapshot: a number, sine:…, step:…, file.csv; repeatable.",
+        "Force an input in the simulation for --snapshot: a number, sine:…, step:…, file.csv.",
         flag="--input",
         default=None,
         group=_SEVERAL,

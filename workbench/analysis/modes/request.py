@@ -60,7 +60,7 @@ class Modes(PointOptions, Analysis["ModesResult"]):
     band: Band | None = option("Lowest and highest value of what is varied.", python=True, default=None)
     points: int = option("Number of equidistant values in the range.", metavar="N", least=2, default=41)
     set: Settings | None = option("Parameters that all configurations have in common.", python=True, default=None)
-    against: Configurations = option("Parameters of another configuration to compare with; repeatable.", default=())
+    against: Configurations = option("Parameters of another configuration to compare with.", default=())
     trimmed: bool = option(
         "Trim at each value with the inputs held; by default the operating point stays the same.",
         flag="--trim",

@@ -56,19 +56,17 @@ class Trim(AtPoint, Analysis["TrimResult"]):
     example = "workbench trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json"
 
     _: KW_ONLY
-    free: Names = option("Inputs to find; repeatable.", metavar="U,..", default=())
-    fix: Values | None = option("Value that a state, input or output must have; repeatable.", default=None)
+    free: Names = option("Inputs to find.", metavar="U,..", default=())
+    fix: Values | None = option("Value that a state, input or output must have.", default=None)
     bound: Limits | None = option(
-        "Lowest and highest value of a state, input or output; an input with bounds is free; repeatable.", default=None
+        "Lowest and highest value of a state, input or output; an input with bounds is free.", default=None
     )
-    floating: Names = option(
-        "States whose derivative need not vanish; repeatable.", flag="--float", metavar="X,..", default=()
-    )
+    floating: Names = option("States whose derivative need not vanish.", flag="--float", metavar="X,..", default=())
     x0: Values | None = option(
-        "Value of a state at which the search begins, instead of that of the operating point; repeatable.", default=None
+        "Value of a state at which the search begins, instead of that of the operating point.", default=None
     )
     u0: Values | None = option(
-        "Value at which an input is held, or at which the search begins if the input is free; repeatable.",
+        "Value at which an input is held, or at which the search begins if the input is free.",
         default=None,
     )
     time: float | None = option(
