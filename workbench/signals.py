@@ -76,7 +76,12 @@ def _positive(owner: str, **values: float) -> None:
 
 @dataclass(frozen=True)
 class Constant(Signal):
-    """`value` at all times."""
+    """`value` at all times.
+
+    Examples:
+        >>> print(wb.Constant(2.0)(0.5))
+        2.0
+    """
 
     value: float
 
@@ -99,7 +104,11 @@ class Sine(Signal):
         frequency: [Hz], positive.
         phase: [deg].
         offset: mean value.
-        start: the time at which the phase counts from [s]; the sine exists before it too.
+        start: time from which the phase counts [s]; the sine also exists before it.
+
+    Examples:
+        >>> print(wb.Sine(amplitude=2.0, frequency=0.5, offset=1.0)(0.5))
+        3.0
     """
 
     amplitude: float = 1.0
@@ -130,7 +139,13 @@ class Sine(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Step(Signal):
-    """`initial` before `time` [s], `value` from `time` on."""
+    """`initial` before `time` [s], `value` from `time` on.
+
+    Examples:
+        >>> step = wb.Step(time=0.1, value=5.0)
+        >>> print(step(0.0), step(0.2))
+        0.0 5.0
+    """
 
     time: float
     value: float
@@ -170,6 +185,13 @@ class Prbs(Signal):
         start: when the first bit begins [s]; before it the sequence runs as if periodic.
 
     Source: L. Ljung, System Identification, 2nd ed., section 13.3.
+
+    Examples:
+        A period of 2³ - 1 bits holds 4 ones.
+
+        >>> signal = wb.Prbs(hold=1.0, order=3, amplitude=1.0)
+        >>> print(sum(signal(k + 0.5) > 0 for k in range(7)))
+        4
     """
 
     hold: float
@@ -231,6 +253,10 @@ class Table(Signal):
         times: shape (n,) [s], not falling; a time given twice is a jump.
         values: shape (n,).
         interpolate: "linear" between the points or "hold" (a staircase).
+
+    Examples:
+        >>> print(wb.Table([0.0, 1.0, 2.0], [0.0, 4.0, 4.0])(0.25))
+        1.0
     """
 
     times: Sequence[float]
@@ -277,6 +303,10 @@ def pulse(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
 
     Raises:
         InputError: a value out of range.
+
+    Examples:
+        >>> wb.pulse(value=2.0, duration=0.1)
+        Table(times=(0.0, 0.0, 0.1, 0.1), values=(0.0, 2.0, 2.0, 0.0), interpolate='linear')
     """
     _positive("pulse", duration=duration)
     _finite("pulse", time=time, value=value)
@@ -299,6 +329,13 @@ def gust(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
         InputError: a value out of range.
 
     Source: the "1 − cosine" gust of CS-25.341.
+
+    Examples:
+        The largest value is in the middle.
+
+        >>> gust = wb.gust(value=3.0, duration=2.0)
+        >>> print(gust.times[gust.values.index(3.0)])
+        1.0
     """
     _positive("gust", duration=duration)
     _finite("gust", time=time, value=value)
@@ -427,6 +464,10 @@ def parse_signal(text: str) -> Signal:
 
     Raises:
         InputError: unknown kind or option, missing option, not a number, no such file.
+
+    Examples:
+        >>> wb.parse_signal("sine:amplitude=2,frequency=0.5")
+        Sine(amplitude=2.0, frequency=0.5, phase=0.0, offset=0.0, start=0.0)
     """
     text = text.strip()
     if _is_number(text):

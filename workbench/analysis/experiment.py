@@ -223,6 +223,11 @@ def make_experiment(
     Raises:
         InputError: unequal lengths, fewer than two samples, a number that is not finite, times
             that are not equidistant, names or units not as many as columns, a name given twice.
+
+    Examples:
+        >>> data = wb.make_experiment(0.1, u=[0, 1, 1, 0], y=[0, 0, 2, 2], input_names=["u"], output_names=["y"])
+        >>> print(data.n_samples, data.time[-1].round(3))
+        4 0.3
     """
     inputs, outputs = columns("u", u), columns("y", y)
     if len(inputs) != len(outputs):
@@ -274,6 +279,12 @@ def read_experiment(
 
     Raises:
         InputError: no such file or column, no table, no time, not equidistant, a cell that is not a number.
+
+    Examples:
+        >>> data = wb.make_experiment(0.1, u=[0, 1, 1, 0], y=[0, 0, 2, 2], input_names=["u"], output_names=["y"])
+        >>> data.to_csv("data.csv")
+        >>> print(wb.read_experiment("data.csv").y[:, 0])
+        [0. 0. 2. 2.]
     """
     table = read_table(path)
     name = Path(path).name

@@ -52,6 +52,14 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         FmuError, SimulationError: the FMU cannot be started.
 
     Source: the source report, chapter 4 and appendix 11.2; the carried variant chapter 4.3.
+
+    Examples:
+        The corner frequency of 1/(s + 1) is 1/(2π) Hz; there the gain is 1/√2, and the output lags by 45 degrees.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     response = wb.nfr(lag, "u", "y", frequencies=[0.5 / math.pi], amplitudes=[1.0])
+        >>> print(f"{response.gain_db[0, 0]:.2f} dB, {response.phase_deg[0, 0]:.1f} deg")
+        -3.01 dB, -45.0 deg
     """
 
     command = "nfr"

@@ -97,6 +97,13 @@ def export(
     Raises:
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
         BuildError: the compiler is missing or failed, an unknown platform.
+
+    Examples:
+        >>> import control
+        >>> linear = control.ss([[-2.0]], [[1.0]], [[1.0]], [[0.0]])
+        >>> exported = wb.export(linear, "linear.fmu", platforms=["x86_64-linux"])
+        >>> print(exported.n_states, exported.n_inputs, exported.n_outputs)
+        1 1 1
     """
     target = _target(out)
     if fmi not in FMI_VERSIONS:

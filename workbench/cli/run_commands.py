@@ -148,6 +148,24 @@ def run_study(
     Raises:
         InputError: the study is wrong: one line with the file, the table and the key.
         FmuError: a model cannot be opened.
+
+    Examples:
+        In equilibrium the output of 1/(s + 1) is its input.
+
+        >>> from pathlib import Path
+        >>> _ = Path("lag.toml").write_text('''
+        ... models.lag = "fmu:FirstOrderLag"
+        ... analyses.rest = {command = "trim", model = "lag", u0 = {u = 2.0}}
+        ... [[requirements]]
+        ... name = "gain"
+        ... analysis = "rest"
+        ... kind = "value"
+        ... path = "y.y"
+        ... equal = 2.0
+        ... tolerance = 1e-9
+        ... ''')
+        >>> print(wb.run_study("lag.toml", store=None).passed)
+        True
     """
     from workbench.cli.app import app
     from workbench.cli.options import workers

@@ -22,6 +22,11 @@ class Loading(Options):
         InputError: no such file, interface, solver, variable; a value out of range; a system whose parts do not fit.
         FmuError: a file is no usable FMU, or has no binary for this platform.
         KernelMissingError: the compiled kernel is not installed, or is of another version.
+
+    Examples:
+        >>> with wb.load("fmu:Rudder@3") as rudder:
+        ...     print(rudder.interface, rudder.inputs[0].name, rudder.outputs[0].name)
+        me delC del
     """
 
     group = "Model"

@@ -98,6 +98,19 @@ def connect(
     Raises:
         InputError: unknown names, types or units that do not fit, two sources for one input.
         FmuError: an FMU cannot be used.
+
+    Examples:
+        Feedback with the gain 3 moves the pole of 1/(s + 1) from -1 to -4.
+
+        >>> system = wb.connect(
+        ...     {"lag": "fmu:FirstOrderLag", "gain": 3.0, "error": wb.SumComponent(name="error", signs=(1, -1))},
+        ...     [("lag.y", "error.u2"), ("error.y", "gain.u"), ("gain.y", "lag.u")],
+        ...     inputs={"reference": "error.u1"},
+        ...     outputs=["lag.y"],
+        ... )
+        >>> with system:
+        ...     print(wb.lin(system).A)
+        [[-4.]]
     """
     parts = [_part(n, value) for n, value in components.items()]
     description = SystemDescription(

@@ -102,6 +102,15 @@ def export_container(
         InputError: the container cannot express the system; the message names the component or connection and the
             reason.
         FmuError: an FMU's description is damaged.
+
+    Examples:
+        >>> parts = {"a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag"}
+        >>> system = wb.connect(parts, [("a.y", "b.u")], inputs=["a.u"], outputs=["b.y"])
+        >>> with system:
+        ...     container = wb.export_container(system, "lags.fmu", step=1 / 64)
+        >>> with wb.load("lags.fmu") as model:
+        ...     print(model.interface)
+        cs
     """
     target = _target(path)
     if not 0.0 < step < math.inf:

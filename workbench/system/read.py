@@ -33,6 +33,11 @@ def read_system(path: str | Path) -> SystemDescription:
     Raises:
         InputError: one line: no such file, or what in it is wrong, where, and what to do.
         FmuError: an .ssp that is no zip archive, is damaged or would write outside of its folder.
+
+    Examples:
+        >>> system = wb.read_system("system:rudder_loop")
+        >>> print([component.name for component in system.components])
+        ['plant', 'error', 'gain']
     """
     file = bundled_path(str(path)) if is_bundled_system(str(path)) else Path(path).expanduser()
     if not file.exists():

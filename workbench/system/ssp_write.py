@@ -60,6 +60,12 @@ def write_ssp(description: SystemDescription, path: str | Path) -> tuple[str, ..
         InputError: the system is not healthy (see `health.resolve`), holds a Python function, or the file cannot be
             written.
         FmuError: an FMU cannot be read.
+
+    Examples:
+        >>> notes = wb.write_ssp(wb.read_system("system:rudder_loop"), "rudder_loop.ssp")
+        >>> with wb.load("rudder_loop.ssp") as system:
+        ...     print([v.name for v in system.outputs])
+        ['del']
     """
     target = Path(path)
     if target.suffix.lower() != ".ssp":

@@ -66,6 +66,14 @@ def advise(
 
     Raises:
         InputError: fewer than 40 samples, a limit for a column that is no output.
+
+    Examples:
+        A constant input excites nothing.
+
+        >>> import numpy as np
+        >>> data = wb.make_experiment(0.1, u=np.ones(100), y=np.random.default_rng(0).standard_normal(100))
+        >>> print([finding.topic for finding in wb.advise(data).concerns])
+        ['excitation', 'delay', 'noise']
     """
     for name in limits or {}:
         if name not in experiment.output_names:

@@ -45,6 +45,11 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     Raises:
         InputError: no such file, an unknown name, a value out of range.
         FmuError: the file cannot be read, or has no binary for this platform.
+
+    Examples:
+        >>> card = wb.check("fmu:FirstOrderLag", interface="me", only=["reset", "determinism"])
+        >>> print(card.passed)
+        True
     """
 
     command = "check"

@@ -30,6 +30,13 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
         FmuError, SimulationError: as for a run.
 
     Source: G. Franklin, J. Powell, M. Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3.
+
+    Examples:
+        Model exchange parts of a system are one differential equation: no connection carries a delay.
+
+        >>> with wb.load("system:rudder_loop") as system:
+        ...     print(type(wb.delays(system)).__name__)
+        NoDelays
     """
 
     command = "delays"

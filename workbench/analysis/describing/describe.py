@@ -104,6 +104,13 @@ def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> 
 
     Raises:
         InputError: unknown kind or parameter, value out of range.
+
+    Examples:
+        Within its limits a saturation has the gain 1.
+
+        >>> block = wb.standard_block("saturation")
+        >>> print(wb.describing_function(block, [0.5]).gain[0, 0].real)
+        1.0
     """
     if kind not in STANDARD:
         raise InputError(f"block '{kind}' is unknown; {suggest(kind, STANDARD)}")
@@ -141,6 +148,13 @@ def describing_function(
 
     Source: Slotine & Li, Applied Nonlinear Control, chapter 5; Gelb & Vander Velde, Multiple-Input Describing
     Functions, chapter 2 and appendix B.
+
+    Examples:
+        An ideal relay has N(A) = 4/(πA).
+
+        >>> function = wb.describing_function(wb.standard_block("relay"), [1.0, 2.0])
+        >>> print(function.gain[:, 0].real.round(4))
+        [1.2732 0.6366]
     """
     a = _rising("amplitudes", amplitudes)
     if isinstance(block, Model):

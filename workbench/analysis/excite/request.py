@@ -72,6 +72,14 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
         SimulationError: the model failed while running.
 
     Source: the source report, chapter 5.2; L. Ljung, System Identification, 2nd ed., chapter 13.
+
+    Examples:
+        A binary sequence has two levels.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     experiment = wb.excite(lag, "u", "y", prbs="amplitude=2", dt=0.1, samples=300)
+        >>> print(experiment.identification.u.min(), experiment.identification.u.max())
+        -2.0 2.0
     """
 
     command = "excite"

@@ -106,6 +106,14 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         FmuError, SimulationError: a part cannot be opened, evaluated or simulated.
 
     Source: the source report, chapters 8.4 and 8.5; Slotine & Li, Applied Nonlinear Control, chapter 5.
+
+    Examples:
+        With dx/dt = -x + u and u = g·x the system is stable for g < 1.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     result = wb.feedback(lag, source="y", target="u")
+        >>> print(result.stable_gains)
+        ((-inf, 1.0),)
     """
 
     command = "feedback"

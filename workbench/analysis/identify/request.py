@@ -72,6 +72,15 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
 
     Raises:
         InputError: the data cannot be read or excite too little for the order, unknown name, too few samples.
+
+    Examples:
+        The sampled pole of 1/(s + 1) is exp(-dt).
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     experiment = wb.excite(lag, "u", "y", prbs="amplitude=1", dt=0.1, samples=300)
+        >>> found = wb.identify(experiment.identification, order=1, validation=experiment.validation)
+        >>> print(f"{found.model.A.item():.4f} {math.exp(-0.1):.4f}")
+        0.9048 0.9048
     """
 
     command = "identify"

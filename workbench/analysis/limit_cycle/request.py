@@ -49,6 +49,14 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
         FmuError, SimulationError: a part cannot be opened or evaluated.
 
     Source: Slotine & Li, Applied Nonlinear Control, chapter 5; the source report, chapter 8.3.
+
+    Examples:
+        The published limit cycle of the failed aileron has 2.64 Hz.
+
+        >>> with wb.load("system:failed_aileron") as aircraft:
+        ...     result = wb.limit_cycle(aircraft, block="damper", methods=["describing function"])
+        >>> print(f"{result.limit_cycles[0].frequency_hz:.2f} Hz")
+        2.64 Hz
     """
 
     command = "limit-cycle"

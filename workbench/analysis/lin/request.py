@@ -130,13 +130,6 @@ class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
 class Lin(_Single, Analysis["LinResult"]):
     """Linearise a model at an operating point.
 
-    ```python
-    with wb.load("fmu:Rudder") as rudder:
-        point = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"]).point
-        model = wb.lin(rudder, at=point, inputs=["delC"])
-    print(model.poles(), model.result.method, model.result.why)
-    ```
-
     A linear model says nothing about large motions: see `workbench.nfr` for gain and phase over the amplitude. The
     docstring of each method gives its limits (`workbench.analysis.lin.methods.METHODS`).
 
@@ -149,6 +142,14 @@ class Lin(_Single, Analysis["LinResult"]):
         FmuError, SimulationError: the model cannot be opened, initialised or evaluated.
 
     Source: the source report, chapter 3.
+
+    Examples:
+        Example 2-1b of the source report: within its limits the saturation has the slope 1.
+
+        >>> with wb.load("fmu:Saturation") as model:
+        ...     linear = wb.lin(model, method="difference", dx=1, du=1)
+        >>> print(linear.C, linear.D)
+        [[0.6407 0.6794]] [[0.43]]
     """
 
     command = "lin"
@@ -165,6 +166,14 @@ class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
     Raises:
         InputError: nothing to vary, unknown name, or a store for a model that is not a file.
         FmuError: the model cannot be opened.
+
+    Examples:
+        The pole of 1/(tau s + 1) is -1/tau.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     grid = wb.lin_over(lag, {"tau": [0.5, 2.0]})
+        >>> print(*(point.result.A.item() for point in grid.points))
+        -2.0 -0.5
     """
 
     command = "lin_over"
@@ -188,6 +197,14 @@ class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
     Raises:
         InputError: times that do not rise, unknown input.
         FmuError, SimulationError: the model cannot be run or evaluated.
+
+    Examples:
+        The model is linear: A is the same at any time.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     grid = wb.lin_along(lag, [0.5, 1.0], signals={"u": 1})
+        >>> print(*(point.result.A.item() for point in grid.points))
+        -1.0 -1.0
     """
 
     command = "lin_along"
@@ -213,6 +230,14 @@ class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
     Raises:
         InputError: unknown name, or no method applies.
         FmuError: the model cannot be opened.
+
+    Examples:
+        The pole of 1/(s + 1) by the FMU's directional derivatives; the other methods are beside it.
+
+        >>> with wb.load("fmu:FirstOrderLag", interface="me") as lag:
+        ...     comparison = wb.compare(lag, "u", "y", frequencies=[0.1], measure=False)
+        >>> print(comparison.results["exact (me)"].A)
+        [[-1.]]
     """
 
     command = "compare"

@@ -34,13 +34,6 @@ Open = str | tuple[str, str]
 class Loop(InWorkers, Analysis["LoopResult"]):
     """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
-    ```python
-    with wb.load("drive.toml") as system:
-        result = wb.loop(system, "plant.w", at=wb.trim(system))
-        print(result.margins.words, result.margins.gain_margin_db, result.margins.phase_margin_deg)
-        saturated = wb.loop(system, "plant.w", [1.0, 4.0], band=(0.5, 20.0))
-    ```
-
     Convention: negative feedback. The connection is cut; z is passed on in place of the source, y comes back in the
     source, all other loops stay closed. L = -Y/Z, wherever the minus sign lies, and the closed loop is
     S = 1/(1 + L), T = L/(1 + L). A loop with positive feedback thus has L < 0 at low frequency.
@@ -68,6 +61,19 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         InputError: no system, no such connection, a connection that is in no loop, co-simulation parts, a value out of
             its range.
         SimulationError: the system cannot be evaluated at the point.
+
+    Examples:
+        With L = 3/(s + 1) the gain is 1 at √8 rad/s; the phase margin is 180 - arctan(√8) degrees.
+
+        >>> loop = wb.connect(
+        ...     {"lag": "fmu:FirstOrderLag", "gain": 3.0, "error": wb.SumComponent(name="error", signs=(1, -1))},
+        ...     [("lag.y", "error.u2"), ("error.y", "gain.u"), ("gain.y", "lag.u")],
+        ...     inputs={"reference": "error.u1"},
+        ... )
+        >>> with loop:
+        ...     margins = wb.loop(loop, "lag.y").margins
+        >>> print(f"{margins.phase_margin_deg:.2f} {180 - math.degrees(math.atan(math.sqrt(8))):.2f}")
+        109.47 109.47
     """
 
     command = "loop"

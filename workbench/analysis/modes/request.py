@@ -19,16 +19,6 @@ __all__ = ["Modes", "modes"]
 class Modes(PointOptions, Analysis["ModesResult"]):
     """Follow every mode over a parameter, through crossings, and find where modes become unstable: a flutter diagram.
 
-    ```python
-    with wb.load("fmu:Aircraft") as aircraft:
-        diagram = wb.modes(
-            aircraft, vary="airspeed", band=(150, 350), set={"outer_aileron_failed": False},
-            against=[{"outer_aileron_failed": True}],
-        )
-    print(diagram.sets[0].first_unstable)
-    diagram.plot("flutter.png")
-    ```
-
     The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left
     and right eigenvectors, with models in between where that leaves a doubt, so that a mode keeps its number through
     a crossing; where even the smallest step leaves one, a meeting says so. Critical values are refined by root finding
@@ -43,6 +33,14 @@ class Modes(PointOptions, Analysis["ModesResult"]):
 
     Source: biorthogonal matching: Seyranian & Mailybaev, Multiparameter Stability Theory with Mechanical
     Applications, chapter 2; flutter diagrams: Bisplinghoff, Ashley & Halfman, Aeroelasticity, chapter 9.
+
+    Examples:
+        The pole of 1/(tau s + 1) is -1/tau.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     diagram = wb.modes(lag, vary="tau", values=[0.5, 1.0, 2.0])
+        >>> print(diagram.sets[0].modes[0].pole.real)
+        [-2.  -1.  -0.5]
     """
 
     command = "modes"

@@ -57,6 +57,15 @@ def nyquist(
         InputError: L is sampled or has several inputs or outputs, a band or amplitudes that do not rise.
 
     Source: Slotine & Li, Applied Nonlinear Control, 5.4 (describing function analysis).
+
+    Examples:
+        An ideal relay in a loop with 1/(s(s + 1)(s + 2)) oscillates at √2 rad/s with the amplitude 2/(3π).
+
+        >>> import control
+        >>> linear = control.ss(control.tf([1], [1, 3, 2, 0]))
+        >>> (crossing,) = wb.nyquist(linear, wb.standard_block("relay")).crossings
+        >>> print(f"{2 * math.pi * crossing.frequency_hz:.4f} rad/s, {crossing.amplitude:.4f}")
+        1.4142 rad/s, 0.2122
     """
     with one_thread():
         return _nyquist(_part(loop), block, _checked(band), _grid(amplitudes), name)

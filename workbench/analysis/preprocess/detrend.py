@@ -53,6 +53,13 @@ def detrend(experiment: Experiment, *, kind: str = "constant", columns: Sequence
 
     Raises:
         InputError: unknown kind or column.
+
+    Examples:
+        The mean is 3.5.
+
+        >>> data = wb.make_experiment(0.1, u=[0, 1, 1, 0], y=[2, 3, 4, 5], output_names=["y"])
+        >>> print(wb.detrend(data, columns=["y"]).experiment.y[:, 0])
+        [-1.5 -0.5  0.5  1.5]
     """
     if kind not in KINDS:
         raise InputError(f"detrend kind '{kind}' is unknown; {suggest(kind, KINDS)}")
@@ -76,6 +83,11 @@ def remove_offset(experiment: Experiment, values: Mapping[str, float]) -> Detren
 
     Raises:
         InputError: unknown column, or a value that is not finite.
+
+    Examples:
+        >>> data = wb.make_experiment(0.1, u=[0, 1, 1, 0], y=[2, 3, 4, 5], output_names=["y"])
+        >>> print(wb.remove_offset(data, {"y": 2.0}).experiment.y[:, 0])
+        [0. 1. 2. 3.]
     """
     names = all_columns(experiment)
     chosen = check_columns(experiment, list(values), names)

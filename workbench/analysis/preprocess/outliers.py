@@ -75,6 +75,15 @@ def remove_outliers(
 
     Raises:
         InputError: unknown column, or a threshold that is not positive.
+
+    Examples:
+        >>> import numpy as np
+        >>> u = np.random.default_rng(0).standard_normal(1000)
+        >>> y = 2 * u
+        >>> y[500] = 100.0
+        >>> cleaned = wb.remove_outliers(wb.make_experiment(0.1, u, y))
+        >>> print((cleaned.experiment.y[500, 0] / u[500]).round(3))
+        2.0
     """
     if not threshold > 0.0:
         raise InputError(f"threshold must be positive, not {threshold:g} standard deviations")

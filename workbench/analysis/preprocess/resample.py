@@ -48,6 +48,14 @@ def resample(experiment: Experiment, *, dt: float, antialias: bool = True) -> Re
 
     Raises:
         InputError: a shorter interval, an awkward ratio, too few samples left.
+
+    Examples:
+        Every second sample:
+
+        >>> import numpy as np
+        >>> data = wb.make_experiment(0.1, u=np.repeat(np.arange(50), 2), y=np.arange(100))
+        >>> print(wb.resample(data, dt=0.2, antialias=False).experiment.y[:4, 0])
+        [0. 2. 4. 6.]
     """
     if not (np.isfinite(dt) and dt > 0.0):
         raise InputError(f"the new sampling interval must be positive, not {dt:g} s")

@@ -54,6 +54,11 @@ def scale(experiment: Experiment, *, by: str | Mapping[str, float] = "deviation"
 
     Raises:
         InputError: unknown measure or column, a factor that is not positive.
+
+    Examples:
+        >>> data = wb.make_experiment(0.1, u=[0, 5, -5, 0], y=[0, 1, 2, 2])
+        >>> print(wb.scale(data, by="peak").experiment.u[:, 0])
+        [ 0.  1. -1.  0.]
     """
     names, m = all_columns(experiment), experiment.n_inputs
     values = np.hstack([experiment.u, experiment.y])

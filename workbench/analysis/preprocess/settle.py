@@ -67,6 +67,11 @@ def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Cut:
 
     Raises:
         InputError: negative, or less than 30 % of the record would be left.
+
+    Examples:
+        >>> data = wb.make_experiment(0.1, u=[0, 1, 1, 0, 1], y=[9, 3, 4, 5, 6])
+        >>> print(wb.cut_settling(data, samples=1).experiment.n_samples)
+        4
     """
     count = settling_samples(experiment) if samples is None else samples
     if not 0 <= count <= (1.0 - _LEFT) * experiment.n_samples:

@@ -92,6 +92,15 @@ def balanced_reduction(
     Raises:
         InputError: unknown method, order out of range, both order and tolerance given.
         SimulationError: the decomposition failed: unstable and stable poles too near each other.
+
+    Examples:
+        The second mode contributes 0.01/(s + 100) to the response, at most 1e-4; it can be removed.
+
+        >>> import numpy as np
+        >>> part = wb.LinearPart(np.diag([-1.0, -100.0]), np.array([1.0, 1.0]), np.array([1.0, 0.01]), 0.0)
+        >>> reduced = wb.balanced_reduction(part, order=1)
+        >>> print(reduced.part.A.round(2), reduced.bound < 2e-4)
+        [[-1.]] True
     """
     n = len(part.A)
     scaled, factor = _scaled(part)

@@ -33,6 +33,14 @@ class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
         SimulationError: the model failed while running; its `before` is the result up to then.
         DivergenceError: likewise, because something grew without bound: what, whether exponentially or to infinity
             in finite time, and when. Unless `points` names them, rows are added that show how, ever more densely.
+
+    Examples:
+        The step response of 1/(s + 1) is 1 - exp(-t).
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     run = wb.simulate(lag, stop=1.0, inputs={"u": 1})
+        >>> print(f"{run.signals['y'][-1]:.4f}")
+        0.6321
     """
 
     command = "simulate"

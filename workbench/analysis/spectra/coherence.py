@@ -152,6 +152,16 @@ def coherence(
     Raises:
         InputError: unknown window, segments too short, not more averages than inputs (the coherence would be
             1 whatever the data).
+
+    Examples:
+        Noise of the same power halves the coherence.
+
+        >>> import numpy as np
+        >>> u = np.random.default_rng(0).standard_normal(1000)
+        >>> noise = np.random.default_rng(1).standard_normal(1000)
+        >>> found = wb.coherence(wb.make_experiment(0.1, u, u + noise))
+        >>> print(found.multiple.mean().round(1))
+        0.5
     """
     settings = choose_window(
         experiment.n_samples, experiment.dt, segments=segments, length=length, overlap=overlap, window=window

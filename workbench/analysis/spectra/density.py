@@ -105,6 +105,15 @@ def sdf(
 
     Raises:
         InputError: unknown column or window, segments too short for the record.
+
+    Examples:
+        White noise of variance 1, sampled at 10 Hz, has the one-sided density 1/(5 Hz).
+
+        >>> import numpy as np
+        >>> u = np.random.default_rng(0).standard_normal(100_000)
+        >>> density = wb.sdf(wb.make_experiment(0.1, u, u)).density[:, 0]
+        >>> print(np.median(density).round(2))
+        0.2
     """
     names = (*experiment.input_names, *experiment.output_names)
     units = (*experiment.input_units, *experiment.output_units)

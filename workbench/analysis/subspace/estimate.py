@@ -82,6 +82,15 @@ def estimate(
 
     Raises:
         InputError: data not finite, of unequal length, too short for the order or not exciting enough; unknown name.
+
+    Examples:
+        >>> import numpy as np
+        >>> u = np.random.default_rng(0).standard_normal(300)
+        >>> y = np.zeros(300)
+        >>> for k in range(299):
+        ...     y[k + 1] = 0.5 * y[k] + u[k]
+        >>> print(wb.estimate(u, y, 0.1, order=1).model.A.round(6))
+        [[0.5]]
     """
     interval = check_interval(dt)
     settings = Settings(

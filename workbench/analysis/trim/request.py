@@ -49,6 +49,14 @@ class Trim(AtPoint, Analysis["TrimResult"]):
 
     Source: the source report, chapter 3.4 (its command lets derivatives float); residual table, counting and null
     directions are the workbench's own.
+
+    Examples:
+        The equilibrium of dx/dt = u - x is x = u.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     result = wb.trim(lag, u0={"u": 2.0})
+        >>> print(result.converged, result.point.x)
+        True {'x': 2.0}
     """
 
     command = "trim"

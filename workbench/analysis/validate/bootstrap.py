@@ -150,6 +150,21 @@ def bootstrap_poles(
 
     Raises:
         InputError: settings out of range, an unstable model, most replicates without a model of the same order.
+
+    Examples:
+        Is the true pole 0.5 in the region that belongs to the estimate?
+
+        >>> import numpy as np
+        >>> u, noise = np.random.default_rng(0).standard_normal((2, 500))
+        >>> y = np.zeros(500)
+        >>> for k in range(499):
+        ...     y[k + 1] = 0.5 * y[k] + u[k] + 0.1 * noise[k]
+        >>> def poles(u, y):
+        ...     return np.linalg.eigvals(wb.estimate(u, y, 0.1, order=1).model.A)
+        >>> data = wb.make_experiment(0.1, u, y)
+        >>> found = wb.bootstrap_poles(wb.estimate(u, y, 0.1, order=1).model, data, poles, replicates=50)
+        >>> print(found.regions[0].contains(0.5))
+        True
     """
     _check(model, data, replicates, block, confidence)
     length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))

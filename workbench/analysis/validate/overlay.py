@@ -174,6 +174,16 @@ def overlay(
 
     Raises:
         InputError: unknown name, amplitude or plant; nothing to compare with.
+
+    Examples:
+        The model identified from data without noise has the frequency response of the linearised one.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     data = wb.excite(lag, "u", "y", dt=0.1, samples=300).identification
+        ...     linear = wb.lin(lag)
+        >>> found = wb.overlay(wb.identify(data, order=1).model, lin=linear)
+        >>> print(abs(found.curves["identified"] - found.curves["linearised"]).max() < 1e-4)
+        True
     """
     source, target = _channel("input", model.input_names, input), _channel("output", model.output_names, output)
     linear = lin if lin is None or isinstance(lin, LinResult) else lin.result

@@ -54,6 +54,16 @@ def validate(
 
     Raises:
         InputError: other channels or sampling interval than the model's, too few samples for the lags, unknown start.
+
+    Examples:
+        The model of data without noise reproduces them.
+
+        >>> import numpy as np
+        >>> u = np.random.default_rng(0).standard_normal(1000)
+        >>> y = 0.5 * u
+        >>> model = wb.estimate(u, y, 0.1, order=0).model
+        >>> print(round(wb.validate(model, wb.make_experiment(0.1, u, y)).fit_percent["y1"], 3))
+        100.0
     """
     given = suited(model, data)
     many = _lags(given, lags)
