@@ -22,7 +22,7 @@ class Corner(Part):
     pole: complex
     words: str = ""
 
-    def computed(self) -> dict[str, Any]:
+    def derived(self) -> dict[str, Any]:
         return {"stable": self.pole.real < 0.0}
 
 

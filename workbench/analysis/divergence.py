@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session.base import Floats, Record
 
@@ -25,7 +25,7 @@ _STEADY = 1.1  # ratio of doubling times up to which growth is exponential
 
 
 @dataclass(frozen=True, kw_only=True)
-class Divergence:
+class Divergence(Part):
     """How a simulation grew until it stopped.
 
     Attributes:
@@ -68,10 +68,6 @@ class Divergence:
         """The escape time with the digits that the last doubling time allows."""
         digits = -math.floor(math.log10(self.doubling_times[-1]))
         return f"{self.escape_time:.{min(max(digits, 1), 9)}f}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "doubling_times": list(self.doubling_times)}
 
 
 class DivergenceError(SimulationError):

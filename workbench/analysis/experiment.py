@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -23,6 +23,7 @@ from workbench.analysis.experiment_checks import (
     units_of,
 )
 from workbench.core.closed_loop import ClosedLoop
+from workbench.core.record import Part, entry
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
@@ -31,13 +32,14 @@ __all__ = ["Experiment", "make_experiment", "read_experiment"]
 
 Indices = NDArray[np.intp]
 
+_SIDES = {"input": "u", "output": "y"}
 _LOOP = "# closed loop "  # before its description as JSON, in a line of a CSV file
 _TIME_NAMES = ("time", "t", "times", "zeit")
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 
-@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
-class Experiment:
+@dataclass(frozen=True, eq=False)
+class Experiment(Part):
     """Equidistant samples of inputs and outputs.
 
     u[k] is held over [time[k], time[k+1]); y[k] is the output at time[k], right after u[k] took
@@ -54,16 +56,16 @@ class Experiment:
         loops: closed loops of the system that the data come from, as far as is known.
     """
 
-    time: Floats
-    u: Floats
-    y: Floats
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    input_units: tuple[str | None, ...]
-    output_units: tuple[str | None, ...]
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    u: Floats = field(metadata=entry(dims=("time", "input_names"), named=True))
+    y: Floats = field(metadata=entry(dims=("time", "output_names"), named=True))
+    input_names: tuple[str, ...] = field(metadata=entry(kept=False))
+    output_names: tuple[str, ...] = field(metadata=entry(kept=False))
+    input_units: tuple[str | None, ...] = field(metadata=entry(kept=False))
+    output_units: tuple[str | None, ...] = field(metadata=entry(kept=False))
     name: str
     notes: tuple[str, ...] = ()
-    loops: tuple[ClosedLoop, ...] = ()
+    loops: tuple[ClosedLoop, ...] = field(default=(), metadata=entry(key="closed_loops"))
 
     @property
     def dt(self) -> float:
@@ -164,18 +166,16 @@ class Experiment:
             loops=self.loops,
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists, as the command line writes them to JSON."""
-        return {
-            "name": self.name,
-            "dt": self.dt,
-            "time": self.time.tolist(),
-            "u": {name: column.tolist() for name, column in zip(self.input_names, self.u.T, strict=True)},
-            "y": {name: column.tolist() for name, column in zip(self.output_names, self.y.T, strict=True)},
-            "units": self.units,
-            "notes": list(self.notes),
-            **({"closed_loops": [loop.to_dict() for loop in self.loops]} if self.loops else {}),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return sampling interval and units."""
+        return {"dt": self.dt, "units": self.units}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the names and units of the channels."""
+        names = {f"{side}_names": tuple(data[key]) for side, key in _SIDES.items()}
+        units = {f"{side}_units": [data["units"][name] for name in data[key]] for side, key in _SIDES.items()}
+        return {**data, **names, **units}
 
     def to_csv(self, path: str | Path | TextIO) -> None:
         """Write time, inputs and outputs as columns headed "name [unit]".
@@ -317,7 +317,7 @@ def read_experiment(
 def _loop(name: str, remark: str) -> ClosedLoop:
     try:
         return ClosedLoop.from_dict(json.loads(remark.removeprefix(_LOOP)))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, InputError):
         raise InputError(f"{name}: cannot read the remark '{remark}'; take the line out, or record anew") from None
 
 

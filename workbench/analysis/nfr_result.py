@@ -151,7 +151,7 @@ class NfrResult(Record):
         with np.errstate(divide="ignore"):
             return 20.0 * np.log10(self.gain)
 
-    def computed(self) -> dict[str, Any]:
+    def derived(self) -> dict[str, Any]:
         """Return gain, what the points are worth, and the signals with their units."""
         stable = [[None if np.isnan(x) else bool(x) for x in row] for row in self.stable.tolist()]
         names = [f.name for f in fields(Certificate)]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from workbench.core.record import Part
 
 __all__ = ["ClosedLoop", "between"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClosedLoop:
+class ClosedLoop(Part):
     """Components of a system that drive each other, and the signals that have to do with them.
 
     Attributes:
@@ -34,20 +35,6 @@ class ClosedLoop:
         if source in self.inside:
             return f"{source} is inside {loop}: it reacts to what it moves"
         return f"{source} acts on {loop}: the model is that of the loop"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists."""
-        return {name: value if isinstance(value, str) else list(value) for name, value in asdict(self).items()}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> ClosedLoop:
-        """Return what `to_dict` describes.
-
-        Raises:
-            KeyError: a key is missing.
-        """
-        lists = {name: tuple(data[name]) for name in ("components", "acting", "inside", "showing")}
-        return cls(system=str(data["system"]), **lists)
 
 
 def between(loops: Sequence[ClosedLoop], inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, ClosedLoop]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-__all__ = ["Part", "Record", "Reportable", "entry", "plain", "read_json"]
+__all__ = ["Part", "Record", "Reportable", "complex_of", "entry", "plain", "read_json"]
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
 _SHOWS = "workbench.report.results"
@@ -59,13 +59,13 @@ def entry(
 class Part:
     """A part of a record that is written to JSON and read back; a frozen dataclass.
 
-    The keys are those of the fields, in their order, then those of `computed`.
+    The keys are those of the fields, in their order, then those of `derived`.
     """
 
     _WHAT: ClassVar[str] = ""  # with its article, for messages
     _COMMAND: ClassVar[str] = ""  # that writes it
 
-    def computed(self) -> Mapping[str, Any]:
+    def derived(self) -> Mapping[str, Any]:
         """Return further keys for JSON → value: what follows from the fields."""
         return {}
 
@@ -80,8 +80,8 @@ class Part:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON; None in place of what is not finite."""
-        own = _written(self)
-        return {**own, **plain(self.computed()), **own}
+        own, inline = _written(self)
+        return {**own, **inline, **plain(self.derived()), **own}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -254,7 +254,8 @@ def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds
     if isinstance(value, Part):
         return value.to_dict()
     if is_dataclass(value):
-        return _written(value)
+        own, inline = _written(value)
+        return {**own, **inline}
     if isinstance(value, Mapping):
         return {_name(key): plain(inner) for key, inner in value.items()}
     if hasattr(value, "tolist"):
@@ -262,6 +263,13 @@ def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds
     if isinstance(value, Path):
         return str(value)
     return [plain(inner) for inner in value]
+
+
+def complex_of(real: Any, imag: Any) -> Any:  # noqa: ANN401 - lists of numbers; an array
+    """Return the complex array of two parts that JSON holds; None becomes NaN."""
+    import numpy as np  # noqa: PLC0415  slow to import, and options import this module
+
+    return np.array(real, dtype=np.float64) + 1j * np.array(imag, dtype=np.float64)
 
 
 def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
@@ -284,18 +292,19 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
 # -- writing -----------------------------------------------------------------------------------
 
 
-def _written(record: Any) -> dict[str, Any]:  # noqa: ANN401 - a dataclass
-    """Return the keys of the fields."""
-    keys: dict[str, Any] = {}
+def _written(record: Any) -> tuple[dict[str, Any], dict[str, Any]]:  # noqa: ANN401 - a dataclass
+    """Return the keys of the fields, and those of the parts that stand among them."""
+    own: dict[str, Any] = {}
+    inline: dict[str, Any] = {}
     for declared in fields(record):
         said, held = declared.metadata, getattr(record, declared.name)
         if said.get("inline"):
-            keys |= plain(held) or {}
+            inline |= plain(held) or {}
         elif said.get("named"):
-            keys[_key(declared)] = plain(_by_name(held, [getattr(record, axis) for axis in said["dims"][1:]]))
+            own[_key(declared)] = plain(_by_name(held, [getattr(record, axis) for axis in said["dims"][1:]]))
         elif said.get("kept", True):
-            keys[_key(declared)] = plain(held)
-    return keys
+            own[_key(declared)] = plain(held)
+    return own, inline
 
 
 def _by_name(array: Any, names: Sequence[Sequence[str]]) -> Any:  # noqa: ANN401 - an array, or mappings of arrays
@@ -430,8 +439,8 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
 
 
 def _stacked(given: Any, levels: int, np: Any) -> Any:  # noqa: ANN401
-    if not levels:
-        return given
+    if not levels or not given:
+        return given if not levels else []
     return np.stack([np.asarray(_stacked(v, levels - 1, np), dtype=float) for v in given.values()], axis=1)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from workbench.analysis.experiment import Experiment
-from workbench.core.record import Record
+from workbench.core.record import Part, Record
 from workbench.errors import InputError, suggest
 
 __all__ = ["VERDICTS", "Advice", "Finding"]
@@ -17,7 +17,7 @@ VERDICTS = ("good", "unknown", "watch", "poor")
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Part):
     """The answer to one question about the data.
 
     Attributes:
@@ -39,11 +39,6 @@ class Finding:
     def __str__(self) -> str:
         tail = f" → {self.advice}" if self.advice else ""
         return f"{self.topic}: {self.verdict}: {self.evidence}{tail}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        marks = {name: list(samples) for name, samples in self.marks.items()}
-        return {**{n: getattr(self, n) for n in ("topic", "verdict", "evidence", "advice", "values")}, "marks": marks}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,16 +109,9 @@ class Advice(Record):
             "use a PRBS or a multisine with more lines, or a lower order"
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "name": self.experiment.name,
-            "worst": self.worst,
-            "excited_orders": self.excited_orders,
-            "single_sine": self.single_sine,
-            "order": self.order,
-            "findings": [f.to_dict() for f in self.findings],
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"name": self.experiment.name, "worst": self.worst}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each finding."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.record import Part, Record
 from workbench.errors import InputError, suggest
 
 __all__ = ["VERDICTS", "Finding", "HealthCard", "HealthLine"]
@@ -35,7 +34,7 @@ class Finding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthLine:
+class HealthLine(Part):
     """One check of one interface of one FMU.
 
     Attributes:
@@ -59,11 +58,6 @@ class HealthLine:
         where = ", ".join(filter(None, (self.component, self.interface)))
         tail = f" → {self.consequence}" if self.consequence else ""
         return f"{self.name} ({where}): {self.verdict}: {self.evidence}{tail}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        names = ("component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds")
-        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,29 +116,12 @@ class HealthCard(Record):
         known = [c.name for c in self.checks if c.interface == interface]
         raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "model": self.model,
-            "source": self.source,
-            "sha256": self.sha256,
-            "fmi_version": self.fmi_version,
-            "generation_tool": self.generation_tool,
-            "interfaces": list(self.interfaces),
-            "verdict": self.worst,
-            "passed": self.passed,
-            "checks": [c.to_dict() for c in self.checks],
-            "notes": list(self.notes),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"verdict": self.worst, "passed": self.passed}
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each check: component, interface, name, verdict, evidence, consequence.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        names = ["component", "interface", "name", "verdict", "evidence", "consequence"]
-        write_csv(path, [names, *([getattr(c, n) for n in names] for c in self.checks)])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each check."""
+        names = ("component", "interface", "name", "verdict", "evidence", "consequence")
+        yield names
+        yield from ([getattr(c, n) for n in names] for c in self.checks)

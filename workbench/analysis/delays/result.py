@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from workbench.core.operating_point import OperatingPoint
@@ -88,9 +88,9 @@ class DelayReport(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {"model": self.system, **asdict(self)}
+    def derived(self) -> dict[str, Any]:
+        """Return the name by which other results have the system."""
+        return {"model": self.system}
 
     def lines(self) -> tuple[str, ...]:
         """Return the report in plain words, one statement a line."""
@@ -176,6 +176,6 @@ class NoDelays(Record):
         """Why there is no delay."""
         return "all parts are of model exchange: one set of equations, no connection carries a delay"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {**asdict(self), "connections": [], "loops": []}
+    def derived(self) -> dict[str, Any]:
+        """Return what other systems have here."""
+        return {"connections": [], "loops": []}

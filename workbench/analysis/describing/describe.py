@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from workbench.analysis.describing.rate_limiter import RateLimiter
 from workbench.analysis.describing.static import StaticBlock
 from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
-from workbench.core.record import Record
+from workbench.core.record import Record, complex_of, entry
 from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.origin import with_origin
@@ -55,9 +55,9 @@ class DescribingFunction(Record):
 
     block: str
     method: str
-    amplitude: Floats
-    frequency_hz: Floats
-    gain: Complex
+    amplitude: Floats = field(metadata=entry(dims=("amplitude",)))
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
+    gain: Complex = field(metadata=entry(dims=("amplitude", "frequency_hz"), kept=False))
     harmonics: Floats
     frequency_dependent: bool
 
@@ -67,20 +67,19 @@ class DescribingFunction(Record):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.gain == 0.0, complex(-np.inf), -1.0 / self.gain).astype(np.complex128)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; arrays are [amplitude][frequency]."""
+    def derived(self) -> dict[str, Any]:
+        """Return the gain by its parts."""
         return {
-            "block": self.block,
-            "method": self.method,
-            "frequency_dependent": self.frequency_dependent,
-            "amplitude": self.amplitude.tolist(),
-            "frequency_hz": self.frequency_hz.tolist(),
-            "gain": np.abs(self.gain).tolist(),
-            "phase_deg": np.degrees(np.angle(self.gain)).tolist(),
-            "real": self.gain.real.tolist(),
-            "imag": self.gain.imag.tolist(),
-            "harmonics": [[[_number(h) for h in k] for k in row] for row in self.harmonics.tolist()],
+            "gain": np.abs(self.gain),
+            "phase_deg": np.degrees(np.angle(self.gain)),
+            "real": self.gain.real,
+            "imag": self.gain.imag,
         }
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the complex gain."""
+        return {**data, "gain": complex_of(data["real"], data["imag"])}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each amplitude and frequency."""
@@ -89,10 +88,6 @@ class DescribingFunction(Record):
             for j, f in enumerate(self.frequency_hz):
                 n, inverse = self.gain[i, j], self.minus_inverse[i, j]
                 yield (a, f, n.real, n.imag, inverse.real, inverse.imag)
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> Block:

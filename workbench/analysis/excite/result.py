@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
 from workbench.analysis.experiment import Experiment
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.core.record import Record
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 
 __all__ = ["ExciteResult", "SignalFacts", "validation_path"]
@@ -64,7 +65,7 @@ class ExciteResult(Record):
     model: str
     interface: str
     solver: str
-    identification: Experiment
+    identification: Experiment = field(metadata=entry(kept=False))
     validation: Experiment | None
     design: SignalFacts
     u0: dict[str, float]
@@ -103,28 +104,18 @@ class ExciteResult(Record):
         self.validation.to_csv(second)
         return (first, second)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as the command line writes them to JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the signals of the identification part."""
         first = self.identification.to_dict()
-        second = None if self.validation is None else self.validation.to_dict()
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "dt": self.design.dt,
-            "time": first["time"],
-            "u": first["u"],
-            "y": first["y"],
-            "units": first["units"],
-            **({"closed_loops": first["closed_loops"]} if "closed_loops" in first else {}),
-            "validation": None if second is None else {key: second[key] for key in ("time", "u", "y")},
-            "design": asdict(self.design),
-            "u0": dict(self.u0),
-            "y0": dict(self.y0),
-            "notes": list(self.notes),
-            "files": [],
-            **point_in_json(self.operating_point),
-        }
+        same = ("time", "u", "y", "units", "closed_loops")
+        own = {"data_name": first["name"], "data_notes": first["notes"], "dt": self.design.dt, "files": ()}
+        return {**{key: first[key] for key in same}, **own}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the identification part, whose signals stand among the keys."""
+        first = {**data, "name": data["data_name"], "notes": data["data_notes"]}
+        return {**data, "identification": Experiment.from_dict(first)}
 
 
 def validation_path(path: Path) -> Path:

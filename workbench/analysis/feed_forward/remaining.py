@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Part
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 
@@ -25,7 +25,7 @@ _ROUNDING = 1e-6  # of H: what a filter that compensates exactly leaves
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remaining:
+class Remaining(Part):
     """Limit cycles by the describing function, without limits of an actuator.
 
     Attributes:
@@ -35,10 +35,6 @@ class Remaining:
 
     without: tuple[Crossing, ...]
     with_filter: tuple[Crossing, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {name: [c.to_dict() for c in crossings] for name, crossings in vars(self).items()}
 
     def words(self, unit: str | None) -> list[str]:
         """What follows for the motion, one line each.

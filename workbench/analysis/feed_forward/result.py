@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from workbench.analysis.feed_forward.trial import Trial
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.record import Record
-from workbench.csv_file import write_csv
 
 if TYPE_CHECKING:
     import control
@@ -169,20 +169,12 @@ class FeedForwardResult(Record):
             **point_in_json(self.operating_point),
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write gain and phase over frequency: G, H, H/G and the filter after each step.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each frequency: gain and phase of G, H, H/G and of the filter after each step."""
         curves = {"G": self.g, "H": self.h, "H/G": self.exact, **{s.name: s.response for s in self.steps}}
-        head = ["frequency_hz", *(f"{n} {what}" for n in curves for what in ("gain", "phase_deg"))]
+        yield ("frequency_hz", *(f"{n} {what}" for n in curves for what in ("gain", "phase_deg")))
         columns = [c for v in curves.values() for c in (np.abs(v), np.angle(v, deg=True))]
-        rows = np.column_stack([self.frequency_hz, *columns]).tolist()
-        write_csv(path, [head, *rows])
+        yield from np.column_stack([self.frequency_hz, *columns]).tolist()
 
 
 def _pairs(values: Complex) -> list[list[float]]:

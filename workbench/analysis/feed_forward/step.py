@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.core.record import Part
 
 __all__ = ["FilterStep", "Judge"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FilterStep:
+class FilterStep(Part):
     """The filter after one step.
 
     Attributes:
@@ -39,11 +39,6 @@ class FilterStep:
     residual: float
     unstable_poles: Complex
     remark: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        data = {k: v for k, v in vars(self).items() if k not in {"response", "unstable_poles"}}
-        return {**data, "unstable_poles": [[p.real, p.imag] for p in self.unstable_poles.tolist()]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from workbench.analysis.feed_forward.wiring import Loops, closed, reopen
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.signals import Signal
@@ -29,7 +29,7 @@ _BEFORE = (1e-4, 1e-2, 0.1, 0.5)  # of the time after closing: so long before a 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Trial:
+class Trial(Part):
     """One simulation.
 
     Attributes:
@@ -62,15 +62,6 @@ class Trial:
     largest_target_rate: float
     divergence: Divergence | None = None
     failure: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; the time histories go to the CSV."""
-        skipped = {"time", "signals", "units", "divergence", "settling_seconds"}
-        return {
-            **{k: v for k, v in vars(self).items() if k not in skipped},
-            "settling_seconds": {f"{k:g}": v for k, v in self.settling_seconds.items()},
-            "divergence": None if self.divergence is None else self.divergence.to_dict(),
-        }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.record import Part
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
@@ -37,7 +38,7 @@ _INJECTED, _RETURNED = "feedback.block_output", "feedback.block_input"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CyclesLeft:
+class CyclesLeft(Part):
     """The limit cycles of the closed loop for one gain, by the describing function.
 
     Attributes:
@@ -71,15 +72,9 @@ class CyclesLeft:
             return "small motions settle, large ones grow; no cycle lies between"
         return "no cycle predicted: small and large motions settle"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "gain": self.gain,
-            "cycles": [c.to_dict() for c in self.cycles],
-            "unstable_small": self.unstable_small,
-            "unstable_large": self.unstable_large,
-            "words": self.words,
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"words": self.words}
 
 
 class _Remembering(Block):

@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.loop.crossings import real_crossings
 from workbench.analysis.modes.poles import poles_of
+from workbench.core.record import Part
 from workbench.session.base import Floats
 
 __all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
@@ -28,7 +28,7 @@ _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing:
+class Crossing(Part):
     """A gain at which a pole of the closed loop stands on the border of stability: 1 = g·G(jω).
 
     Attributes:
@@ -47,10 +47,6 @@ class Crossing:
     unstable_below: int
     unstable_above: int
     residual: float = math.nan
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON; null: infinite."""
-        return dict(vars(self))
 
 
 @dataclass(frozen=True)

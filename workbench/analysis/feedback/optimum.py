@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
+
+from workbench.core.record import Part
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.settling import GainRun
@@ -18,7 +20,7 @@ _NOTHING = 1e-11  # of the largest coefficient
 
 
 @dataclass(frozen=True, kw_only=True)
-class Optimum:
+class Optimum(Part):
     """The best gain for one threshold.
 
     Attributes:
@@ -42,10 +44,6 @@ class Optimum:
     unsettled: int
     coefficients: tuple[float, ...] = ()
     misfit: float | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "coefficients": list(self.coefficients)}
 
 
 def optimum_of(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.record import Record
-from workbench.csv_file import write_csv
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -97,18 +95,6 @@ class FeedbackRun(Record):
             "peak_after": {n: float(np.abs(v[after]).max()) for n, v in self.signals.items()},
             "units": dict(self.units),
         }
-
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write time [s] and the signals as columns.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        columns = [self.time.tolist(), *(v.tolist() for v in self.signals.values())]
-        write_csv(path, [["time", *self.signals], *zip(*columns, strict=True)])
 
 
 def feedback_run(

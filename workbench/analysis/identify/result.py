@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.advice import Advice
 from workbench.analysis.experiment import Experiment
@@ -135,16 +136,9 @@ class IdentifyResult(Record):
             **({} if self.overlay is None else {"overlay": self.overlay.to_dict()}),
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write measured, simulated and predicted outputs of the validation data.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        self.validation.to_csv(path)
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Return measured, simulated and predicted outputs of the validation data."""
+        return self.validation.rows()
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw measured, simulated and predicted outputs of the validation data.

@@ -48,15 +48,6 @@ class Branch(Record):
     folds: tuple[BranchPoint, ...]
     ends: tuple[str, str]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "parameter": self.parameter,
-            "points": [dict(vars(p)) for p in self.points],
-            "folds": [dict(vars(p)) for p in self.folds],
-            "ends": list(self.ends),
-        }
-
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""
         yield tuple(BranchPoint.__dataclass_fields__)

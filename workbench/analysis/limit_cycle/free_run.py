@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.passes import rising_passes
 from workbench.analysis.simulate.request import simulate
-from workbench.core.record import Record
+from workbench.core.record import Part, Record, entry
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.signals import Signal
@@ -27,7 +27,7 @@ _SMALL = 1e-9  # of the largest value: an oscillation smaller than that is round
 
 
 @dataclass(frozen=True, kw_only=True)
-class Span:
+class Span(Part):
     """The oscillation over a part of a run.
 
     Attributes:
@@ -44,10 +44,6 @@ class Span:
     scatter: float
     amplitude: float
     growth: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return dict(vars(self))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,9 +63,9 @@ class FreeRun(Record):
 
     signal: str
     unit: str | None
-    time: Floats
+    time: Floats = field(metadata=entry(key="record_time"))
     value: Floats
-    period_time: Floats
+    period_time: Floats = field(metadata=entry(key="time"))
     frequency_hz: Floats
     amplitude: Floats
     spans: tuple[Span, ...]
@@ -95,17 +91,9 @@ class FreeRun(Record):
         at = self.period_time[int(late[-1]) + size // 2] if len(late) else self.time[0]
         return f", changing over at about {at:.3g} s"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; the record itself goes to the CSV."""
-        return {
-            "signal": self.signal,
-            "unit": self.unit,
-            "words": self.words(),
-            "time": self.period_time.tolist(),
-            "frequency_hz": self.frequency_hz.tolist(),
-            "amplitude": self.amplitude.tolist(),
-            "spans": [s.to_dict() for s in self.spans],
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the whole in one line."""
+        return {"words": self.words()}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each period."""

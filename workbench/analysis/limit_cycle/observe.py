@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.passes import rising_passes
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 
@@ -24,7 +24,7 @@ _PERIODS = 6  # in half a stretch, at least
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation:
+class Observation(Part):
     """A free run from a disturbed operating point.
 
     Attributes:
@@ -54,10 +54,6 @@ class Observation:
             "undecided": f"has neither come to rest nor settled on an oscillation after {self.seconds:.3g} s",
         }
         return f"a run with the block's input moved by {self.push:.3g} {ends[self.outcome]}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "states": dict(self.states)}
 
 
 def observe(

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.observe import Observation
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Part, Record, entry
 
 __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitCycle:
+class LimitCycle(Part):
     """One limit cycle by one method.
 
     Attributes:
@@ -53,13 +51,9 @@ class LimitCycle:
         """Number of its crossing, counted from 1; "" for a cycle that a free run showed."""
         return "" if self.crossing is None else str(self.crossing + 1)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "states": dict(self.states or {})}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SimulatedCycle:
+class SimulatedCycle(Part):
     """The limit cycle that a simulation ends in.
 
     Attributes:
@@ -90,11 +84,6 @@ class SimulatedCycle:
     predicted_frequency_hz: float
     predicted_amplitude: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; the record goes to the CSV."""
-        skipped = {"time", "values"}
-        return {k: dict(v) if isinstance(v, Mapping) else v for k, v in vars(self).items() if k not in skipped}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LimitCycleResult(Record):
@@ -120,8 +109,8 @@ class LimitCycleResult(Record):
     interface: str
     solver: str
     block: str
-    input: str
-    output: str
+    input: str = field(metadata=entry(key="block_input"))
+    output: str = field(metadata=entry(key="block_output"))
     input_unit: str | None
     nyquist: NyquistResult
     limit_cycles: tuple[LimitCycle, ...]
@@ -145,37 +134,13 @@ class LimitCycleResult(Record):
         seen = "; ".join(o.words() for o in self.observed) or "no free run was made"
         return f"describing functions predict no limit cycle, −1/N(A) is met nowhere in the band; {seen}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        curve = self.nyquist.to_dict()
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "block": self.block,
-            "block_input": self.input,
-            "block_output": self.output,
-            "criterion": self.nyquist.criterion,
-            "unstable_open": self.nyquist.unstable_open,
-            "crossings": curve["crossings"],
-            "limit_cycles": [c.to_dict() for c in self.limit_cycles],
-            "simulated": None if self.simulated is None else self.simulated.to_dict(),
-            "observed": [o.to_dict() for o in self.observed],
-            "branches": [b.to_dict() for b in self.branches],
-            "free_run": None if self.free_run is None else self.free_run.to_dict(),
-            "nyquist": {k: curve[k] for k in ("frequency_hz", "real", "imag")},
-            "notes": list(self.notes),
-            **point_in_json(self.operating_point),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return what the describing function says."""
+        curve = self.nyquist
+        return {"criterion": curve.criterion, "unstable_open": curve.unstable_open, "crossings": curve.crossings}
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each limit cycle and method.
-
-        Args:
-            path: of the file, or an open one.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        columns = ["crossing", "method", "frequency_hz", "amplitude", "fundamental", "mean", "stable", "multiplier"]
-        write_csv(path, [columns, *([getattr(c, n) for n in columns] for c in self.limit_cycles)])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each limit cycle."""
+        names = ("crossing", "method", "frequency_hz", "amplitude", "fundamental", "mean", "stable", "multiplier")
+        yield names
+        yield from ([getattr(c, n) for n in names] for c in self.limit_cycles)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, TextIO
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +22,10 @@ from workbench.analysis.nfr import nfr
 from workbench.analysis.nfr_result import NfrResult
 from workbench.core.forms import several
 from workbench.core.job import Job
-from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
 from workbench.core.poles import natural_frequency_hz
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.record import Part, Record, entry
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
@@ -44,7 +42,7 @@ FAINT = 1e-2  # of the largest gain: what lies below is not compared unless aske
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Part):
     """One linear model against the measured response at one frequency.
 
     Attributes:
@@ -62,6 +60,16 @@ class Verdict:
     phase_deg: float
     agrees: bool | None
     measured_gain: float = math.nan
+
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"word": self.word}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the difference to a model without any effect, −∞ dB, which JSON does not hold."""
+        none = data["gain_db"] is None and data["agrees"] is not None
+        return {**data, "gain_db": -math.inf} if none else data
 
     @property
     def word(self) -> str:
@@ -100,7 +108,7 @@ class LinComparison(Record):
     input: str
     output: str
     results: dict[str, LinResult]
-    failed: dict[str, str]
+    failed: dict[str, str] = field(metadata=entry(key="not_applicable"))
     measured: NfrResult | None
     verdicts: tuple[Verdict, ...]
     interfaces: InterfaceDifference | None
@@ -117,34 +125,11 @@ class LinComparison(Record):
         """Whether the models were compared with a measurement."""
         return self.compared
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "input": self.input,
-            "output": self.output,
-            "results": {name: result.to_dict() for name, result in self.results.items()},
-            "not_applicable": dict(self.failed),
-            "measured": None if self.measured is None else self.measured.to_dict(),
-            "verdicts": [{**vars(v), "word": v.word} for v in self.verdicts],
-            "interfaces": None if self.interfaces is None else self.interfaces.to_dict(),
-            "words": list(self.words),
-            **point_in_json(self.operating_point),
-        }
-
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each linear model and frequency.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each verdict."""
         names = ("method", "frequency_hz", "gain_db", "phase_deg", "agrees", "measured_gain", "word")
-        write_csv(path, [list(names), *([getattr(v, name) for name in names] for v in self.verdicts)])
+        yield names
+        yield from ([getattr(v, name) for name in names] for v in self.verdicts)
 
 
 def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:

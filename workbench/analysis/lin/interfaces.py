@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.lin.result import LinResult
+from workbench.core.record import Part
 from workbench.session.base import Floats
 
 __all__ = ["InterfaceDifference", "compare_interfaces"]
@@ -30,7 +31,7 @@ VANISHED = 1e-3  # discrete poles smaller than this are over within a period
 
 
 @dataclass(frozen=True)
-class InterfaceDifference:
+class InterfaceDifference(Part):
     """A co-simulation against the equations of the same FMU.
 
     Attributes:
@@ -64,9 +65,9 @@ class InterfaceDifference:
             return text
         return f"{text}; poles agree within 1 % for steps up to {self.agreeing_step:.4g} s"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {**vars(self), "words": self.words}
+    def derived(self) -> dict[str, Any]:
+        """Return the sentence."""
+        return {"words": self.words}
 
 
 def compare_interfaces(

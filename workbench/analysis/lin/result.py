@@ -227,7 +227,7 @@ class LinResult(Record):
         """
         return replace(self, why=why)
 
-    def computed(self) -> dict[str, Any]:
+    def derived(self) -> dict[str, Any]:
         """Return the poles, and the point by the names it has beside matrices."""
         point = self.point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -43,11 +42,6 @@ class StepCheck(Record):
     linear: Floats
     nonlinear: Floats
     error: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        arrays = ("time", "linear", "nonlinear")
-        return {k: v.tolist() if k in arrays else v for k, v in vars(self).items()}
 
 
 @with_origin()

@@ -96,7 +96,7 @@ class LinGrid(Record):
         named = [(str(p), p.result) for p in self.points if p.result is not None]
         return plot_curves(named, path)
 
-    def computed(self) -> dict[str, Any]:
+    def derived(self) -> dict[str, Any]:
         """Return why there is no model at some points."""
         return {"failed": [{**p.values, "reason": p.reason} for p in self.failed]}
 

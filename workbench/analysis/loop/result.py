@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -163,25 +161,9 @@ class LoopResult(Record):
             "complementary": np.abs(response / (1.0 + response)).tolist(),
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each frequency: the linear loop, then each measured curve.
-
-        Args:
-            path: file to write, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        if not isinstance(path, str | Path):
-            csv.writer(path, lineterminator="\n").writerows([_COLUMNS, *self._rows()])
-            return
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                self.to_csv(file)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-    def _rows(self) -> Iterator[list[Any]]:
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each frequency: the linear loop, then each measured curve."""
+        yield _COLUMNS
         if self.linear is not None:
             f = self.frequencies()
             for frequency, value in zip(f.tolist(), self.linear.response(f).tolist(), strict=True):
@@ -189,8 +171,7 @@ class LoopResult(Record):
         for curve in self.curves:
             for p in curve.points:
                 rest = [p.mean, p.thd_passed, p.thd_returned, p.injected, p.balance]
-                shown = ["" if x is None else x for x in rest]
-                yield [curve.how, curve.amplitude, p.frequency_hz, *_numbers(p.value), *shown, p.status, p.reason or ""]
+                yield [curve.how, curve.amplitude, p.frequency_hz, *_numbers(p.value), *rest, p.status, p.reason]
 
 
 def _numbers(value: complex | None) -> list[Any]:

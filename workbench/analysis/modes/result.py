@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TextIO
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.modes.poles import Complex
-from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.record import Part, Record, complex_of, entry
 from workbench.fmi.variable import Value
 from workbench.session.base import Floats
 
@@ -71,7 +69,7 @@ class Mode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Critical:
+class Critical(Part):
     """A value of the parameter at which a mode becomes unstable or stable.
 
     Attributes:
@@ -93,9 +91,9 @@ class Critical:
         """Return "flutter" for an oscillation, "divergence" for a real pole."""
         return "flutter" if self.frequency_hz > 0.0 else "divergence"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "kind": self.kind}
+    def derived(self) -> dict[str, Any]:
+        """Return what happens there."""
+        return {"kind": self.kind}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +115,7 @@ class ModesMeeting:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModeSet:
+class ModeSet(Part):
     """The modes of one configuration.
 
     Attributes:
@@ -133,10 +131,10 @@ class ModeSet:
     label: str
     settings: Mapping[str, Value]
     value: Floats
-    modes: tuple[Mode, ...]
+    modes: tuple[Mode, ...] = field(metadata=entry(kept=False))
     critical: tuple[Critical, ...]
     meetings: tuple[ModesMeeting, ...] = ()
-    failed: Mapping[float, str]
+    failed: Mapping[float, str] = field(metadata=entry(kept=False))
 
     @property
     def first_unstable(self) -> Critical | None:
@@ -175,25 +173,35 @@ class ModeSet:
         """
         return self.modes[number - 1]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; arrays are [mode][value], null where it does not exist."""
+    def derived(self) -> dict[str, Any]:
+        """Return the modes column by column."""
+        columns = (
+            "number",
+            "states",
+            "frequency_hz",
+            "natural_frequency_hz",
+            "damped_frequency_hz",
+            "damping",
+            "uncertain",
+        )
         return {
-            "label": self.label,
-            "settings": dict(self.settings),
-            "value": self.value.tolist(),
-            "number": [m.number for m in self.modes],
-            "states": [list(m.states) for m in self.modes],
-            "frequency_hz": [m.frequency_hz.tolist() for m in self.modes],
-            "natural_frequency_hz": [m.natural_frequency_hz.tolist() for m in self.modes],
-            "damped_frequency_hz": [m.damped_frequency_hz.tolist() for m in self.modes],
-            "damping": [m.damping.tolist() for m in self.modes],
-            "real": [m.pole.real.tolist() for m in self.modes],
-            "imag": [m.pole.imag.tolist() for m in self.modes],
-            "unstable_modes": list(self.unstable_count),
-            "critical": [c.to_dict() for c in self.critical],
-            "meetings": [{**vars(m), "modes": list(m.modes)} for m in self.meetings],
+            **{name: [getattr(m, name) for m in self.modes] for name in columns},
+            "real": [m.pole.real for m in self.modes],
+            "imag": [m.pole.imag for m in self.modes],
+            "unstable_modes": self.unstable_count,
             "failed": [{"value": v, "reason": why} for v, why in self.failed.items()],
         }
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the modes one by one."""
+        modes = [
+            {"number": number, "states": states, "uncertain": uncertain, "pole": complex_of(real, imag)}
+            for number, states, uncertain, real, imag in zip(
+                *(data[key] for key in ("number", "states", "uncertain", "real", "imag")), strict=True
+            )
+        ]
+        return {**data, "modes": modes, "failed": {f["value"]: f["reason"] for f in data["failed"]}}
 
     def rows(self) -> Iterator[list[Any]]:
         """Yield label, value, mode, damped frequency, damping, real and imaginary part, natural frequency."""
@@ -229,26 +237,9 @@ class ModesResult(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "interface": self.interface,
-            "parameter": self.parameter,
-            "unit": self.unit,
-            "tolerance": self.tolerance,
-            "criterion": self.criterion,
-            "sets": [s.to_dict() for s in self.sets],
-            "notes": list(self.notes),
-            **point_in_json(self.operating_point),
-        }
-
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each configuration, mode and value.
-
-        Args:
-            path: of the file, or an open one.
-        """
-        heading = ["configuration", self.parameter, "mode", "frequency_hz", "damping", "real", "imag"]
-        heading += ["natural_frequency_hz"]
-        write_csv(path, [heading, *(row for s in self.sets for row in s.rows())])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each mode of each configuration at each value."""
+        rest = ("mode", "frequency_hz", "damping", "real", "imag", "natural_frequency_hz")
+        yield ("configuration", self.parameter, *rest)
+        for member in self.sets:
+            yield from member.rows()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from workbench.core.record import Part
 from workbench.session.base import Floats
 
 __all__ = ["Measure", "measure"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measure:
+class Measure(Part):
     """What a signal does in a window.
 
     Attributes:
@@ -29,10 +29,6 @@ class Measure:
     rms: float
     mean: float
     half_range: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return dict(vars(self))
 
 
 def measure(time: Floats, value: Floats, window: tuple[float, float]) -> Measure | None:

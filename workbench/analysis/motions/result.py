@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.units import Shown
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record
-from workbench.csv_file import write_csv
 from workbench.session.base import Floats
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
@@ -149,22 +147,16 @@ class MotionComparison(Record):
             "peak_ratio": self.ratio(m.system, m.signal, m.window),
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each system, signal and window.
-
-        Args:
-            path: of the file, or an open one.
-        """
-        heading = [
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each motion."""
+        yield (
             "system", "signal", "begin", "end", "unit", "peak", "peak_time", "rms", "mean", "half_range", "shown_unit",
             "peak_shown", "rms_shown", "peak_ratio",
-        ]  # fmt: skip
-        write_csv(path, [heading, *(self._row(m) for m in self.motions)])
-
-    def _row(self, m: Motion) -> list[Any]:
-        shown = self.shown[m.signal]
-        return [
-            m.system, m.signal, *self.windows[m.window], self.units[m.signal], *m.measure.to_dict().values(),
-            shown.unit, shown.factor * m.measure.peak, shown.factor * m.measure.rms,
-            self.ratio(m.system, m.signal, m.window),
-        ]  # fmt: skip
+        )  # fmt: skip
+        for m in self.motions:
+            shown = self.shown[m.signal]
+            yield (
+                m.system, m.signal, *self.windows[m.window], self.units[m.signal], *m.measure.to_dict().values(),
+                shown.unit, shown.factor * m.measure.peak, shown.factor * m.measure.rms,
+                self.ratio(m.system, m.signal, m.window),
+            )  # fmt: skip

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.core.record import Record
+from workbench.core.record import Part, Record, complex_of, entry
 
 __all__ = ["CRITERION", "Crossing", "NyquistResult"]
 
@@ -20,7 +20,7 @@ CRITERION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing:
+class Crossing(Part):
     """Where L(jω) meets −1/N(A), or the negative real axis without an amplitude that belongs to it.
 
     Attributes:
@@ -46,10 +46,6 @@ class Crossing:
     unstable_above: int
     distortion: float | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return dict(vars(self))
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NyquistResult(Record):
@@ -70,7 +66,7 @@ class NyquistResult(Record):
     name: str
     block: str
     frequency_hz: Floats
-    response: Complex
+    response: Complex = field(metadata=entry(kept=False))
     crossings: tuple[Crossing, ...]
     amplitude: Floats
     minus_inverse: Complex
@@ -83,18 +79,14 @@ class NyquistResult(Record):
         found = {c.frequency_hz: c for c in self.crossings if c.imag == 0.0 and c.real < 0.0}
         return tuple(found.values())
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "name": self.name,
-            "block": self.block,
-            "criterion": self.criterion,
-            "unstable_open": self.unstable_open,
-            "crossings": [c.to_dict() for c in self.crossings],
-            "frequency_hz": self.frequency_hz.tolist(),
-            "real": self.response.real.tolist(),
-            "imag": self.response.imag.tolist(),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the response by its parts."""
+        return {"real": self.response.real, "imag": self.response.imag}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the complex response."""
+        return {**data, "response": complex_of(data["real"], data["imag"])}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each crossing."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.record import Part
 from workbench.errors import InputError
 
 __all__ = ["BandError", "band_error", "dense_grid"]
@@ -18,7 +18,7 @@ _AROUND = np.array([-3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0])  # half widths of a r
 
 
 @dataclass(frozen=True, kw_only=True)
-class BandError:
+class BandError(Part):
     """Largest differences in a band.
 
     Attributes:
@@ -34,10 +34,6 @@ class BandError:
     absolute_hz: float
     relative: float
     relative_hz: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
-        return {**vars(self), "band": list(self.band)}
 
 
 def band_error(exact: LinearPart, reduced: LinearPart, band: tuple[float, float]) -> BandError:

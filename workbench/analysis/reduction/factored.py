@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from scipy.linalg import matrix_balance
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 
 __all__ = ["Factored", "factored", "right_of_axis"]
@@ -22,7 +22,7 @@ _PLACES = 9  # where the gain is measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Factored:
+class Factored(Part):
     """F(s) = gain · Π (s − zeros) / Π (s − poles).
 
     Attributes:
@@ -85,14 +85,6 @@ class Factored:
     def negated(self) -> Factored:
         """Return −F."""
         return Factored(zeros=self.zeros, poles=self.poles, gain=-self.gain)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON: zeros and poles as [real, imaginary]."""
-        return {
-            "gain": self.gain,
-            "zeros": [[z.real, z.imag] for z in self.zeros.tolist()],
-            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
-        }
 
 
 def factored(part: LinearPart) -> Factored:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy import stats
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.window import WindowSettings, choose_window
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -47,10 +47,10 @@ class Coherence(Record):
     """
 
     name: str
-    frequency_hz: Floats
-    ordinary: Floats
-    multiple: Floats
-    response: Complex
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
+    ordinary: Floats = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names"), named=True))
+    multiple: Floats = field(metadata=entry(dims=("frequency_hz", "output_names"), named=True))
+    response: Complex = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names")))
     input_density: Floats
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
@@ -98,26 +98,12 @@ class Coherence(Record):
         by_chance = self.multiple <= stats.beta.ppf(0.975, m, n - m)
         return np.where(by_chance, 0.0, low), high
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists, null where there is no value."""
-        multiple = {n: _nullable(self.multiple[:, i]) for i, n in enumerate(self.output_names)}
-        low, high = self.interval_95
-        interval = {
-            n: {"lower": _nullable(low[:, i]), "upper": _nullable(high[:, i])} for i, n in enumerate(self.output_names)
-        }
-        ordinary = {
-            y: {u: _nullable(self.ordinary[:, i, j]) for j, u in enumerate(self.input_names)}
-            for i, y in enumerate(self.output_names)
-        }
-        return {
-            "name": self.name,
-            "frequency_hz": self.frequency_hz.tolist(),
-            "multiple": multiple,
-            "interval_95": interval,
-            "ordinary": ordinary,
-            "significance_95": self.significance_95,
-            "settings": self.settings.to_dict(),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return what chance alone would give."""
+        sides = zip(("lower", "upper"), self.interval_95, strict=True)
+        interval = {side: dict(zip(self.output_names, bound.T, strict=True)) for side, bound in sides}
+        by_output = {n: {side: interval[side][n] for side in interval} for n in self.output_names}
+        return {"interval_95": by_output, "significance_95": self.significance_95}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each frequency: the multiple coherence of each output, the ordinary ones, 95 % bounds."""
@@ -203,7 +189,3 @@ def _of_spectra(s: Complex, m: int) -> tuple[Floats, Floats, Complex]:
     response = np.swapaxes(weights, 1, 2) * np.sqrt(safe[:, m:, None] / safe[:, None, :m])
     response[np.broadcast_to(dead[:, None, :m], response.shape)] = np.nan
     return np.clip(ordinary, 0.0, 1.0), np.clip(multiple, 0.0, 1.0), response
-
-
-def _nullable(values: Floats) -> list[float | None]:
-    return [v if np.isfinite(v) else None for v in values.tolist()]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.spectra.cross import Complex, cross_spectra
 from workbench.analysis.spectra.window import WindowSettings, choose_window
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -34,10 +34,10 @@ class SpectralDensity(Record):
     """
 
     name: str
-    frequency_hz: Floats
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
     matrix: Complex
     columns: tuple[str, ...]
-    units: tuple[str | None, ...]
+    units: tuple[str | None, ...] = field(metadata=entry(kept=False))
     settings: WindowSettings
 
     @property
@@ -63,16 +63,15 @@ class SpectralDensity(Record):
         low = np.flatnonzero(values < 10.0 ** (-0.1 * drop_db) * np.maximum.accumulate(values))
         return float(self.frequency_hz[first + low[0]] if low.size else self.frequency_hz[-1])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists; the auto-densities by column."""
-        density = self.density.T.tolist()
-        return {
-            "name": self.name,
-            "frequency_hz": self.frequency_hz.tolist(),
-            "density": dict(zip(self.columns, density, strict=True)),
-            "units": dict(zip(self.columns, self.units, strict=True)),
-            "settings": self.settings.to_dict(),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return auto-densities and units by column."""
+        auto = dict(zip(self.columns, self.density.T, strict=True))
+        return {"density": auto, "units": dict(zip(self.columns, self.units, strict=True))}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the units in the order of the columns."""
+        return {**data, "units": [data["units"][name] for name in data["columns"]]}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each frequency, with the spectral densities of the channels."""

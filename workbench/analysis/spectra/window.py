@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import signal, stats
 
+from workbench.core.record import Part
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -21,7 +22,7 @@ _SHORTEST = 8
 
 
 @dataclass(frozen=True)
-class WindowSettings:
+class WindowSettings(Part):
     """The segments of an averaged spectrum (Welch's method) and the error they leave.
 
     Attributes:
@@ -80,12 +81,9 @@ class WindowSettings:
         low, high = stats.chi2.ppf([0.975, 0.025], freedom)
         return float(freedom / low), float(freedom / high)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers."""
-        return {
-            **{n: getattr(self, n) for n in _FIELDS},
-            "interval_95": list(self.interval_95),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return resolution and error."""
+        return {n: getattr(self, n) for n in ("nyquist_hz", "resolution_hz", "random_error", "interval_95")}
 
     def describe(self) -> str:
         """Return one line for a picture."""
@@ -93,12 +91,6 @@ class WindowSettings:
             f"{self.window} window, {self.averages} segments of {self.length} samples, "
             f"{100.0 * self.overlap:.0f} % overlap, resolution {self.resolution_hz:.3g} Hz"
         )
-
-
-_FIELDS = (
-    "window", "segments", "length", "overlap", "averages", "effective_averages", "dt", "used", "nyquist_hz",
-    "resolution_hz", "random_error",
-)  # fmt: skip
 
 
 def choose_window(

@@ -85,7 +85,7 @@ class TrimResult(Record):
 
     _WHAT, _COMMAND = "a trim", "trim"
 
-    def computed(self) -> dict[str, Any]:
+    def derived(self) -> dict[str, Any]:
         """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too."""
         return self.point.to_dict()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from workbench.analysis.march import march
 from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -46,7 +46,7 @@ class PoleBootstrap(Record):
     """
 
     regions: tuple[PoleRegion, ...]
-    replicates: Complex
+    replicates: Complex = field(metadata=entry(key="replicate_poles"))
     confidence: float
     joint: bool
     block: int
@@ -98,11 +98,9 @@ class PoleBootstrap(Record):
         rows, columns = linear_sum_assignment(outside)
         return len(poles) == len(self.regions) and not np.any(outside[rows, columns])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return regions and settings as plain lists and numbers, ready for JSON."""
-        plain = {n: getattr(self, n) for n in ("confidence", "joint", "block", "failed", "dt", "seed")}
-        many = {"replicates": len(self.replicates), "words": list(self.words)}
-        return {**plain, **many, "regions": [r.to_dict() for r in self.regions]}
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"replicates": len(self.replicates), "words": self.words}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each replicate."""

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
 from workbench.analysis.validate.whiteness import LEVEL, covariances
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
 __all__ = ["CrossCorrelation", "cross_correlation"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CrossCorrelation:
+class CrossCorrelation(Part):
     """Correlation of residual e(t) with input u(t − lag), and what it says.
 
     Attributes:
@@ -28,11 +31,21 @@ class CrossCorrelation:
     """
 
     lags: Floats
-    values: Floats
+    values: Floats = field(metadata=entry(kept=False))
     band: Floats
     band_all: Floats
     p_negative: float
     p_positive: float
+
+    def derived(self) -> dict[str, Any]:
+        """Return the values as [output][input][lag], and the verdicts."""
+        verdicts = {name: getattr(self, name) for name in ("outside", "undermodelled", "feedback", "inside")}
+        return {"values": self.values.transpose(1, 2, 0), **verdicts}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the values as [lag][output][input]."""
+        return {**data, "values": np.array(data["values"], dtype=np.float64).transpose(2, 0, 1)}
 
     @property
     def outside(self) -> tuple[int, int]:

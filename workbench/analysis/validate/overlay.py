@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr_result import NfrResult
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -88,7 +88,7 @@ class Overlay(Record):
     input: str
     output: str
     frequency_hz: Floats
-    curves: Mapping[str, Complex]
+    curves: Mapping[str, Complex] = field(metadata=entry(kept=False))
     measured: NfrResult | None
     amplitude: float
     reference: str
@@ -122,18 +122,15 @@ class Overlay(Record):
                 lines.append(f"{d.curve}: within {far} of {self.reference} up to {high:.4g} Hz")
         return (*lines, *self.notes)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return curves and differences as plain lists and numbers, ready for JSON; a missing value is None."""
-        curves = {n: {"gain_db": _nullable(_db(h)), "phase_deg": _nullable(_deg(h))} for n, h in self.curves.items()}
-        gaps = [
-            {"curve": d.curve, "frequency_hz": d.frequency_hz.tolist(), "gain_db": _nullable(d.gain_db),
-             "phase_deg": _nullable(d.phase_deg)}
-            for d in self.differences
-        ]  # fmt: skip
-        plain = {n: getattr(self, n) for n in ("name", "input", "output", "reference", "nyquist_hz")}
-        amplitude = self.amplitude if np.isfinite(self.amplitude) else None
-        axis = {"amplitude": amplitude, "frequency_hz": self.frequency_hz.tolist()}
-        return {**plain, **axis, "curves": curves, "differences": gaps, "words": list(self.words)}
+    def derived(self) -> dict[str, Any]:
+        """Return the curves by gain and phase, and the comparison in sentences."""
+        curves = {name: {"gain_db": _db(curve), "phase_deg": _deg(curve)} for name, curve in self.curves.items()}
+        return {"curves": curves, "words": self.words}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the complex responses."""
+        return {**data, "curves": {name: _response(**curve) for name, curve in data["curves"].items()}}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each frequency of each difference."""
@@ -349,5 +346,6 @@ def _deg(response: Complex) -> Floats:
     return angle
 
 
-def _nullable(values: Floats) -> list[float | None]:
-    return [v if np.isfinite(v) else None for v in values.tolist()]
+def _response(gain_db: Sequence[float | None], phase_deg: Sequence[float | None]) -> Complex:
+    gain, phase = (np.array(values, dtype=np.float64) for values in (gain_db, phase_deg))
+    return np.asarray(10.0 ** (gain / 20.0) * np.exp(1j * np.radians(phase)), dtype=np.complex128)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.numden import transmission_zeros
+from workbench.core.record import Part
 
 __all__ = ["NEAR", "NearCancellation", "near_cancellations"]
 
@@ -20,7 +20,7 @@ NEAR = 0.25
 
 
 @dataclass(frozen=True)
-class NearCancellation:
+class NearCancellation(Part):
     """A pole and the zero beside it.
 
     Attributes:
@@ -45,11 +45,6 @@ class NearCancellation:
             f"pole {_number(self.pole)} and zero {_number(self.zero)} nearly cancel: "
             f"they change the gain by {100.0 * self.effect:.2g} % at most{inside}"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers."""
-        pair = {"pole": [self.pole.real, self.pole.imag], "zero": [self.zero.real, self.zero.imag]}
-        return {**pair, **{n: getattr(self, n) for n in ("distance", "effect", "within_confidence")}}
 
 
 def near_cancellations(

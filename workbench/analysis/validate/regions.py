@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.record import Part
 from workbench.session.base import Floats
 
 __all__ = ["PoleRegion", "pole_regions"]
@@ -22,7 +23,7 @@ _TINY = 1e-12  # least variance: of poles that never move, as those of noise-fre
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoleRegion:
+class PoleRegion(Part):
     """Where a pole may be.
 
     Attributes:
@@ -76,17 +77,9 @@ class PoleRegion:
         edge = np.linalg.cholesky(self.shape) @ np.vstack([np.cos(angle), np.sin(angle)])
         return np.asarray(self.pole + edge[0] + 1j * edge[1], dtype=np.complex128)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers."""
-        return {
-            "pole": [self.pole.real, self.pole.imag],
-            "spread": self.spread,
-            "bias": [self.bias.real, self.bias.imag],
-            "half_axes": list(self.half_axes),
-            "shape": self.shape.tolist(),
-            "on_axis": self.on_axis,
-            "determined": self.determined,
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the size of the region."""
+        return {"half_axes": self.half_axes}
 
 
 def pole_regions(poles: Complex, replicates: Complex, *, confidence: float, joint: bool) -> tuple[PoleRegion, ...]:

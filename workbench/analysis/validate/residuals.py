@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from workbench.analysis.experiment import Experiment
 from workbench.analysis.validate.cross_correlation import CrossCorrelation, cross_correlation
 from workbench.analysis.validate.fit import Fit, fit_of
 from workbench.analysis.validate.whiteness import Autocorrelation, autocorrelation
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
 __all__ = ["Residuals", "residuals_of"]
@@ -19,7 +20,7 @@ ROUNDING = 1e-9  # residuals below this part of the output's size are rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Residuals:
+class Residuals(Part):
     """Computed outputs, what is left, and what that says.
 
     Attributes:
@@ -37,7 +38,7 @@ class Residuals:
     residual: Floats
     fits: tuple[Fit, ...]
     autocorrelation: Autocorrelation | None
-    cross: CrossCorrelation | None
+    cross: CrossCorrelation | None = field(metadata=entry(key="cross_correlation"))
     remark: str = ""
 
     @property
@@ -49,14 +50,9 @@ class Residuals:
         tests = (self.autocorrelation.words, *self.cross.words)
         return (*(f"{self.kind}: {text}" for text in (*fits, *tests)),)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return figures and correlations as plain lists and numbers."""
-        a, c = self.autocorrelation, self.cross
-        tests: dict[str, Any] = {"autocorrelation": None, "cross_correlation": None}
-        if a is not None and c is not None:
-            tests = {"autocorrelation": _white(a), "cross_correlation": _cross(c)}
-        fits = [{k: _finite(v) for k, v in vars(f).items()} for f in self.fits]
-        return {"kind": self.kind, "fits": fits, **tests, "remark": self.remark, "words": list(self.words)}
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"words": self.words}
 
 
 def residuals_of(kind: str, data: Experiment, computed: Floats, *, lags: int) -> Residuals:
@@ -91,20 +87,3 @@ def _remark(data: Experiment, residual: Floats) -> str:
     if np.any(size <= ROUNDING * moved):
         return "the residuals of an output are rounding: nothing is left to test"
     return ""
-
-
-def _white(a: Autocorrelation) -> dict[str, Any]:
-    plain = {"lags": a.lags.tolist(), "values": a.values.T.tolist(), "band": a.band, "outside": list(a.outside)}
-    return {**plain, "statistic": a.statistic, "degrees": a.degrees, "p_value": a.p_value, "white": a.white}
-
-
-def _cross(c: CrossCorrelation) -> dict[str, Any]:
-    """Values and bands as [output][input]."""
-    plain = {"lags": c.lags.tolist(), "values": c.values.transpose(1, 2, 0).tolist(), "band": c.band.tolist()}
-    probabilities = {"p_negative": c.p_negative, "p_positive": c.p_positive}
-    verdicts = {**probabilities, "undermodelled": c.undermodelled, "feedback": c.feedback, "inside": c.inside}
-    return {**plain, "band_all": c.band_all.tolist(), "outside": list(c.outside), **verdicts}
-
-
-def _finite(value: str | float) -> str | float | None:
-    return value if isinstance(value, str) or np.isfinite(value) else None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +14,7 @@ from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ class Validation(Record):
     """
 
     model: IdentifiedModel
-    data: Experiment
+    data: Experiment = field(metadata=entry(key="experiment"))
     simulation: Residuals
     prediction: Residuals
-    cancellations: tuple[NearCancellation, ...]
-    bootstrap: PoleBootstrap | None
+    cancellations: tuple[NearCancellation, ...] = field(metadata=entry(key="near_cancellations"))
+    bootstrap: PoleBootstrap | None = field(metadata=entry(key="pole_confidence"))
     notes: tuple[str, ...]
 
     @property
@@ -119,40 +119,23 @@ class Validation(Record):
             raise InputError(f"residuals '{kind}' are unknown; known: {', '.join(known)}")
         return known[kind]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return figures, tests and verdicts as plain lists and numbers, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the figures and the verdict."""
         return {
             "data": self.data.name,
             "samples": self.data.n_samples,
-            "fit_percent": _nullable(self.fit_percent),
-            "error_percent": _nullable(self.error_percent),
-            "simulation": self.simulation.to_dict(),
-            "prediction": self.prediction.to_dict(),
-            "near_cancellations": [c.to_dict() for c in self.cancellations],
-            "pole_confidence": None if self.bootstrap is None else self.bootstrap.to_dict(),
-            "words": list(self.words),
-            "notes": list(self.notes),
+            "fit_percent": self.fit_percent,
+            "error_percent": self.error_percent,
+            "words": self.words,
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write time [s] and, for each output, measured, simulated and predicted values.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each instant: measured, simulated and predicted outputs."""
         outputs = [(n, k) for n in self.data.output_names for k in ("measured", "simulated", "predicted")]
+        yield ("time [s]", *(_head(n, k, self.data.units.get(n)) for n, k in outputs))
         three = np.stack([self.data.y, self.simulation.computed, self.prediction.computed], axis=-1)
-        table = np.column_stack([self.data.time, three.reshape(len(three), -1)])
-        head = ["time [s]", *(_head(n, k, self.data.units.get(n)) for n, k in outputs)]
-        write_csv(path, [head, *table.tolist()])
+        yield from np.column_stack([self.data.time, three.reshape(len(three), -1)]).tolist()
 
 
 def _head(name: str, kind: str, unit: str | None) -> str:
     return f"{name} {kind}" + (f" [{unit}]" if unit else "")
-
-
-def _nullable(values: dict[str, float]) -> dict[str, float | None]:
-    return {name: value if np.isfinite(value) else None for name, value in values.items()}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
 __all__ = ["LEVEL", "Autocorrelation", "autocorrelation", "covariances"]
@@ -15,7 +18,7 @@ LEVEL = 0.05  # false-alarm rate of every test
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Autocorrelation:
+class Autocorrelation(Part):
     """Autocorrelation of residuals and what it says.
 
     Attributes:
@@ -29,12 +32,21 @@ class Autocorrelation:
     """
 
     lags: Floats
-    values: Floats
+    values: Floats = field(metadata=entry(kept=False))
     band: float
     outside: tuple[int, ...]
     statistic: float
     degrees: int
     p_value: float
+
+    def derived(self) -> dict[str, Any]:
+        """Return the values as [output][lag], and the verdict."""
+        return {"values": self.values.T, "white": self.white}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the values as [lag][output]."""
+        return {**data, "values": np.array(data["values"], dtype=np.float64).T}
 
     @property
     def white(self) -> bool:
