@@ -9,7 +9,7 @@ from itertools import pairwise
 import control
 import numpy as np
 
-from workbench.analysis.loop.transfer import Transfer
+from workbench.core.linear import LinearPart
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
@@ -22,10 +22,10 @@ S = control.tf("s")
 SATURATION = {"s.C[1]": 0.0, "s.C[2]": 0.0, "s.D": 1.0}
 
 
-def transfer(system: control.lti.LTI) -> Transfer:
+def transfer(system: control.lti.LTI) -> LinearPart:
     """Return a system of python-control as a transfer function."""
     s = control.ss(system)
-    return Transfer(np.array(s.A), np.array(s.B), np.array(s.C), float(s.D[0, 0]), float(s.dt or 0.0))
+    return LinearPart(np.array(s.A), np.array(s.B), np.array(s.C), np.array(s.D), dt=float(s.dt or 0.0))
 
 
 def unity(

@@ -15,7 +15,7 @@ from workbench.analysis.feed_forward.remaining import Remaining, remaining, with
 from workbench.analysis.feed_forward.trial import Run, run_trial
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.limit_cycle.cut import find_ports
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 Numbers = list[float]
 

@@ -12,10 +12,10 @@ import pytest
 import workbench as wb
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.limit_cycle.cut import find_ports
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.cancel import pair_distances
 from workbench.analysis.reduction.factored import factored
 from workbench.cli.app import run
+from workbench.core.linear import LinearPart
 from workbench.system.read import read_system
 
 SYSTEMS = Path(__file__).parents[1] / "systems"

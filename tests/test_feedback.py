@@ -15,26 +15,26 @@ from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Crossing, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus
 from workbench.analysis.feedback.optimum import optimum_of
-from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.feedback.settling import GainRun
 from workbench.analysis.feedback.start import mean_magnitude
+from workbench.core.linear import LinearPart
 
 Floats = NDArray[np.float64]
 ALL = (-math.inf, math.inf)
 HZ = 2.0 * math.pi
 
 
-def plant(system: control.TransferFunction | control.StateSpace) -> Plant:
+def plant(system: control.TransferFunction | control.StateSpace) -> LinearPart:
     s = control.ss(system)
-    return Plant(s.A, s.B[:, 0], s.C[0], float(s.D[0, 0]), float(s.dt or 0.0))
+    return LinearPart(s.A, s.B, s.C, s.D, dt=float(s.dt or 0.0))
 
 
-def found(system: Plant) -> tuple[tuple[Crossing, ...], tuple[tuple[float, float], ...]]:
+def found(system: LinearPart) -> tuple[tuple[Crossing, ...], tuple[tuple[float, float], ...]]:
     every = crossings(system)
     return every, stable_gains(intervals(system, [c.gain for c in every]), ALL)
 
 
-def assert_stable(system: Plant, expected: list[tuple[float, float]], at: list[tuple[float, float]]) -> None:
+def assert_stable(system: LinearPart, expected: list[tuple[float, float]], at: list[tuple[float, float]]) -> None:
     """Compare stable intervals and (gain, frequency) of all crossings with what they must be."""
     every, stable = found(system)
     assert np.array(stable).reshape(-1, 2) == pytest.approx(np.array(expected).reshape(-1, 2), rel=1e-9)
@@ -70,11 +70,11 @@ def test_double_integrator_alone_is_never_stable() -> None:
     assert [c.gain for c in every] == [0.0]
 
 
-def turned(system: Plant, seed: int = 0) -> Plant:
+def turned(system: LinearPart, seed: int = 0) -> LinearPart:
     """Return the same G in coordinates of no meaning: rounding moves its poles on the border off it."""
     T = np.random.default_rng(seed).normal(size=system.A.shape)
-    C = np.asarray(np.linalg.solve(T.T, system.C), dtype=np.float64)
-    return Plant(T @ system.A @ np.linalg.inv(T), T @ system.B, C, system.D, system.dt)
+    C = np.asarray(np.linalg.solve(T.T, system.c), dtype=np.float64)
+    return LinearPart(T @ system.A @ np.linalg.inv(T), T @ system.B, C, system.D, dt=system.dt)
 
 
 def test_integrators_that_rounding_moved() -> None:
@@ -89,7 +89,7 @@ def test_integrators_that_rounding_moved() -> None:
 def test_undamped_structure_in_any_coordinates() -> None:
     """1/(s² + 1) + 1/(s² + 4) is real for all ω; the one gain that counts is 1/G(0) = 0.8, where it diverges."""
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([1.0, 4.0]), np.zeros((2, 2))]])
-    structure = Plant(A, np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 0.0]))
+    structure = LinearPart(A, np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 0.0]))
     assert_stable(turned(structure), [], [(0.0, 1.0 / HZ), (0.0, 2.0 / HZ), (0.8, 0.0)])
 
 
@@ -103,13 +103,13 @@ def test_repeated_undamped_pair() -> None:
 def test_an_integrator_that_is_not_seen_hides_no_crossing(seed: int) -> None:
     """1/(s + 1) + 1/(s + 2) + 1/(s + 3) beside an integrator that y does not see: G(0) = 11/6."""
     one = np.ones(4)
-    hidden = Plant(np.diag([0.0, -1.0, -2.0, -3.0]), one, np.array([0.0, 1.0, 1.0, 1.0]))
+    hidden = LinearPart(np.diag([0.0, -1.0, -2.0, -3.0]), one, np.array([0.0, 1.0, 1.0, 1.0]))
     assert_stable(turned(hidden, seed), [], [(0.0, 0.0), (6.0 / 11.0, 0.0)])
 
 
 def test_poles_that_cross_at_one_gain_have_the_same_sides() -> None:
     """1/z³: z³ = g; at ±1 a real pole and a pair cross together, a rounding error apart."""
-    delay = turned(Plant(np.eye(3, k=1), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), 0.0, 1.0))
+    delay = turned(LinearPart(np.eye(3, k=1), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), dt=1.0))
     every, _ = found(delay)
     assert [(round(c.gain), c.unstable_below, c.unstable_above) for c in every] == [(-1, 3, 0)] * 2 + [(1, 0, 3)] * 2
 
@@ -146,13 +146,13 @@ def test_direct_part_of_second_order() -> None:
 @pytest.mark.parametrize(("a", "dt"), [(0.5, 1.0), (1.3, 0.02)])
 def test_sampled_lag(a: float, dt: float) -> None:
     """The pole is a + g."""
-    lag = Plant(np.array([[a]]), np.ones(1), np.ones(1), 0.0, dt)
+    lag = LinearPart(np.array([[a]]), np.ones(1), np.ones(1), dt=dt)
     assert_stable(lag, [(-1.0 - a, 1.0 - a)], [(-1.0 - a, 0.5 / dt), (1.0 - a, 0.0)])
 
 
 def test_two_delays() -> None:
     """z² = g: stable for |g| < 1; at 1 both z = 1 and z = −1, at −1 z = ±j."""
-    delays = Plant(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.0, 0.1)
+    delays = LinearPart(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([0.0, 1.0]), dt=0.1)
     every, stable = found(delays)
     assert np.array(stable) == pytest.approx(np.array([[-1.0, 1.0]]))
     assert [c.gain for c in every] == pytest.approx([-1.0, 1.0, 1.0])
@@ -161,7 +161,7 @@ def test_two_delays() -> None:
 
 
 def test_no_states() -> None:
-    gain = Plant(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 2.0)
+    gain = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 2.0)
     every, _ = found(gain)
     assert [c.gain for c in every] == [0.5]
 
@@ -170,7 +170,7 @@ def test_no_states() -> None:
 
 
 def test_a_hidden_unstable_pole_is_named_and_nothing_is_stable() -> None:
-    hidden = Plant(np.diag([-1.0, 0.5]), np.array([1.0, 1.0]), np.array([1.0, 0.0]))
+    hidden = LinearPart(np.diag([-1.0, 0.5]), np.array([1.0, 1.0]), np.array([1.0, 0.0]))
     every, stable = found(hidden)
     assert stable == ()
     assert [c.gain for c in every] == pytest.approx([1.0])
@@ -179,7 +179,7 @@ def test_a_hidden_unstable_pole_is_named_and_nothing_is_stable() -> None:
 
 def test_a_hidden_undamped_oscillation_is_named_once() -> None:
     a = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 3.0], [0.0, -3.0, 0.0]])
-    hidden = Plant(a, np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0]))
+    hidden = LinearPart(a, np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0]))
     assert found(hidden)[1] == ()
     assert fixed_modes(hidden, [-5.0, 0.5]) == pytest.approx((3.0j,))
 
@@ -191,13 +191,13 @@ def test_an_unstable_pole_that_the_feedback_moves_is_not_fixed() -> None:
 # -- other methods -----------------------------------------------------------------------------
 
 
-def random_plant(seed: int, *, sampled: bool = False) -> Plant:
+def random_plant(seed: int, *, sampled: bool = False) -> LinearPart:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 9))
     a = rng.normal(size=(n, n))
     a = a / np.abs(np.linalg.eigvals(a)).max() * 1.1 if sampled else a - 0.5 * np.eye(n)
     d = 0.0 if seed % 2 else float(rng.normal())
-    return Plant(a, rng.normal(size=n), rng.normal(size=n), d, 0.05 if sampled else 0.0)
+    return LinearPart(a, rng.normal(size=n), rng.normal(size=n), d, dt=0.05 if sampled else 0.0)
 
 
 @pytest.mark.parametrize("sampled", [False, True])
@@ -228,9 +228,9 @@ def test_frequencies_are_the_roots_of_a_polynomial(seed: int) -> None:
     assert got == pytest.approx(expected, rel=1e-6)
 
 
-def _polynomials(system: Plant) -> tuple[Floats, Floats]:
+def _polynomials(system: LinearPart) -> tuple[Floats, Floats]:
     den = np.poly(system.A)
-    num = np.poly(system.A - np.outer(system.B, system.C)) - den + system.D * den
+    num = np.poly(system.A - np.outer(system.b, system.c)) - den + system.d * den
     return np.real(num), np.real(den)
 
 
@@ -244,7 +244,7 @@ def _parts(p: Floats) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize("seed", range(1, 12, 2))
 def test_negative_gains_agree_with_python_controls_gain_margins(seed: int) -> None:
     system = random_plant(seed)
-    model = control.ss(system.A, system.B[:, None], system.C[None], system.D)
+    model = control.ss(system.A, system.B, system.C, system.D)
     margins, _, _, at, *_ = control.stability_margins(model, returnall=True)
     expected = sorted((f / HZ, -m) for f, m in zip(at, margins, strict=True))
     got = sorted((c.frequency_hz, c.gain) for c in crossings(system) if c.gain < 0.0)
@@ -260,9 +260,9 @@ def test_scaling_of_the_states_changes_nothing() -> None:
     system = random_plant(3)
     t = np.diag(np.geomspace(1e-6, 1e6, len(system.A)))
     inverse = np.linalg.inv(t)
-    other = Plant(t @ system.A @ inverse, t @ system.B, system.C @ inverse, system.D)
+    other = LinearPart(t @ system.A @ inverse, t @ system.B, system.C @ inverse, system.D)
     balanced, (scale, _) = matrix_balance(other.A, permute=False, separate=True)
-    again = Plant(balanced, other.B / scale, other.C * scale, other.D)
+    again = LinearPart(balanced, other.b / scale, other.c * scale, other.D)
     assert [c.gain for c in crossings(again)] == pytest.approx([c.gain for c in crossings(system)], rel=1e-7)
 
 

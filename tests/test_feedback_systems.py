@@ -17,7 +17,6 @@ from workbench.analysis.feedback.actuator import wrapped
 from workbench.analysis.feedback.block import cut_at, find_block
 from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
 from workbench.analysis.feedback.place import find_place
-from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.feedback.standing import linear, standing
@@ -153,7 +152,7 @@ def test_lag_of_an_actuator_narrows_the_interval(aircraft: DescribedModel, posit
     (wide,) = position.stable_gains
     place = find_place(aircraft, POSITION, INNER)
     where = standing(place, at=None, time=0.0)
-    plant = Plant.of(linear(place, where, time=0.0, actuator=wrapped("fmu:LimitedActuator")))
+    plant = linear(place, where, time=0.0, actuator=wrapped("fmu:LimitedActuator")).part().balanced()
     (narrow,) = stable_gains(intervals(plant, [c.gain for c in crossings(plant)]), (-math.inf, math.inf))
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
 

@@ -21,8 +21,8 @@ from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, other
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.system.connect import connect
@@ -120,7 +120,7 @@ def test_more_harmonics_come_closer() -> None:
 def test_a_relay_with_hysteresis_is_balanced_too() -> None:
     plant = control.ss(LAG)
     part = LinearPart(plant.A, plant.B[:, 0], plant.C[0])
-    frequency, peak = relay_cycle(part.A, part.B, part.C, 0.05)
+    frequency, peak = relay_cycle(part.A, part.b, part.c, 0.05)
     block = standard_block("relay_with_hysteresis", {"half_width": 0.05})
     cycle = balance(part, block, frequency=0.24, amplitude=0.2, count=15)
     assert cycle is not None

@@ -16,7 +16,7 @@ from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.system.connect import connect
 
@@ -95,8 +95,8 @@ def test_splitting_gives_the_same_multipliers() -> None:
     assert cycle is not None
     padded = LinearPart(
         np.block([[part.A, np.zeros((3, 30))], [np.zeros((30, 3)), -np.eye(30)]]),
-        np.append(part.B, np.zeros(30)),
-        np.append(part.C, np.zeros(30)),
+        np.append(part.b, np.zeros(30)),
+        np.append(part.c, np.zeros(30)),
     )
     small, large = multipliers(part, block, cycle), multipliers(padded, block, cycle)
     assert np.abs(large[:2]) == pytest.approx(np.abs(small[:2]), rel=1e-4)

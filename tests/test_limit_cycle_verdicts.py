@@ -17,8 +17,8 @@ from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
 from workbench.analysis.limit_cycle.peaks import told_mean
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.build import build_fmu
+from workbench.core.linear import LinearPart
 from workbench.fmi.platforms import host
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect

@@ -12,10 +12,11 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
 from workbench.analysis.lin.between import lines
-from workbench.analysis.lin.realise import Realisation, hold_inverse, realise
+from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.trial import Trial, smallest, trial_levels
+from workbench.core.matrices import unheld
 from workbench.errors import InputError, SimulationError
 from workbench.model.load import load
 from workbench.system.connect import connect
@@ -51,11 +52,11 @@ def test_a_hold_is_undone() -> None:
     block = np.zeros((3, 3))
     block[:2, :2], block[:2, 2:] = A, B
     full = expm(block * 0.1)
-    back = hold_inverse(full[:2, :2], full[:2, 2:], 0.1)
+    back = unheld(full[:2, :2], full[:2, 2:], 0.1)
     assert np.allclose(back[0], A)
     assert np.allclose(back[1], B)
-    with pytest.raises(InputError, match=r"discrete pole -0\.5"):
-        hold_inverse(np.array([[-0.5]]), np.array([[1.0]]), 0.1)
+    with pytest.raises(InputError, match=r"pole at z = -0\.5"):
+        unheld(np.array([[-0.5]]), np.array([[1.0]]), 0.1)
 
 
 @needs_gemseo

@@ -17,12 +17,12 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import closeness, match
 from workbench.analysis.modes.modes import critical_values
-from workbench.analysis.modes.poles import Poles, poles_of
 from workbench.analysis.modes.request import modes
 from workbench.analysis.modes.result import Critical, Mode
 from workbench.analysis.modes.source import Source
 from workbench.analysis.modes.track import Track, track
 from workbench.cli.app import run
+from workbench.core.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats

@@ -9,12 +9,12 @@ import control
 import numpy as np
 import pytest
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.describing.static import StaticBlock
 from workbench.analysis.nyquist.grid import adaptive_grid
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.core.blas import one_thread
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

@@ -38,6 +38,12 @@ def test_is_documented(name: str, value: object) -> None:
     assert not text.startswith(f"{owner}(")
 
 
+def documented(owner: object) -> str:
+    """Return the docstring; that of a class with those of the workbench's classes whose fields it inherits."""
+    kinds = inspect.getmro(owner) if inspect.isclass(owner) else (owner,)
+    return "\n".join(inspect.getdoc(k) or "" for k in kinds if k is owner or k.__module__.startswith("workbench"))
+
+
 @pytest.mark.parametrize(("name", "value"), list(public_callables()))
 def test_every_parameter_is_documented_and_none_is_swallowed(name: str, value: object) -> None:
     if (
@@ -47,7 +53,7 @@ def test_every_parameter_is_documented_and_none_is_swallowed(name: str, value: o
     ):
         return
     owner = getattr(wb, name.partition(".")[0])
-    text = (inspect.getdoc(value) or "") + "\n" + (inspect.getdoc(owner) or "")
+    text = (inspect.getdoc(value) or "") + "\n" + documented(owner)
     if "." in name:
         # An inherited method is documented where it is first defined.
         text = inspect.getdoc(getattr(owner, name.partition(".")[2])) or ""
@@ -60,7 +66,7 @@ def test_every_parameter_is_documented_and_none_is_swallowed(name: str, value: o
 @pytest.mark.parametrize("name", [n for n in wb.__all__ if is_dataclass(getattr(wb, n))])
 def test_every_field_is_documented(name: str) -> None:
     kind = getattr(wb, name)
-    text = inspect.getdoc(kind) or ""
+    text = documented(kind)
     for field in fields(kind):
         if not field.name.startswith("_"):
             assert field.name in text, f"{name}: field {field.name} is not documented"

@@ -9,7 +9,6 @@ from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
 
 from tests.random_systems import pole_error
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.balanced import balanced_reduction
 from workbench.analysis.reduction.band_error import band_error
 from workbench.analysis.reduction.cancel import cancel, pair_distances
@@ -17,6 +16,7 @@ from workbench.analysis.reduction.factored import Factored, factored
 from workbench.analysis.reduction.low_pass import low_pass
 from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 
 F = np.geomspace(1e-3, 1e2, 400)
@@ -84,7 +84,7 @@ def test_the_error_keeps_its_bound_and_exceeds_the_first_value_left_out(method: 
 def test_as_python_control_reduces() -> None:
     part = modes()
     for method, name in (("match-dc", "matchdc"), ("truncate", "truncate")):
-        other = control.balred(control.ss(part.A, part.B[:, None], part.C[None, :], 0.0), 6, method=name)
+        other = control.balred(control.ss(part.A, part.B, part.C, part.D), 6, method=name)
         ours = balanced_reduction(part, order=6, method=method).part.response(F)
         assert ours == pytest.approx(part_of(other).response(F), rel=1e-6, abs=1e-9)
 
@@ -95,7 +95,7 @@ def test_match_dc_keeps_the_gain_at_rest_and_a_zero_there() -> None:
     found = balanced_reduction(part, order=5)
     assert found.part.response(rest) == pytest.approx(part.response(rest), rel=1e-9)
     # The derivative of the same: C x' = C A x + C B u has a zero at 0.
-    rate = LinearPart(part.A, part.A @ part.B, part.C, float(part.C @ part.B))
+    rate = LinearPart(part.A, part.A @ part.B, part.C, part.C @ part.B)
     reduced = balanced_reduction(rate, order=5).part
     assert abs(reduced.response(rest)[0]) < 1e-9 * np.max(np.abs(rate.response(F)))
 
@@ -103,7 +103,7 @@ def test_match_dc_keeps_the_gain_at_rest_and_a_zero_there() -> None:
 def test_unstable_poles_are_kept_where_they_are() -> None:
     part = modes(4)
     A = np.block([[part.A, np.zeros((8, 2))], [np.zeros((2, 8)), np.array([[0.3, 5.0], [-5.0, 0.3]])]])
-    both = LinearPart(A, np.concatenate([part.B, [1.0, 0.5]]), np.concatenate([part.C, [0.2, 1.0]]))
+    both = LinearPart(A, np.concatenate([part.b, [1.0, 0.5]]), np.concatenate([part.c, [0.2, 1.0]]))
     found = balanced_reduction(both, order=6)
     unstable = found.part.poles[found.part.poles.real > 0.0]
     assert found.unstable == 2
@@ -199,7 +199,7 @@ def test_zeros_poles_and_gain_of_a_known_function() -> None:
 def test_zeros_are_the_eigenvalues_of_the_system_pencil() -> None:
     part = modes()
     n = len(part.A)
-    pencil = np.block([[part.A, part.B[:, None]], [part.C[None, :], np.zeros((1, 1))]])
+    pencil = np.block([[part.A, part.B], [part.C, np.zeros((1, 1))]])
     mass = np.diag([*np.ones(n), 0.0])
     other = eig(pencil, mass, right=False)
     other = other[np.isfinite(other) & (np.abs(other) < 1e6)]
@@ -240,7 +240,7 @@ def test_cancelled_order_is_that_of_a_minimal_realisation() -> None:
     zeros = [-3.0, -0.4 + 6.0j, -0.4 - 6.0j, float(-8.0 - rng.random())]
     found = plain(zeros=zeros, poles=poles, gain=2.0)
     part = to_state_space(found)
-    minimal = control.minreal(control.ss(part.A, part.B[:, None], part.C[None, :], [[part.D]]), 1e-8, verbose=False)
+    minimal = control.minreal(control.ss(part.A, part.B, part.C, part.D), 1e-8, verbose=False)
     assert cancel(found).factored.order == minimal.nstates == 1
     assert cancel(found).factored.response(F) == pytest.approx(part_of(minimal).response(F), rel=1e-6)
 

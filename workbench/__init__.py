@@ -65,7 +65,6 @@ if TYPE_CHECKING:
     from workbench.analysis.nfr_point import NfrPoint
     from workbench.analysis.nfr_result import FailedPoint, NfrResult
     from workbench.analysis.nfr_sweep import NfrSweep
-    from workbench.analysis.nyquist.linear_part import LinearPart
     from workbench.analysis.nyquist.nyquist import nyquist
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
@@ -84,6 +83,7 @@ if TYPE_CHECKING:
     from workbench.analysis.zero_input import ZeroInput
     from workbench.build.export import ExportResult, export
     from workbench.cli.run_commands import run_study
+    from workbench.core.linear import Linear, LinearPart
     from workbench.core.operating_point import OperatingPoint
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
@@ -157,6 +157,7 @@ __all__ = [
     "LinGrid",
     "LinPoint",
     "LinResult",
+    "Linear",
     "LinearComponent",
     "LinearModel",
     "LinearPart",
@@ -270,7 +271,7 @@ _HOMES = {
     "workbench.analysis.limit_cycle.free_run": ("FreeRun",),
     "workbench.analysis.limit_cycle.request": ("limit_cycle",),
     "workbench.analysis.limit_cycle.result": ("LimitCycle", "LimitCycleResult", "SimulatedCycle"),
-    "workbench.analysis.nyquist.linear_part": ("LinearPart",),
+    "workbench.core.linear": ("Linear", "LinearPart"),
     "workbench.analysis.nyquist.nyquist": ("nyquist",),
     "workbench.analysis.nyquist.result": ("Crossing", "NyquistResult"),
     "workbench.analysis.loop.margins": ("Margins",),

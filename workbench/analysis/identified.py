@@ -4,44 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.analysis.march import march, march_one
-from workbench.analysis.matrix_log import continuous_matrices
 from workbench.analysis.numden import NumDen, numden, transmission_zeros
-from workbench.core.poles import continuous, pole_keys, vanished
+from workbench.core.linear import Linear
+from workbench.core.matrices import Complex, unheld
+from workbench.core.poles import pole_keys
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
+if TYPE_CHECKING:
+    import control
+
 __all__ = ["IdentifiedModel"]
 
-Complex = NDArray[np.complex128]
 _MATRICES = ("A", "B", "C", "D", "K", "covariance")
 _VECTORS = ("x0", "u0", "y0")
 _NAMES = ("input_names", "output_names", "input_units", "output_units", "notes")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdentifiedModel:
+class IdentifiedModel(Linear):
     """A discrete state-space model in innovation form.
 
     x(k + 1) = A x(k) + B (u(k) − u0) + K e(k), y(k) = y0 + C x(k) + D (u(k) − u0) + e(k), u held from sample to sample.
 
     Attributes:
-        A: shape (n, n).
-        B: shape (n, m).
-        C: shape (p, n).
-        D: shape (p, m).
         K: shape (n, p), gain of the one-step predictor; zero where the data hold no noise.
         x0: shape (n,), state at the first sample of the data it was identified from.
-        dt: sampling interval [s]; 0 for what `continuous` returns.
         u0, y0: shape (m,), (p,), operating point that was taken off the data [units of the channels].
         covariance: shape (p, p), of the innovations e.
-        input_names, output_names: of columns and rows.
+        state_names: x1, x2, …: the states have no meaning of their own.
         input_units, output_units: None where not known.
         delay: samples per input, shape (m,); the last sum(delay) states are these delays, so that A, B, C, D are the
             whole model.
@@ -49,23 +45,23 @@ class IdentifiedModel:
         notes: what else should be known, one line each.
     """
 
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
     K: Floats
     x0: Floats
-    dt: float
     u0: Floats
     y0: Floats
     covariance: Floats
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
     input_units: tuple[str | None, ...]
     output_units: tuple[str | None, ...]
     delay: tuple[int, ...] = ()
     name: str = "identified"
     notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        """Name the states, and say all units in one place."""
+        units = zip(self.input_names + self.output_names, self.input_units + self.output_units, strict=False)
+        object.__setattr__(self, "state_names", tuple(f"x{k + 1}" for k in range(self.order)))
+        object.__setattr__(self, "units", dict(units))
+        super().__post_init__()
 
     @property
     def order(self) -> int:
@@ -73,33 +69,9 @@ class IdentifiedModel:
         return len(self.A)
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, which have no meaning of their own (x1, x2, …)."""
-        return tuple(f"x{k + 1}" for k in range(self.order))
-
-    @property
-    def poles(self) -> Complex:
-        """Eigenvalues of A, shape (n,); [1/s] where dt is 0."""
-        return np.linalg.eigvals(self.A).astype(np.complex128)
-
-    @property
     def zeros(self) -> Complex:
         """Transmission zeros, finite ones, shape (k,); a model with more outputs than inputs has mostly none."""
         return transmission_zeros(self.A, self.B, self.C, self.D)
-
-    @property
-    def continuous_poles(self) -> Complex:
-        """Poles [1/s], log(z)/dt; those of delays (z = 0) are left out."""
-        poles = self.poles
-        if self.dt == 0.0:
-            return poles
-        return continuous(poles[~vanished(poles, self.dt)], self.dt)
-
-    @property
-    def is_stable(self) -> bool:
-        """All poles lie inside the unit circle (left of the imaginary axis where dt is 0)."""
-        poles = self.poles
-        return bool(np.all(np.abs(poles) < 1.0)) if self.dt > 0.0 else bool(np.all(poles.real < 0.0))
 
     def numden(self) -> NumDen:
         """Return numerators and the common denominator in falling powers of z (of s where dt is 0).
@@ -108,24 +80,9 @@ class IdentifiedModel:
         """
         return numden(self.A, self.B, self.C, self.D)
 
-    def response(self, frequency_hz: Floats) -> Complex:
-        """Return the frequency response, shape (k, p, m).
-
-        Args:
-            frequency_hz: shape (k,) [Hz].
-        """
-        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-        points = np.exp(s * self.dt) if self.dt > 0.0 else s
-        unit = np.eye(self.order)
-        return np.array([self.C @ np.linalg.solve(z * unit - self.A, self.B) + self.D for z in points])
-
     def to_ss(self) -> control.StateSpace:
         """Return the model for python-control; dots in names, which it forbids, become underscores."""
-        return control.StateSpace(
-            self.A, self.B, self.C, self.D, self.dt,
-            inputs=[_plain(n) for n in self.input_names], outputs=[_plain(n) for n in self.output_names],
-            states=list(self.state_names), name=_plain(self.name),
-        )  # fmt: skip
+        return self.to_state_space(name=self.name)
 
     def continuous(self) -> IdentifiedModel:
         """Return the continuous model that gives the same samples under a held input (dt = 0).
@@ -139,7 +96,7 @@ class IdentifiedModel:
         if self.dt == 0.0:
             raise InputError("the model is continuous already")
         core = self.undelayed()
-        A, B = continuous_matrices(core.A, core.B, self.dt)
+        A, B = unheld(core.A, core.B, self.dt)
         gone = [f"{n}: {d * self.dt:g} s" for n, d in zip(self.input_names, self.delay, strict=False) if d]
         note = (f"the continuous model leaves out the delay of {', '.join(gone)}",) if gone else ()
         return replace(core, A=A, B=B, K=np.zeros_like(core.K), dt=0.0, notes=(*self.notes, *note))
@@ -315,7 +272,3 @@ def _columns(given: Floats, wanted: int, what: str) -> Floats:
     if columns.ndim != 2 or columns.shape[1] != wanted:
         raise InputError(f"{what} must have shape (N, {wanted}), not {given.shape}")
     return columns
-
-
-def _plain(name: str) -> str:
-    return name.replace(".", "_")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from workbench.analysis.blas import one_thread
+from workbench.core.blas import one_thread
 from workbench.session.base import Floats
 
 __all__ = ["LongArx", "fit_long_arx", "lagged"]

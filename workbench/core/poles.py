@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "POLE_HEADINGS", "VANISHED", "PoleRow", "continuous", "damped_frequency_hz", "damping_ratio",
-    "natural_frequency_hz", "pole_keys", "pole_rows", "vanished",
+    "growth_rates", "natural_frequency_hz", "pole_keys", "pole_rows", "sides", "vanished",
 ]  # fmt: skip
 
 VANISHED = 1e-6  # size of discrete poles that are over within a sample
@@ -86,6 +86,34 @@ def damping_ratio(s: ArrayLike) -> _Floats:
     size = np.abs(pole)
     ratio = np.divide(-pole.real, size, out=np.full(size.shape, np.nan), where=size > 0.0)
     return np.asarray(ratio + 0.0, dtype=np.float64)  # no −0
+
+
+def sides(
+    poles: ArrayLike, dt: float, *, relative: float, rounding: float = 0.0
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which poles lie beyond the border of stability, and which on it as far as they are known; same shape.
+
+    Args:
+        poles: of any shape, [1/s] or, where dt is not 0, without unit.
+        dt: period [s]; 0: continuous.
+        relative: what the distance from the border is known to, relative to a pole's size (to 1 for a discrete one).
+        rounding: what it is known to besides, in units of the poles.
+    """
+    p = np.asarray(poles, dtype=np.complex128)
+    distance, size = (np.abs(p) - 1.0, np.ones(p.shape)) if dt > 0.0 else (p.real, np.abs(p))
+    known = relative * size + rounding
+    return distance > known, np.abs(distance) <= known
+
+
+def growth_rates(poles: ArrayLike, dt: float) -> _Floats:
+    """Return how fast the motion of each pole grows [1/s], same shape; negative where it decays.
+
+    Args:
+        poles: of any shape, [1/s] or, where dt is not 0, without unit.
+        dt: period [s]; 0: continuous.
+    """
+    p = np.asarray(poles, dtype=np.complex128)
+    return np.asarray(np.log(np.maximum(np.abs(p), 1e-300)) / dt if dt > 0.0 else p.real, dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from workbench.plotting.panels import LEGEND, LINE, panels
 if TYPE_CHECKING:
     from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.result import LoopResult
-    from workbench.analysis.loop.transfer import Complex
+    from workbench.core.linear import Complex
     from workbench.session.base import Floats
 
 __all__ = ["plot_loop"]

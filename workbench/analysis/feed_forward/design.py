@@ -8,7 +8,6 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.step import FilterStep, Judge
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
 from workbench.analysis.reduction.band_error import BandError, band_error
 from workbench.analysis.reduction.cancel import cancel
@@ -16,6 +15,7 @@ from workbench.analysis.reduction.factored import Factored, factored
 from workbench.analysis.reduction.low_pass import low_pass
 from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
+from workbench.core.linear import LinearPart
 from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError, suggest
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.design import Design, Settings, design
 from workbench.analysis.feed_forward.plant import Plant, linear_plant
@@ -17,9 +16,10 @@ from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
 from workbench.analysis.feed_forward.wiring import Loops, ends_of_actuator, variable_of
 from workbench.analysis.limit_cycle.cut import find_ports
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.reduction.band_error import dense_grid
 from workbench.analysis.reduction.factored import right_of_axis
+from workbench.core.blas import one_thread
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import At
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.wiring import COMMAND, OPENED, Loops, opened, reopen
 from workbench.analysis.lin.request import lin
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
@@ -64,28 +64,14 @@ def linear_plant(model: DescribedModel, loops: Loops, *, at: OperatingPoint | No
         ).result
     if found.dt > 0.0:
         raise InputError(f"{model.name}: the linear part is sampled ({found.dt:g} s), but must be continuous")
-    A, B, C, D = _with_feedback(found.A, found.B, found.C, found.D, loops.gain if loops.source else 0.0)
-    names = found.state_names
-    G = LinearPart(A, B[:, 1], C, float(D[1]), names)
+    whole = found.with_feedback(loops.gain, input=1, output=1) if loops.source and loops.gain else found
+    G = whole.part(1, 0)
     if not np.any(G.response(np.geomspace(1e-3, 1e3, 7))):
         raise InputError(f"{model.name}: {loops.target} has no effect on {loops.ports.v}")
     return Plant(
         G=G,
-        H=LinearPart(A, -B[:, 0], C, -float(D[0]), names),
-        open_poles=np.linalg.eigvals(found.A).astype(np.complex128),
-        poles=np.linalg.eigvals(A).astype(np.complex128),
+        H=whole.part(0, 0, sign=-1.0),
+        open_poles=found.poles,
+        poles=whole.poles,
         notes=tuple(f"linear part: {note}" for note in found.notes),
     )
-
-
-def _with_feedback(A: Floats, B: Floats, C: Floats, D: Floats, gain: float) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return A, B (n, 2), C (n,), D (2,) with u = gain · fed back + what is added to it."""
-    if gain == 0.0:
-        return A, B, C[0], D[0]
-    through = 1.0 - gain * D[1, 1]
-    if abs(through) < 1e-12:
-        raise InputError(f"feedback gain {gain:g}: the direct path through the plant makes it infinite")
-    state, direct = gain * C[1] / through, gain * D[1, 0] / through
-    into = np.column_stack([B[:, 0] + B[:, 1] * direct, B[:, 1] / through])
-    seen = np.array([D[0, 0] + D[0, 1] * direct, D[0, 1] / through])
-    return A + np.outer(B[:, 1], state), into, C[0] + D[0, 1] * state, seen

@@ -10,9 +10,9 @@ import numpy as np
 from workbench.analysis.describing.base import Block
 from workbench.analysis.feed_forward.plant import Plant
 from workbench.analysis.limit_cycle.cut import cut
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Part
 from workbench.errors import WorkbenchError
@@ -114,9 +114,9 @@ def with_filter(plant: Plant, part: LinearPart) -> LinearPart:
     """
     G, H = plant.G, plant.H
     n, m = len(G.A), len(part.A)
-    A = np.block([[G.A, np.outer(G.B, part.C)], [np.zeros((m, n)), part.A]])
-    B = np.concatenate([H.B - G.B * part.D, -part.B])
-    return LinearPart(A, B, np.concatenate([G.C, G.D * part.C]), H.D - G.D * part.D)
+    A = np.block([[G.A, G.B @ part.C], [np.zeros((m, n)), part.A]])
+    B = np.concatenate([H.B - G.B @ part.D, -part.B])
+    return LinearPart(A, B, np.hstack([G.C, G.D @ part.C]), H.D - G.D @ part.D)
 
 
 def _told(c: Crossing, unit: str | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from workbench.analysis.feed_forward.design import Design
 from workbench.analysis.feed_forward.remaining import Remaining
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.record import Record
 
@@ -86,11 +86,7 @@ class FeedForwardResult(Record):
     @property
     def filter(self) -> control.StateSpace:
         """The filter, for python-control; input and output are named as in the system, with _ for the dot."""
-        import control as ct  # noqa: PLC0415  slow to import
-
-        part = self.part
-        inputs, outputs = ([name.replace(".", "_")] for name in (self.output, self.target))
-        return ct.ss(part.A, part.B[:, None], part.C[None, :], [[part.D]], inputs=inputs, outputs=outputs, name="F")
+        return replace(self.part, input_names=(self.output,), output_names=(self.target,)).to_state_space(name="F")
 
     @property
     def exact(self) -> Complex:
@@ -134,9 +130,9 @@ class FeedForwardResult(Record):
         units = {"u": self.filter_units[0], "y": self.filter_units[1]}
         return {
             "A": part.A.tolist(),
-            "B": part.B[:, None].tolist(),
-            "C": part.C[None, :].tolist(),
-            "D": [[part.D]],
+            "B": part.B.tolist(),
+            "C": part.C.tolist(),
+            "D": part.D.tolist(),
             "dt": 0.0,
             "input_names": ["u"],
             "output_names": ["y"],

@@ -10,9 +10,9 @@ import numpy as np
 from workbench.analysis.describing.base import Floats
 from workbench.analysis.divergence import Divergence, DivergenceError
 from workbench.analysis.feed_forward.wiring import Loops, closed, reopen
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.linear import LinearPart
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.limit_cycle.cut import Ports
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Variable
@@ -214,7 +214,7 @@ def ends_of_actuator(file: str) -> tuple[str, str]:
 def _filter(part: LinearPart, units: Mapping[str, str]) -> LinearComponent:
     n = len(part.A)
     return LinearComponent(
-        name="feedforward", A=part.A, B=part.B[:, None], C=part.C[None, :], D=np.array([[part.D]]), dt=0.0,
+        name="feedforward", A=part.A, B=part.B, C=part.C, D=part.D, dt=0.0,
         input_names=("u",), output_names=("y",), state_names=tuple(f"x{k + 1}" for k in range(n)), x0=np.zeros(n),
         units=units,
     )  # fmt: skip

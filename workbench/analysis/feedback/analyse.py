@@ -9,15 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
 from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
 from workbench.analysis.feedback.curve import curve
 from workbench.analysis.feedback.fixed import fixed_modes
-from workbench.analysis.feedback.gains import Interval, crossings, intervals, stable_gains
+from workbench.analysis.feedback.gains import Interval, count_poles, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
 from workbench.analysis.feedback.place import SEEN, Place, find_place
-from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.feedback.request import Feedback, Range, quantity
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
@@ -26,8 +24,10 @@ from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
+from workbench.core.blas import one_thread
 from workbench.core.forms import several
 from workbench.core.job import Job
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
@@ -119,7 +119,7 @@ class _Work:
     keep: ExitStack
 
     def linear_result(self, found: LinResult) -> FeedbackResult:
-        plant = Plant.of(found)
+        plant = found.part().balanced()
         every = crossings(plant)
         parts = intervals(plant, [c.gain for c in every])
         middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
@@ -141,7 +141,7 @@ class _Work:
             lin_method=found.method,
             stable_gains=stable,
             crossings=every,
-            unstable_open=plant.count(0.0)[0],
+            unstable_open=count_poles(plant, 0.0)[0],
             fixed=fixed_modes(plant, [*middles, *ends]),
             fastest=tuple(fastest(plant, *_finite(pair)) for pair in stable),
             locus=locus(plant, low, high, also=[c.gain for c in every]),
@@ -281,7 +281,7 @@ def _spread(pair: Range, count: int) -> tuple[float, ...]:
     return tuple(np.linspace(pair[0] + margin, pair[1] - margin, count).tolist())
 
 
-def _notes(plant: Plant, found: LinResult, actuator: Actuator | None) -> list[str]:
+def _notes(plant: LinearPart, found: LinResult, actuator: Actuator | None) -> list[str]:
     notes = [*found.notes, *(f"doubtful: {d.row} by {d.column}: {d.reason}" for d in found.doubts)]
     if plant.dt > 0.0:
         notes.append(

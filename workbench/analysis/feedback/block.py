@@ -16,9 +16,9 @@ from workbench.analysis.feedback.place import Place
 from workbench.analysis.feedback.standing import Standing, linear
 from workbench.analysis.limit_cycle.cut import Cut, Ports, cut, find_ports
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.linear import LinearPart
 from workbench.core.record import Part
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
@@ -125,16 +125,7 @@ class TwoPorts:
         Args:
             gain: g.
         """
-        a, b, c, d = self.lin.A, self.lin.B, self.lin.C, self.lin.D
-        k = gain / (1.0 - gain * float(d[1, 1]))
-        sign = 1.0 if self.loop.turned else -1.0
-        return LinearPart(
-            np.asarray(a + k * np.outer(b[:, 1], c[1]), dtype=np.float64),
-            np.asarray(sign * (b[:, 0] + k * b[:, 1] * d[1, 0]), dtype=np.float64),
-            np.asarray(c[0] + k * d[0, 1] * c[1], dtype=np.float64),
-            float(sign * (d[0, 0] + k * d[0, 1] * d[1, 0])),
-            self.lin.state_names,
-        )
+        return self.lin.with_feedback(gain, input=1, output=1).part(sign=1.0 if self.loop.turned else -1.0)
 
     def loop_cycles(self) -> tuple[Crossing, ...]:
         """Return the limit cycles without feedback, by the describing function; none where the block has a memory."""

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.analysis.feedback.plant import Plant
+from workbench.core.linear import LinearPart
+from workbench.core.poles import growth_rates
 
 __all__ = ["fixed_modes"]
 
@@ -14,7 +15,7 @@ _STAYS = 1e-7  # relative movement over the gains that counts as none
 _BORDER = 1e-8
 
 
-def fixed_modes(plant: Plant, gains: Sequence[float]) -> tuple[complex, ...]:
+def fixed_modes(plant: LinearPart, gains: Sequence[float]) -> tuple[complex, ...]:
     """Return the open-loop poles that do not decay and that no gain moves [1/s] (in z if sampled); upper half-plane.
 
     With one of them no gain stabilises the system. Poles that move by less than 1e-7 of their size count as fixed: so
@@ -30,7 +31,7 @@ def fixed_modes(plant: Plant, gains: Sequence[float]) -> tuple[complex, ...]:
     candidates = [
         (complex(p), float(s))
         for p, s, rate, near in zip(
-            open_loop, size, plant.beyond(open_loop), np.broadcast_to(border, size.shape), strict=True
+            open_loop, size, growth_rates(open_loop, plant.dt), np.broadcast_to(border, size.shape), strict=True
         )
         if p.imag >= 0.0 and rate > -near
     ]

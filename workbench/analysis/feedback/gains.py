@@ -9,14 +9,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.analysis.feedback.plant import Plant
 from workbench.analysis.loop.crossings import real_crossings
-from workbench.analysis.modes.poles import poles_of
+from workbench.core.linear import LinearPart
+from workbench.core.modal import poles_of
+from workbench.core.poles import sides
 from workbench.core.record import Part
 from workbench.session.base import Floats
 
-__all__ = ["Crossing", "Interval", "crossings", "intervals", "stable_gains"]
+__all__ = ["Crossing", "Interval", "count_poles", "crossings", "intervals", "stable_gains"]
 
+_ON_BORDER = 1e-8  # a pole so near the border, relative to its size (to 1 where sampled), counts as on it
 _SAME = 1e-9  # relative difference of two gains that are one
 _INSIDE = -5.0  # ln |z| of discrete poles that are far inside the unit circle
 _ZERO = 1e-10  # |G| below this part of its size elsewhere is a zero of G, which no finite gain belongs to
@@ -79,7 +81,7 @@ class _Place:
     real: float
 
 
-def crossings(plant: Plant) -> tuple[Crossing, ...]:
+def crossings(plant: LinearPart) -> tuple[Crossing, ...]:
     """Return all gains at which a pole of A + B g (1 − gD)⁻¹ C reaches the border of stability, rising.
 
     A pole stands at jω where 1 = g·G(jω), so where G is real. These ω come from the eigenvalues of a pencil, the zeros
@@ -117,29 +119,28 @@ def crossings(plant: Plant) -> tuple[Crossing, ...]:
     return tuple(found)
 
 
-def _places(plant: Plant) -> Iterator[_Place]:
-    g = plant.transfer
+def _places(plant: LinearPart) -> Iterator[_Place]:
     poles = _border_poles(plant)
     size = _size(plant)
     near_zero = _NEAR * float(_sizes(plant).min()) if np.any(poles == 0.0) else 0.0
-    for frequency in real_crossings(g):
-        value = g.at(frequency)
+    for frequency in real_crossings(plant):
+        value = plant.at(frequency)
         beside = frequency > near_zero and not np.any(np.abs(poles - frequency) < 1e-7 * frequency)
         if abs(value) > _ZERO * size and beside:
             yield _Place(1.0 / value.real, frequency, value.real)
-    ends = [0.0, g.highest_hz] if plant.dt > 0.0 else [0.0]
+    ends = [0.0, plant.highest_hz] if plant.dt > 0.0 else [0.0]
     for frequency in ends:
-        value = _at_zero(plant, near_zero) if frequency == 0.0 and near_zero else g.at(frequency)
+        value = _at_zero(plant, near_zero) if frequency == 0.0 and near_zero else plant.at(frequency)
         on_pole = frequency > 0.0 and np.any(np.abs(poles - frequency) < 1e-12)
         if np.isfinite(value) and abs(value) > _ZERO * size and not on_pole:
             yield _Place(1.0 / value.real, frequency, value.real)
-    if plant.D != 0.0:
-        yield _Place(1.0 / plant.D, math.inf, plant.D)
+    if plant.d != 0.0:
+        yield _Place(1.0 / plant.d, math.inf, plant.d)
     for frequency in np.unique(poles).tolist():
         yield _Place(0.0, frequency, math.inf)
 
 
-def _sizes(plant: Plant) -> Floats:
+def _sizes(plant: LinearPart) -> Floats:
     """Return the sizes of the open-loop poles that are not 0, and one of its own [Hz]."""
     poles = poles_of(plant.A, dt=plant.dt)
     rates = np.abs(poles.value[np.abs(poles.value) > 10.0 * poles.uncertain])
@@ -147,14 +148,14 @@ def _sizes(plant: Plant) -> Floats:
     return np.append(rates, own) / (2.0 * math.pi)
 
 
-def _at_zero(plant: Plant, near: float) -> complex:
+def _at_zero(plant: LinearPart, near: float) -> complex:
     """Return G(0) of a system with poles at 0 where u does not reach them or y does not see them; else infinity."""
-    values = [plant.transfer.at(f) for f in (near, 0.1 * near)]
+    values = [plant.at(f) for f in (near, 0.1 * near)]
     alike = abs(values[0] - values[1]) <= 1e-3 * abs(values[0])
     return complex(values[0].real) if alike else complex(math.inf)
 
 
-def _border_poles(plant: Plant) -> Floats:
+def _border_poles(plant: LinearPart) -> Floats:
     """Return the frequencies of the open-loop poles on the border, as far as rounding lets them be known [Hz]."""
     poles = poles_of(plant.A, dt=plant.dt)
     # Its balancing takes entries that are rounding only for exact ones: hence the second bound.
@@ -173,12 +174,12 @@ def _border_poles(plant: Plant) -> Floats:
     return np.array(kept) / (2.0 * math.pi)
 
 
-def _size(plant: Plant) -> float:
+def _size(plant: LinearPart) -> float:
     """Return how large G is where it is large, beside its poles: on the border G is as large as rounding makes it."""
     f = np.concatenate([factor * _sizes(plant) for factor in _BESIDE])
-    value = np.abs(plant.transfer.response(f[f < plant.transfer.highest_hz]))
+    value = np.abs(plant.response(f[f < plant.highest_hz]))
     value = value[np.isfinite(value)]
-    return max(float(np.median(value)) if len(value) else 0.0, abs(plant.D), 1e-300)
+    return max(float(np.median(value)) if len(value) else 0.0, abs(plant.d), 1e-300)
 
 
 def _distinct(places: Sequence[_Place]) -> list[_Place]:
@@ -194,7 +195,7 @@ def _close(a: float, b: float) -> bool:
     return a == b or abs(a - b) <= _SAME * max(abs(a), abs(b))
 
 
-def _residual(plant: Plant, place: _Place) -> float:
+def _residual(plant: LinearPart, place: _Place) -> float:
     """Return how far from the border the pole is that should stand on it, relative to its size."""
     if not plant.solvable(place.gain) or math.isinf(place.frequency) or not len(plant.A):
         return math.nan
@@ -206,7 +207,7 @@ def _residual(plant: Plant, place: _Place) -> float:
     return float(np.abs(poles - wanted).min() / scale)
 
 
-def intervals(plant: Plant, gains: Sequence[float]) -> list[Interval]:
+def intervals(plant: LinearPart, gains: Sequence[float]) -> list[Interval]:
     """Return the intervals of gains between crossings, with the poles counted inside each.
 
     Args:
@@ -221,8 +222,21 @@ def intervals(plant: Plant, gains: Sequence[float]) -> list[Interval]:
     return [_counted(plant, low, high) for low, high in pairwise(merged)]
 
 
-def _counted(plant: Plant, low: float, high: float) -> Interval:
-    counts = [plant.count(g) for g in _inside(low, high) if plant.solvable(g)]
+def count_poles(plant: LinearPart, gain: float) -> tuple[int, int]:
+    """Return how many poles lie beyond the border of stability with u = g·y, and how many on it.
+
+    Args:
+        plant: G.
+        gain: g.
+    """
+    closed = plant.closed(gain)
+    rounding = 10.0 * np.finfo(float).eps * float(np.linalg.norm(closed)) if len(closed) else 0.0
+    beyond, on = sides(np.linalg.eigvals(closed), plant.dt, relative=_ON_BORDER, rounding=rounding)
+    return int(np.sum(beyond)), int(np.sum(on))
+
+
+def _counted(plant: LinearPart, low: float, high: float) -> Interval:
+    counts = [count_poles(plant, g) for g in _inside(low, high) if plant.solvable(g)]
     # Near the ends a pole may count as on the border; the count that most places give is that of the interval.
     unstable, border = max(counts, key=lambda c: (counts.count(c), -c[1]))
     return Interval(low, high, unstable, border, all(c[0] <= unstable <= sum(c) for c in counts))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from workbench.analysis.feedback.gains import Crossing
-from workbench.analysis.feedback.plant import Complex, Plant
+from workbench.core.linear import Complex, LinearPart
 from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.session.base import Floats
 
@@ -81,7 +81,7 @@ def shown_gains(
     )
 
 
-def locus(plant: Plant, low: float, high: float, *, also: Sequence[float] = ()) -> Locus:
+def locus(plant: LinearPart, low: float, high: float, *, also: Sequence[float] = ()) -> Locus:
     """Return the poles over a range of gains, dense where they move fast.
 
     Args:
@@ -109,7 +109,7 @@ def locus(plant: Plant, low: float, high: float, *, also: Sequence[float] = ()) 
     return Locus(np.array(gains), matched, np.asarray(matched.real.max(axis=1, initial=-np.inf), dtype=np.float64))
 
 
-def _rates(plant: Plant, gain: float) -> Complex:
+def _rates(plant: LinearPart, gain: float) -> Complex:
     return continuous(plant.poles_at(gain), plant.dt)
 
 
@@ -125,7 +125,7 @@ def _followed(rows: Sequence[Complex]) -> Complex:
     return np.array(found, dtype=np.complex128)
 
 
-def fastest(plant: Plant, low: float, high: float) -> Fastest | None:
+def fastest(plant: LinearPart, low: float, high: float) -> Fastest | None:
     """Return the gain between two others at which the slowest oscillation decays fastest; None: nothing oscillates.
 
     Poles with a damping ratio below 0.7 oscillate. Slow real poles, which a short motion hardly shows, are left out;
@@ -155,7 +155,7 @@ def fastest(plant: Plant, low: float, high: float) -> Fastest | None:
     return Fastest(gain, rate, frequency, plant.growth(gain))
 
 
-def _oscillation(plant: Plant, gain: float) -> tuple[float, float]:
+def _oscillation(plant: LinearPart, gain: float) -> tuple[float, float]:
     """Return growth [1/s] and damped frequency [Hz] of the slowest oscillating pole; infinite growth: there is none."""
     rates = _rates(plant, gain)
     swinging = rates[np.abs(rates.imag) > np.abs(rates.real)]

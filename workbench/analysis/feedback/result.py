@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench.analysis.feedback.block import CyclesLeft
 from workbench.analysis.feedback.gains import Crossing
 from workbench.analysis.feedback.locus import Fastest, Locus
-from workbench.analysis.feedback.plant import Complex, Plant
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
+from workbench.core.linear import Complex, LinearPart
 from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.poles import damped_frequency_hz
 from workbench.core.record import Record
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
@@ -67,7 +68,7 @@ class FeedbackResult(Record):
     source_unit: str | None
     target_unit: str | None
     gains: tuple[float, float]
-    plant: Plant
+    plant: LinearPart
     lin_method: str
     stable_gains: tuple[tuple[float, float], ...]
     crossings: tuple[Crossing, ...]
@@ -100,7 +101,7 @@ class FeedbackResult(Record):
             return f"the pole z = {pole.real:.4g}" + (f" ± {pole.imag:.4g}j" if pole.imag else "")
         if not pole.imag:
             return f"the real pole at {pole.real:.3g} 1/s"
-        return f"the pole at {self.plant.frequency(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
+        return f"the pole at {damped_frequency_hz(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
 
     def plot(self, path: str | Path | None = None, *, plot_kind: str = "overview") -> Figure:
         """Return a picture.

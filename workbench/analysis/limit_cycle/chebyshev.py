@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["ChebyshevPart", "chebyshev_nodes", "stacked"]
 
@@ -32,7 +32,7 @@ def stacked(part: LinearPart) -> Floats:
     Args:
         part: L.
     """
-    return np.block([[part.A, part.B[:, None]], [part.C[None, :], np.array([[part.D]])]])
+    return np.block([[part.A, part.B], [part.C, part.D]])
 
 
 class ChebyshevPart:

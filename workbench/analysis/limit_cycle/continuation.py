@@ -12,7 +12,7 @@ from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import Balance, Cycle
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["Family", "follow"]
 

@@ -13,8 +13,8 @@ from workbench.analysis.describing.static import StaticBlock, pointwise
 from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.rest import rest_of
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Value

@@ -9,7 +9,7 @@ from dataclasses import replace
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.chebyshev import ChebyshevPart, chebyshev_nodes, stacked
 from workbench.analysis.limit_cycle.cut import Cut, reblock, recut
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
 
@@ -28,7 +28,7 @@ def gain_family(part: LinearPart, block: Block, value: float) -> tuple[LinearPar
         block: as it is.
         value: factor on L.
     """
-    return LinearPart(part.A, value * part.B, part.C, value * part.D, part.state_names), block
+    return part.scaled(value), block
 
 
 class SystemFamily:

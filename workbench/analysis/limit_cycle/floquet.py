@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from workbench.analysis.describing.base import Block, Complex, Floats
 from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["is_stable", "multipliers", "others"]
 
@@ -52,7 +52,7 @@ def _agrees_with_liouville(found: Complex, part: LinearPart, slopes: list[float]
     size = np.abs(found)
     if not np.isfinite(size).all() or size.min(initial=np.inf) <= _SEEN * size.max(initial=0.0):
         return bool(np.isfinite(size).all())
-    traces = step * float(len(slopes) * np.trace(part.A) - sum(slopes) * float(part.C @ part.B))
+    traces = step * float(len(slopes) * np.trace(part.A) - sum(slopes) * float(part.c @ part.b))
     return bool(abs(float(np.log(size).sum()) - traces) <= _TRUE_ENOUGH * max(1.0, abs(traces)))
 
 
@@ -69,7 +69,7 @@ def _slopes(part: LinearPart, block: Block, cycle: Cycle, count: int) -> tuple[l
     rise = np.diff(v)
     small = np.abs(rise) < 1e-9 * np.abs(v).max()
     slope = np.where(small, 0.0, np.diff(w) / np.where(small, 1.0, rise))
-    slope /= 1.0 + part.D * slope
+    slope /= 1.0 + part.d * slope
     unit = max(float(np.abs(slope).max(initial=0.0)), 1e-300)
     # Blocks of straight pieces have few slopes.
     return [float(k) for k in np.round(slope / unit, 10) * unit], 1.0 / cycle.frequency / count
@@ -78,7 +78,7 @@ def _slopes(part: LinearPart, block: Block, cycle: Cycle, count: int) -> tuple[l
 def _whole(part: LinearPart, slopes: list[float], step: float) -> Floats:
     """Return the flow over a period by exponentials of A − k B C."""
     flow = np.eye(len(part.A))
-    rank_one = np.outer(part.B, part.C)
+    rank_one = np.outer(part.b, part.c)
     steps: dict[float, Floats] = {}
     for k in slopes:
         if k not in steps:
@@ -90,12 +90,12 @@ def _whole(part: LinearPart, slopes: list[float], step: float) -> Floats:
 def _split(part: LinearPart, slopes: list[float], step: float) -> Floats:
     """Return the flow over a period, half a step of A, a step of −k B C, half a step of A."""
     half = np.asarray(expm(part.A * (0.5 * step)), dtype=np.float64)
-    whole, direct = half @ half, float(part.C @ part.B)
+    whole, direct = half @ half, float(part.c @ part.b)
     flow = half
     for k in slopes:
         x = k * step * direct
         reach = k * step if abs(x) < 1e-12 else -np.expm1(-x) / direct
-        flow = whole @ (flow - reach * np.outer(part.B, part.C @ flow))
+        flow = whole @ (flow - reach * np.outer(part.b, part.c @ flow))
     # One half step too many at the end.
     return np.asarray(np.linalg.solve(half, flow), dtype=np.float64)
 

@@ -10,7 +10,7 @@ from scipy.optimize import root
 from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
 from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.peaks import told_mean
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["Balance", "Cycle", "balance", "states_of"]
 
@@ -142,5 +142,5 @@ def states_of(part: LinearPart, cycle: Cycle, theta: Floats) -> Floats:
     k = np.arange(1.0, len(cycle.w))
     x = -part.states_at(cycle.frequency * k) * cycle.w[1:, None]
     moving = (np.exp(1j * np.multiply.outer(theta, k)) @ x).real
-    mean = np.linalg.lstsq(part.A, part.B * cycle.w[0].real, rcond=None)[0] if abs(cycle.w[0]) else 0.0
+    mean = np.linalg.lstsq(part.A, part.b * cycle.w[0].real, rcond=None)[0] if abs(cycle.w[0]) else 0.0
     return np.asarray(moving + mean, dtype=np.float64)

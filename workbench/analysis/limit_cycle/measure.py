@@ -9,9 +9,9 @@ import numpy as np
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.nfr import nfr
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers

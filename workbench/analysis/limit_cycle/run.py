@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import Block
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
@@ -35,6 +34,7 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
@@ -224,7 +224,7 @@ class _Work:
 
     def _pushed(self, push: float) -> dict[str, float]:
         """Return states of the linear part that move the block's input by `push`, each by the same part of its size."""
-        names, c = self.loop.rest.state_names, self.loop.part.C
+        names, c = self.loop.rest.state_names, self.loop.part.c
         nominal = {v.name: v.nominal for v in self.system.states}
         sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])
         square = float(((sizes * c) ** 2).sum())

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from workbench.analysis.lin.auto import choose
 from workbench.analysis.lin.methods import METHODS
-from workbench.analysis.lin.realise import hold_inverse
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, make_task
 from workbench.core.job import Job
+from workbench.core.matrices import unheld
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import named
@@ -38,7 +38,7 @@ def run(task: LinTask, method: str) -> LinResult:
     notes = (*task.notes, *result.notes, *task.model.remarks())
     result = replace(result, notes=notes, point=named(task.model, result.point))
     if task.continuous and result.dt > 0.0:
-        A, B = hold_inverse(result.A, result.B, result.dt)
+        A, B = unheld(result.A, result.B, result.dt)
         note = f"made continuous from a period of {result.dt:.6g} s, the input held over it"
         result = replace(result, A=A, B=B, dt=0.0, intersample=None, notes=(*result.notes, note))
     return result

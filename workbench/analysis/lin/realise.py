@@ -9,7 +9,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Realisation", "hold_inverse", "realise"]
+__all__ = ["Realisation", "realise"]
 
 LARGEST_BLOCK = 150  # rows and columns of blocks in the Hankel matrix
 LARGEST_ORDER = 80
@@ -116,22 +116,3 @@ def _error(A: Floats, B: Floats, C: Floats, markov: Floats) -> float:
         worst = np.maximum(worst, np.abs(C @ state - real))
         state = A @ state
     return float((worst / _sizes(markov, axis=(0,))).max())
-
-
-def hold_inverse(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return the continuous A and B whose zero-order hold over `dt` [s] gives the discrete ones.
-
-    Raises:
-        InputError: there is none that is real: a pole at 0 or on the negative real axis.
-    """
-    from scipy.linalg import logm  # noqa: PLC0415 - slow to import, and seldom needed
-
-    n, m = B.shape
-    block = np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])
-    poles = np.linalg.eigvals(A) if n else np.zeros(0)
-    alone = (np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 1e-12)
-    if alone.any():
-        pole = poles[alone][0].real
-        raise InputError(f"no continuous model has the discrete pole {pole:.6g}; take a shorter period")
-    full = np.asarray(logm(block)).real / dt
-    return full[:n, :n], full[:n, n:]

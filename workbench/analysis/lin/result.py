@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.linear import Linear
+from workbench.core.matrices import Complex, resolvent
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.poles import continuous, pole_keys, vanished
+from workbench.core.poles import pole_keys
 from workbench.core.record import Part, Record, entry
 from workbench.session.base import Floats
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.state_space import LinearModel
 
 __all__ = ["Doubt", "Intersample", "LinResult", "Zero"]
-
-Complex = NDArray[np.complex128]
 
 # Between samples: an interval's begin and end, by the names of the linear model around it.
 _OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
@@ -90,23 +89,13 @@ class Intersample(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinResult(Record):
-    """A linear model and how it was made.
-
-    Continuous (dt = 0): dx/dt = A x + B u, y = C x + D u. Discrete (dt > 0): x(k+1) = A x(k) + B u(k),
-    y(k) = C x(k) + D u(k), the input held from sample to sample. All are deviations from `point`.
+class LinResult(Linear, Record):
+    """A linear model and how it was made; of a discrete one the input is held from sample to sample.
 
     Attributes:
         model, interface: what was linearised.
         method: name in `workbench.analysis.lin.methods.METHODS`.
         why: why this method.
-        A: shape (n, n).
-        B: shape (n, m).
-        C: shape (q, n).
-        D: shape (q, m).
-        dt: 0 for a continuous model, else the period [s].
-        state_names, input_names, output_names: of rows and columns.
-        units: any of these names → unit, None where the model names none.
         point: where the model was linearised.
         zeros: rows and columns that are zero, each with its reason.
         doubts: entries that are not certain, each with its reason.
@@ -122,15 +111,10 @@ class LinResult(Record):
     interface: str
     method: str
     why: str
-    A: Floats = field(metadata=entry(dims=("state_names", "state_names")))
-    B: Floats = field(metadata=entry(dims=("state_names", "input_names")))
-    C: Floats = field(metadata=entry(dims=("output_names", "state_names")))
-    D: Floats = field(metadata=entry(dims=("output_names", "input_names")))
     dt: float
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
-    units: Mapping[str, str | None]
     point: OperatingPoint = field(metadata=entry(key="operating_point"))
     zeros: tuple[Zero, ...] = field(default=(), metadata=entry(key="zero_rows_and_columns"))
     doubts: tuple[Doubt, ...] = field(default=(), metadata=entry(key="doubtful"))
@@ -146,37 +130,6 @@ class LinResult(Record):
     def operating_point(self) -> OperatingPoint:
         """Where the model was linearised, by the name that other results have for it."""
         return self.point
-
-    @property
-    def poles(self) -> Complex:
-        """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
-        return np.linalg.eigvals(self.A).astype(np.complex128)
-
-    @property
-    def continuous_poles(self) -> Complex:
-        """Poles [1/s]; of a discrete model those that its samples show, without the ones at 0."""
-        poles = self.poles
-        if self.dt == 0.0:
-            return poles
-        return continuous(poles[~vanished(poles, self.dt)], self.dt)
-
-    def response(self, frequency_hz: Floats) -> Complex:
-        """Return the frequency response, shape (k, q, m).
-
-        Args:
-            frequency_hz: shape (k,) [Hz].
-        """
-        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
-        points = np.exp(s * self.dt) if self.dt > 0.0 else s
-        return np.array([self.C @ self._state(p, self.B) + self.D for p in points], dtype=np.complex128)
-
-    def _state(self, p: complex, into: NDArray[Any]) -> Complex:
-        with np.errstate(all="ignore"):
-            try:
-                state: Complex = np.linalg.solve(p * np.eye(len(self.A)) - self.A, into).astype(np.complex128)
-            except np.linalg.LinAlgError:  # on a pole
-                return np.full(self.B.shape, np.nan, dtype=np.complex128)
-            return state
 
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
@@ -203,7 +156,8 @@ class LinResult(Record):
         else:
             through_state, through = self.B.astype(np.complex128), between.D.astype(np.complex128)
             held = 1.0 if between.sampled else complex((1.0 - np.exp(-s * self.dt)) / (s * self.dt))
-        y = between.C @ self._state(np.exp(s * self.dt), through_state) + through  # (k, 2, q, m)
+        state = resolvent(self.A, through_state, self.at_frequency(frequency))[0]
+        y = between.C @ state + through  # (k, 2, q, m)
         first, last = _weights(between.tau, s)
         total = np.einsum("k,kqm->qm", first, y[:, 0]) + np.einsum("k,kqm->qm", last, y[:, 1])
         return np.asarray(total / self.dt / held, dtype=np.complex128)
@@ -213,11 +167,15 @@ class LinResult(Record):
         """Whether no input was left out."""
         return not self.refused
 
-    def to_state_space(self) -> LinearModel:
-        """Return the model for python-control, with names."""
+    def to_state_space(self, *, name: str | None = None) -> LinearModel:
+        """Return the model for python-control, with names.
+
+        Args:
+            name: of the model there; None: its own.
+        """
         from workbench.analysis.lin.state_space import LinearModel  # noqa: PLC0415  python-control is slow to import
 
-        return LinearModel(self)
+        return LinearModel(self, name)
 
     def because(self, why: str) -> LinResult:
         """Return the same result with the reason for its method.

@@ -18,12 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["LinearModel"]
 
 
-def _undotted(names: tuple[str, ...]) -> list[str]:
-    """Return names that python-control takes, still different from each other."""
-    plain = [n.replace(".", "_") for n in names]
-    return plain if len(set(plain)) == len(plain) else [n.replace(".", "__") for n in names]
-
-
 class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # python-control has no types
     """A `control.StateSpace` with names that knows how it was made.
 
@@ -33,24 +27,14 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
 
     Args:
         result: the linearisation.
+        name: of the model; None: its own.
 
     Attributes:
         result: the linearisation with its point, method, doubts and notes.
     """
 
-    def __init__(self, result: LinResult) -> None:
-        super().__init__(
-            result.A,
-            result.B,
-            result.C,
-            result.D,
-            result.dt,
-            states=_undotted(result.state_names),
-            inputs=_undotted(result.input_names),
-            outputs=_undotted(result.output_names),
-            name=result.model.replace(".", "_"),
-            remove_useless_states=False,
-        )
+    def __init__(self, result: LinResult, name: str | None = None) -> None:
+        super().__init__(result.A, result.B, result.C, result.D, result.dt, **result.labels(name or result.model))
         self.result = result
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.lin.result import LinResult
+from workbench.core.matrices import held
 from workbench.core.record import Record
 from workbench.errors import InputError, suggest
 from workbench.model import Model
@@ -93,20 +94,10 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
 
 def step_response(linear: LinResult, column: int, dt: float, count: int) -> Floats:
     """Return the response to a unit step of one input at 0, dt, … count·dt, shape (count + 1, q)."""
-    A, B = (linear.A, linear.B) if linear.dt > 0.0 else _held(linear, dt)
+    A, B = (linear.A, linear.B) if linear.dt > 0.0 else held(linear.A, linear.B, dt)
     state, outputs = np.zeros(len(A)), []
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(count + 1):
             outputs.append(linear.C @ state + linear.D[:, column])
             state = A @ state + B[:, column]
     return np.array(outputs)
-
-
-def _held(linear: LinResult, dt: float) -> tuple[Floats, Floats]:
-    from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and for pictures and checks only
-
-    n, m = linear.B.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = linear.A, linear.B
-    full = expm(block * dt)
-    return full[:n, :n], full[:n, n:]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
-from workbench.analysis.loop.transfer import Transfer
+from workbench.core.linear import LinearPart
 from workbench.core.poles import damped_frequency_hz, natural_frequency_hz
 from workbench.session.base import Floats
 
@@ -19,7 +19,7 @@ _REAL = 1e-9  # |Im F| / |F| at a crossing of the real axis; at a pole on the ax
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
 
 
-def gain_crossings(f: Transfer) -> list[float]:
+def gain_crossings(f: LinearPart) -> list[float]:
     """Return the frequencies at which |F| = 1, rising [Hz].
 
     The zeros of 1 - F(-s) F(s) on the imaginary axis are eigenvalues of a Hamiltonian matrix (S. Boyd, V. Balakrishnan,
@@ -37,7 +37,7 @@ def gain_crossings(f: Transfer) -> list[float]:
     return _roots(level, _candidates(f, _gain_pencil), f.highest_hz)
 
 
-def real_crossings(f: Transfer) -> list[float]:
+def real_crossings(f: LinearPart) -> list[float]:
     """Return the frequencies at which F is real, rising [Hz]; without 0 and the Nyquist frequency, where it always is.
 
     As for the gain, with the zeros of F(s) - F(-s).
@@ -54,9 +54,9 @@ def real_crossings(f: Transfer) -> list[float]:
     return [x for x in found if abs(imaginary(x)) < _REAL]
 
 
-def scan(f: Transfer, candidates: Floats | None = None) -> Floats:
+def scan(f: LinearPart, candidates: Floats | None = None) -> Floats:
     """Return frequencies that cover the poles of F and the candidates with five decades around them, rising [Hz]."""
-    poles = f.rates
+    poles = f.continuous_poles
     sizes = np.concatenate([natural_frequency_hz(poles), damped_frequency_hz(poles)])
     own = sizes[(sizes > 1e-9 * sizes.max(initial=0.0)) & (sizes > 0.0)]
     every = np.concatenate([own, [] if candidates is None else candidates])
@@ -86,10 +86,10 @@ def _below(highest: float) -> float:
     return float(highest * (1.0 - 1e-9))
 
 
-def _candidates(f: Transfer, pencil: Callable[[Transfer], tuple[Floats, Floats]]) -> Floats:
+def _candidates(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats, Floats]]) -> Floats:
     """Return frequencies between which the function cannot change its sign, and others, rising [Hz]."""
     try:
-        plane = f.to_bilinear() if f.dt > 0.0 else f
+        plane = _bilinear(f) if f.dt > 0.0 else f
         a, b = pencil(plane)
         with np.errstate(all="ignore"):
             w = eigvals(a, b)
@@ -102,9 +102,20 @@ def _candidates(f: Transfer, pencil: Callable[[Transfer], tuple[Floats, Floats]]
     return np.unique(np.concatenate([hz, scan(f, hz)]))
 
 
-def _gain_pencil(f: Transfer) -> tuple[Floats, Floats]:
+def _bilinear(f: LinearPart) -> LinearPart:
+    """Return the continuous system that has at w the value of this sampled one at z = (1 + w)/(1 - w).
+
+    Raises:
+        numpy.linalg.LinAlgError: there is a pole at z = -1.
+    """
+    inverse = np.linalg.inv(np.eye(len(f.A)) + f.A)
+    B, C = np.sqrt(2.0) * inverse @ f.B, np.sqrt(2.0) * f.C @ inverse
+    return LinearPart(inverse @ (f.A - np.eye(len(f.A))), B, C, f.D - f.C @ inverse @ f.B)
+
+
+def _gain_pencil(f: LinearPart) -> tuple[Floats, Floats]:
     """Return (a, b) whose generalised eigenvalues are the zeros of 1 - F(-s) F(s)."""
-    n, d = len(f.A), f.D
+    n, d = len(f.A), f.d
     a = np.block([
         [f.A, np.zeros((n, n)), f.B],
         [-f.C.T @ f.C, -f.A.T, -f.C.T * d],
@@ -113,7 +124,7 @@ def _gain_pencil(f: Transfer) -> tuple[Floats, Floats]:
     return a, _descriptor(n)
 
 
-def _odd_pencil(f: Transfer) -> tuple[Floats, Floats]:
+def _odd_pencil(f: LinearPart) -> tuple[Floats, Floats]:
     """Return (a, b) whose generalised eigenvalues are the zeros of F(s) - F(-s)."""
     n = len(f.A)
     a = np.block([

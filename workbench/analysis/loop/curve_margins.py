@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from workbench.analysis.loop.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.analysis.loop.stability import BORDER, STABLE, UNKNOWN, UNSTABLE, Stability
-from workbench.analysis.loop.transfer import Complex
+from workbench.core.linear import Complex
 from workbench.session.base import Floats
 
 __all__ = ["curve_margins"]

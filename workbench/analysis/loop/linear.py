@@ -13,7 +13,7 @@ from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.analysis.loop.margins import Margins, margins_of
 from workbench.analysis.loop.stability import Stability, stability_of
-from workbench.analysis.loop.transfer import Complex, Transfer
+from workbench.core.linear import Complex, LinearPart
 from workbench.session.base import Floats
 
 __all__ = ["LinearLoop", "linear_loop"]
@@ -34,7 +34,7 @@ class LinearLoop:
     """
 
     lin: LinResult
-    transfer: Transfer
+    transfer: LinearPart
     stability: Stability
     margins: Margins
     notes: tuple[str, ...]
@@ -73,7 +73,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
             du=du,
             time=cut.time,
         ).result
-    transfer = Transfer(result.A, result.B, -result.C, -float(result.D[0, 0]), result.dt)
+    transfer = LinearPart(result.A, result.B, -result.C, -result.D, dt=result.dt)
     return LinearLoop(
         lin=result,
         transfer=transfer,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from workbench.analysis.loop.crossings import gain_crossings, real_crossings
 from workbench.analysis.loop.peak import peak
 from workbench.analysis.loop.stability import BORDER, UNSTABLE, stability_of
-from workbench.analysis.loop.transfer import Transfer
+from workbench.core.linear import LinearPart
 
 __all__ = ["DiskMargin", "GainCrossover", "Margins", "PhaseCrossover", "disk_of", "margins_of"]
 
@@ -195,7 +195,7 @@ class Margins:
         }
 
 
-def margins_of(loop: Transfer) -> Margins:
+def margins_of(loop: LinearPart) -> Margins:
     """Return the margins of a loop transfer L, exact over all frequencies.
 
     Sampled: up to the Nyquist frequency; the delay margin is that of a delay in whole samples read as a real number.
@@ -234,12 +234,12 @@ def disk_of(largest: float, frequency_hz: float) -> DiskMargin:
     return DiskMargin(alpha, low, high, math.degrees(2.0 * math.atan(0.5 * alpha)), frequency_hz)
 
 
-def _difference(s: Transfer) -> Transfer:
+def _difference(s: LinearPart) -> LinearPart:
     """Return S - T = 2 S - 1."""
-    return Transfer(s.A, s.B, 2.0 * s.C, 2.0 * s.D - 1.0, s.dt)
+    return replace(s, C=2.0 * s.C, D=2.0 * s.D - 1.0)
 
 
-def _phase_crossovers(loop: Transfer) -> list[PhaseCrossover]:
+def _phase_crossovers(loop: LinearPart) -> list[PhaseCrossover]:
     inner = sorted([f for f in real_crossings(loop) if _negative(loop.at(f))])
     found = [PhaseCrossover(f, 1.0 / abs(loop.at(f)), _upwards(loop, f)) for f in inner]
     for end in (0.0, loop.highest_hz):
@@ -254,11 +254,11 @@ def _negative(value: complex) -> bool:
     return bool(np.isfinite(value)) and value.real < 0.0 and math.isfinite(1.0 / abs(value)) and abs(value) < 1e15
 
 
-def _upwards(loop: Transfer, frequency: float) -> bool:
+def _upwards(loop: LinearPart, frequency: float) -> bool:
     return loop.at(frequency * (1.0 + 1e-6)).imag > loop.at(frequency * (1.0 - 1e-6)).imag
 
 
-def _size(loop: Transfer, frequencies: Sequence[float]) -> float:
+def _size(loop: LinearPart, frequencies: Sequence[float]) -> float:
     return max((abs(loop.at(f)) for f in frequencies), default=1.0)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.analysis.loop.margins import Margins
-from workbench.analysis.loop.transfer import Complex
+from workbench.core.linear import Complex
 from workbench.session.base import Floats
 
 __all__ = ["LoopCurve", "LoopPoint"]

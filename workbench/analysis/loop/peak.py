@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.loop.crossings import gain_crossings, scan
-from workbench.analysis.loop.transfer import Transfer
+from workbench.core.linear import LinearPart
 from workbench.session.base import Floats
 
 __all__ = ["peak"]
@@ -14,7 +14,7 @@ _CLOSE = 1e-10  # relative: how exactly the peak is found
 _ROUNDS = 30
 
 
-def peak(f: Transfer) -> tuple[float, float]:
+def peak(f: LinearPart) -> tuple[float, float]:
     """Return max |F(jω)| over all frequencies and where it lies [Hz] (infinity: at no finite frequency).
 
     A level just above the largest value known is drawn; where F crosses it, the middles of the crossings are higher,
@@ -40,7 +40,7 @@ def peak(f: Transfer) -> tuple[float, float]:
     return best, where
 
 
-def _largest(f: Transfer, frequencies: Floats) -> tuple[float, float]:
+def _largest(f: LinearPart, frequencies: Floats) -> tuple[float, float]:
     sizes = np.abs(f.response(frequencies))
     sizes = np.where(np.isnan(sizes), -np.inf, sizes)
     k = int(np.argmax(sizes))

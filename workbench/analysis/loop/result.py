@@ -12,7 +12,6 @@ from workbench.analysis.loop.linear import LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
-from workbench.analysis.loop.transfer import Transfer
 from workbench.core.operating_point import OperatingPoint, point_in_json
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Record
@@ -74,17 +73,17 @@ class LoopResult(Record):
         Raises:
             InputError: there is no linear loop.
         """
-        return _state_space(self._linear().transfer, "L")
+        return self._linear().transfer.to_state_space(name="L")
 
     @property
     def sensitivity(self) -> StateSpace:
         """S = 1/(1 + L) of the linear loop, likewise."""
-        return _state_space(self._linear().transfer.sensitivity(), "S")
+        return self._linear().transfer.sensitivity().to_state_space(name="S")
 
     @property
     def complementary(self) -> StateSpace:
         """T = L/(1 + L) of the linear loop, likewise."""
-        return _state_space(self._linear().transfer.complementary(), "T")
+        return self._linear().transfer.complementary().to_state_space(name="T")
 
     def _linear(self) -> LinearLoop:
         if self.linear is None:
@@ -115,7 +114,7 @@ class LoopResult(Record):
             count: how many.
         """
         transfer = self._linear().transfer
-        poles = np.concatenate([transfer.rates, transfer.sensitivity().rates])
+        poles = np.concatenate([transfer.continuous_poles, transfer.sensitivity().continuous_poles])
         every = np.concatenate([natural_frequency_hz(poles), self._linear().margins.crossovers_hz])
         every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
         if not len(every):
@@ -150,7 +149,7 @@ class LoopResult(Record):
             "A": transfer.A.tolist(),
             "B": transfer.B.tolist(),
             "C": transfer.C.tolist(),
-            "D": [[transfer.D]],
+            "D": transfer.D.tolist(),
             "state_names": list(linear.lin.state_names),
             "stability": linear.stability.to_dict(),
             "margins": linear.margins.to_dict(),
@@ -182,9 +181,3 @@ def _numbers(value: complex | None) -> list[Any]:
         db = float(20.0 * np.log10(abs(value)))
         s = float(abs(np.divide(1.0, 1.0 + value)))
     return [abs(value), db, float(np.degrees(np.angle(value))), s, s * abs(value)]
-
-
-def _state_space(f: Transfer, name: str) -> StateSpace:
-    import control  # noqa: PLC0415 - slow to import, and needed here only
-
-    return control.ss(f.A, f.B, f.C, [[f.D]], f.dt, name=name, remove_useless_states=False)

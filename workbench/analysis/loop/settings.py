@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from workbench.analysis.loop.transfer import Transfer
 from workbench.analysis.nfr_point import PointTask
+from workbench.core.linear import LinearPart
 
 __all__ = ["Settings"]
 
@@ -25,7 +25,7 @@ class Settings:
     errcrit: float = 0.1
     max_periods: int = 20
     value: float = 0.0
-    loop: Transfer | None = None
+    loop: LinearPart | None = None
 
     def task(self, input: str, output: str, frequency: float, amplitude: float) -> PointTask:
         """Return the task of one point."""

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.loop.transfer import Complex, Transfer
+from workbench.core.linear import Complex, LinearPart
+from workbench.core.poles import sides
 
 __all__ = ["Stability", "stability_of"]
-
-Flags = NDArray[np.bool_]
 
 STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unknown"
 
@@ -54,7 +53,7 @@ class Stability:
         }
 
 
-def stability_of(loop: Transfer) -> Stability:
+def stability_of(loop: LinearPart) -> Stability:
     """Return whether 1/(1 + L) is stable, all states of the realisation counted, hidden ones too.
 
     Args:
@@ -73,14 +72,10 @@ def stability_of(loop: Transfer) -> Stability:
     return Stability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
 
 
-def _sides(poles: Complex, f: Transfer) -> tuple[Flags, Flags]:
+def _sides(poles: Complex, f: LinearPart) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which poles lie outside the stable region, and which on its border."""
     rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(f.A)) if len(f.A) else 0.0
-    if f.dt > 0.0:
-        distance, known = np.abs(poles) - 1.0, np.full(len(poles), _RELATIVE + rounding)
-    else:
-        distance, known = poles.real, _RELATIVE * np.abs(poles) + rounding
-    return distance > known, np.abs(distance) <= known
+    return sides(poles, f.dt, relative=_RELATIVE, rounding=rounding)
 
 
 def _words(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: float) -> str:

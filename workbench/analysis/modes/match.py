@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.analysis.modes.poles import Complex, Poles
+from workbench.core.modal import Complex, Poles
 from workbench.session.base import Floats
 
 __all__ = ["Group", "Match", "closeness", "coincide", "match", "passing", "turning"]

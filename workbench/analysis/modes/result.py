@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.modes.poles import Complex
+from workbench.core.modal import Complex
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
 from workbench.core.record import Part, Record, complex_of, entry

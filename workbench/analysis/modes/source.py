@@ -11,8 +11,8 @@ from workbench.analysis.lin.request import Lin, lin_over
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.sweep import LinPoint, with_parameters
 from workbench.analysis.lin.task import make_task
-from workbench.analysis.modes.poles import Poles, poles_of
 from workbench.analysis.trim.request import trim
+from workbench.core.modal import Poles, poles_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model

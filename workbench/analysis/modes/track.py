@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.modes.match import Group, Match, coincide, match, passing, turning
-from workbench.analysis.modes.poles import Complex, Poles
+from workbench.core.modal import Complex, Poles
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["AxisCrossing", "axis_crossings"]
 
@@ -52,7 +52,7 @@ def _sine(value: Complex) -> Floats:
 
 
 def _at(part: LinearPart, frequency: float) -> float:
-    return float(_sine(part.response(np.array([frequency])))[0])
+    return float(_sine(part.response(frequency))[0])
 
 
 def _root(part: LinearPart, low: float, high: float) -> float:
@@ -85,7 +85,7 @@ def _tangents(part: LinearPart, f: Floats, sine: Floats) -> list[tuple[float, fl
 
 def _crossing(part: LinearPart, root: float) -> AxisCrossing | None:
     """Return the crossing at a root of Im L/|L|; None where L itself is zero there."""
-    here = complex(part.response(np.array([root]))[0])
+    here = part.at(root)
     left, right = part.response(root * np.array([1.0 - _SIDE, 1.0 + _SIDE]))
     beside = 0.5 * (abs(left) + abs(right))
     jumps = _sine(np.array([left]))[0] * _sine(np.array([right]))[0] < -0.25

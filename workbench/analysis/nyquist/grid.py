@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, eig
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["adaptive_grid"]
 
@@ -82,7 +82,7 @@ def _axis_candidates(part: LinearPart) -> Floats:
     n = len(part.A)
     if not n:
         return np.zeros(0)
-    a, b, c = block_diag(part.A, -part.A), np.concatenate([part.B, part.B]), np.concatenate([part.C, part.C])
+    a, b, c = block_diag(part.A, -part.A), np.concatenate([part.b, part.b]), np.concatenate([part.c, part.c])
     scale_b, scale_c = (max(float(np.abs(x).max(initial=0.0)), 1e-300) for x in (b, c))
     pencil = np.block([[a, b[:, None] / scale_b], [c[None, :] / scale_c, np.zeros((1, 1))]])
     alpha, beta = eig(pencil, block_diag(np.eye(2 * n), 0.0), right=False, homogeneous_eigvals=True)

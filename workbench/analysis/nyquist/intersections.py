@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import root
 
 from workbench.analysis.describing.base import Block, Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 
 __all__ = ["intersections"]
 
@@ -61,7 +61,7 @@ def _refined(
 ) -> tuple[float, float] | None:
     def distance(z: Floats) -> Floats:
         a, x = np.exp(np.clip(z, -_LIMITS, _LIMITS)).tolist()
-        r = 1.0 + block.gain(a, x) * complex(part.response(np.array([x]))[0])
+        r = 1.0 + block.gain(a, x) * part.at(x)
         return np.array([r.real, r.imag]) if np.isfinite(r) else np.array([10.0, 10.0])
 
     solved = root(distance, np.log(begin), method="hybr", options={"xtol": 1e-13})

@@ -8,15 +8,15 @@ import control
 import numpy as np
 from scipy.optimize import brentq
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.describing.base import HARMONICS, Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.lin.state_space import LinearModel
 from workbench.analysis.nyquist.axis import AxisCrossing, axis_crossings
 from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.intersections import intersections
-from workbench.analysis.nyquist.linear_part import LinearPart
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.blas import one_thread
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.origin import with_origin
 
@@ -107,7 +107,7 @@ def _part(loop: LinearPart | LinearModel | control.StateSpace) -> LinearPart:
         return LinearPart.from_lin(loop.result)
     if loop.dt or loop.ninputs != 1 or loop.noutputs != 1:
         raise InputError("the linear part of a loop must be continuous and have one input and one output")
-    return LinearPart(loop.A, loop.B[:, 0], loop.C[0], float(loop.D[0, 0]))
+    return LinearPart(loop.A, loop.B, loop.C, loop.D)
 
 
 def _checked(band: tuple[float, float]) -> tuple[float, float]:
@@ -183,7 +183,7 @@ def _amplitudes(gain: float, block: Block, a: Floats, gains: Floats) -> list[flo
 
 
 def _complex_crossing(part: LinearPart, block: Block, amplitude: float, frequency: float) -> Crossing:
-    value = complex(part.response(np.array([frequency]))[0])
+    value = part.at(frequency)
     less, more = (block.gain(amplitude * (1.0 + e), frequency) for e in (-_ASIDE, _ASIDE))
     if not (np.isfinite(less) and np.isfinite(more)):  # the last measured amplitude
         less = more = block.gain(amplitude, frequency)

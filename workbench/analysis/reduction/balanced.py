@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.modes.poles import poles_of
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
+from workbench.core.modal import poles_of
 from workbench.core.record import Record
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.origin import with_origin
@@ -54,10 +53,7 @@ class BalancedReduction(Record):
 
     def to_ss(self) -> control.StateSpace:
         """Return the reduced system for python-control."""
-        import control as ct  # noqa: PLC0415  slow to import
-
-        part = self.part
-        return ct.ss(part.A, part.B[:, None], part.C[None, :], [[part.D]])
+        return self.part.to_state_space()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON; the matrices are left out."""
@@ -103,7 +99,7 @@ def balanced_reduction(
         [[-1.]] True
     """
     n = len(part.A)
-    scaled, factor = _scaled(part)
+    scaled, factor = part.of_unit_size()
     border = _border(scaled)
     unstable = int(np.sum(scaled.poles.real >= border))
     _check(n, unstable, order, tolerance, method)
@@ -113,7 +109,7 @@ def balanced_reduction(
         reduced = scaled if wanted == n else _run(scaled, wanted, method, border)[0]
     kept = len(reduced.A) - unstable
     return BalancedReduction(
-        part=LinearPart(reduced.A, reduced.B, reduced.C * factor, reduced.D * factor) if wanted < n else part,
+        part=replace(reduced, C=reduced.C * factor, D=reduced.D * factor) if wanted < n else part,
         method=method,
         order=len(reduced.A),
         full_order=n,
@@ -154,22 +150,13 @@ def _border(part: LinearPart) -> float:
     return min(-rounding, 1.01 * float(near.min(initial=0.0)))
 
 
-def _scaled(part: LinearPart) -> tuple[LinearPart, float]:
-    """Return the system in balanced state coordinates with B and C of size 1, and the factor left out."""
-    A, transform = matrix_balance(part.A, permute=False)
-    scale = np.diag(transform)
-    B, C = part.B / scale, part.C * scale
-    b, c = float(np.linalg.norm(B)) or 1.0, float(np.linalg.norm(C)) or 1.0
-    return LinearPart(np.ascontiguousarray(A), B / b, C / c, part.D / (b * c)), b * c
-
-
 def _run(part: LinearPart, order: int, method: str, border: float) -> tuple[LinearPart, Floats]:
     """Return the reduced system and the Hankel singular values of the stable part, zeros behind them."""
     import slycot  # noqa: PLC0415  slow to import
 
     n = len(part.A)
     warnings.simplefilter("ignore", slycot.exceptions.SlycotResultWarning)  # of states that are none: seen by the order
-    A, B, C, D = part.A.copy(), part.B[:, None].copy(), part.C[None, :].copy(), np.array([[part.D]])
+    A, B, C, D = part.A.copy(), part.B.copy(), part.C.copy(), part.D.copy()
     try:
         if method == "truncate":
             _, a, b, c, _, hankel = slycot.ab09md("C", "B", "N", n, 1, 1, A, B, C, alpha=border, nr=order)
@@ -179,5 +166,5 @@ def _run(part: LinearPart, order: int, method: str, border: float) -> tuple[Line
     except slycot.exceptions.SlycotError as error:
         raise SimulationError(f"balanced reduction failed: {error}") from None
     size = len(a)
-    found = LinearPart(np.array(a), np.array(b)[:size, 0], np.array(c)[0, :size], float(d[0, 0]))
+    found = LinearPart(np.array(a), np.array(b)[:size], np.array(c)[:, :size], np.array(d))
     return found, np.asarray(hankel, dtype=np.float64)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.record import Part
 from workbench.errors import InputError
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part
 from workbench.errors import SimulationError
@@ -145,12 +144,9 @@ def _zeros(part: LinearPart) -> Complex:
     import slycot  # noqa: PLC0415  slow to import
     from scipy.linalg import eig  # noqa: PLC0415
 
-    A, transform = matrix_balance(part.A, permute=False)
-    scale = np.diag(transform)
-    B, C = part.B / scale, part.C * scale
-    b, c = float(np.linalg.norm(B)) or 1.0, float(np.linalg.norm(C)) or 1.0
+    even, _ = part.of_unit_size()
     try:
-        found = slycot.ab08nd(n, 1, 1, A, (B / b)[:, None], (C / c)[None, :], np.array([[part.D / (b * c)]]))
+        found = slycot.ab08nd(n, 1, 1, even.A, even.B, even.C, even.D)
     except slycot.exceptions.SlycotError as error:
         raise SimulationError(f"zeros cannot be computed: {error}") from None
     count, pencil, mass = found[0], found[8], found[9]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import matrix_balance
 from scipy.optimize import linear_sum_assignment
 
-from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.nyquist.linear_part import LinearPart
+from workbench.analysis.describing.base import Complex
 from workbench.analysis.reduction.factored import Factored
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 
 __all__ = ["to_state_space"]
@@ -50,8 +49,8 @@ def to_state_space(found: Factored) -> LinearPart:
         )
     groups = _paired(found)
     sections = [_section(g) for g in groups]
-    scale = found.gain * float(np.prod([k for *_, k in sections]))
-    return _cascade([s[:4] for s in sections], scale)
+    scale = found.gain * float(np.prod([k for _, k in sections]))
+    return _cascade([s for s, _ in sections], scale)
 
 
 def _grouped(roots: Complex) -> list[list[complex]]:
@@ -84,11 +83,8 @@ def _distance(poles: list[complex], zeros: list[complex]) -> float:
     return abs(complex(sizes, np.angle(p) - np.angle(z)))
 
 
-_Section = tuple[Floats, Floats, Floats, float, float]
-
-
-def _section(group: _Group) -> _Section:
-    """Return A, B, C, D of one section of unit size, and the factor it must be multiplied by."""
+def _section(group: _Group) -> tuple[LinearPart, float]:
+    """Return one section of unit size, and the factor it must be multiplied by."""
     w = max(*(abs(p) for p in group.poles), _LEAST)
     a = np.real(np.poly([p / w for p in group.poles]))
     b = np.real(np.poly([z / w for z in group.zeros])) if group.zeros else np.ones(1)
@@ -99,32 +95,20 @@ def _section(group: _Group) -> _Section:
     A = w * np.vstack([np.eye(n, k=1)[: n - 1], -a[:0:-1]])
     B = np.zeros(n)
     B[-1] = w
-    return A, B, rest[::-1].copy(), D, w ** (len(group.zeros) - n)
+    return LinearPart(A, B, rest[::-1].copy(), D), w ** (len(group.zeros) - n)
 
 
-def _cascade(sections: list[tuple[Floats, Floats, Floats, float]], gain: float) -> LinearPart:
+def _cascade(sections: list[LinearPart], gain: float) -> LinearPart:
     """Return the sections one behind the other."""
-    n = sum(len(s[0]) for s in sections)
-    A, B, C, D = np.zeros((n, n)), np.zeros(n), np.zeros(n), 1.0
-    at = 0
-    for a, b, c, d in sections:
-        here = slice(at, at + len(a))
-        A[here, :at] = np.outer(b, C[:at])
-        A[here, here] = a
-        B[here] = b * D
-        C[:at] *= d
-        C[here] = c
-        D *= d
-        at += len(a)
-    return _balanced(A, B, gain * C, gain * D)
+    whole = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
+    for section in sections:
+        whole = section.behind(whole)
+    return _balanced(replace(whole, C=gain * whole.C, D=gain * whole.D))
 
 
-def _balanced(A: Floats, B: Floats, C: Floats, D: float) -> LinearPart:
+def _balanced(part: LinearPart) -> LinearPart:
     """Return the system in states of such units that rows and columns of A, and B and C, are alike in size."""
-    if not len(A):
-        return LinearPart(A, B, C, D)
-    A, transform = matrix_balance(A, permute=False)
-    scale = np.diag(transform)
-    B, C = B / scale, C * scale
-    unit = math.sqrt(float(np.linalg.norm(C)) / float(np.linalg.norm(B))) if np.any(B) and np.any(C) else 1.0
-    return LinearPart(np.ascontiguousarray(A) + 0.0, B * unit + 0.0, C / unit + 0.0, D)  # no zeros with a sign
+    even = part.balanced()
+    b, c = float(np.linalg.norm(even.B)), float(np.linalg.norm(even.C))
+    unit = math.sqrt(c / b) if b and c else 1.0
+    return replace(even, A=even.A + 0.0, B=even.B * unit + 0.0, C=even.C / unit + 0.0)  # no zeros with a sign

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.subspace.data import prepare
 from workbench.analysis.subspace.delays import advance, as_tuple
 from workbench.analysis.subspace.delivered import Delivered, cost, deliver
@@ -26,6 +25,7 @@ from workbench.analysis.subspace.settings import (
 )
 from workbench.analysis.subspace.trial import Trial, first_trial, look
 from workbench.analysis.subspace.weightings import oblique_loss, principal_angles
+from workbench.core.blas import one_thread
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 

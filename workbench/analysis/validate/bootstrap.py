@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.blas import one_thread
 from workbench.analysis.experiment import Experiment
 from workbench.analysis.identified import IdentifiedModel
 from workbench.analysis.march import march
 from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
+from workbench.core.blas import one_thread
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.origin import with_origin

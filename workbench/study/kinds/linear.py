@@ -148,12 +148,12 @@ def _sampled(result: Result, row: int, column: int) -> _Response:
 
 def _continuous(result: Result, row: int, column: int) -> _Response:
     """Evaluate the continuous model with the same samples; where there is none, divide by the hold."""
-    from workbench.analysis.matrix_log import continuous_matrices  # noqa: PLC0415 - only identified models need it
+    from workbench.core.matrices import unheld  # noqa: PLC0415 - only identified models need it
 
     A, B, C, D = _matrices(result)
     dt = float(result["dt"])
     try:
-        smooth = continuous_matrices(A, B, dt)
+        smooth = unheld(A, B, dt)
     except InputError:
         held = _held(result, row, column)
         return lambda f: held(f) / _hold(f, dt)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig, matrix_balance, schur
+from scipy.linalg import eig, schur
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.analysis.blas import one_thread
+from workbench.core.blas import one_thread
+from workbench.core.matrices import Complex, Floats, balance
 from workbench.core.poles import VANISHED, continuous
-from workbench.session.base import Floats
 
 __all__ = ["Complex", "Poles", "poles_of"]
-
-Complex = NDArray[np.complex128]
 
 _ROUNDING = 20.0
 _MOST_EQUAL = 4  # eigenvalues that may coincide, as those of a chain of integrators
@@ -77,7 +74,7 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
         none = np.zeros((0, 0), dtype=np.complex128)
         return Poles(np.zeros(0, dtype=np.complex128), none, none, np.zeros(0))
     with one_thread():
-        balanced, scale = _balanced(a)
+        balanced, scale = balance(a)
         value, left, right = (np.asarray(x, dtype=np.complex128) for x in eig(balanced, left=True, right=True))
         uncertain = _uncertain(balanced, value, left, right, accuracy)
         value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
@@ -134,13 +131,6 @@ def _bases(a: Floats, value: Complex, members: list[int]) -> tuple[Complex, Comp
     left = schur(a.T.astype(np.complex128), output="complex", sort=outside)[1][:, :count]
     across = left.conj().T @ right
     return right, np.asarray(left @ np.linalg.inv(across).conj().T, dtype=np.complex128)
-
-
-def _balanced(a: Floats) -> tuple[Floats, Floats]:
-    """Return A with states of like size, and the scale of each state."""
-    found: tuple[Any, Any] = matrix_balance(a, permute=False, separate=True)
-    matrix, (scale, _) = found
-    return np.asarray(matrix, dtype=np.float64), np.asarray(scale, dtype=np.float64)
 
 
 def _continuous(value: Complex, uncertain: Floats, dt: float) -> tuple[Complex, Floats]:

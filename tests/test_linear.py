@@ -1,0 +1,234 @@
+"""Linear models: responses, feedback, series, hold: closed forms, exact arithmetic and other methods."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import control
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from workbench.core import matrices
+from workbench.core.linear import Linear, LinearPart
+from workbench.core.matrices import held, resolvent, unheld
+from workbench.core.poles import growth_rates, sides
+from workbench.errors import InputError
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+FREQUENCY = np.geomspace(1e-3, 1e2, 25)
+
+
+def random_linear(seed: int, *, dt: float = 0.0) -> Linear:
+    rng = np.random.default_rng(seed)
+    n, m, q = (int(rng.integers(low, high)) for low, high in ((1, 9), (1, 4), (1, 4)))
+    A = rng.normal(size=(n, n))
+    A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max() if dt > 0.0 else A
+    return Linear(A, rng.normal(size=(n, m)), rng.normal(size=(q, n)), rng.normal(size=(q, m)), dt=dt)
+
+
+def lag(gain: float = 3.0, tau: float = 0.5) -> LinearPart:
+    """gain/(1 + tau·s)."""
+    return LinearPart(np.array([[-1.0 / tau]]), np.array([gain / tau]), np.array([1.0]))
+
+
+# -- responses -----------------------------------------------------------------------------------
+
+
+def test_response_of_a_lag() -> None:
+    assert lag().response(FREQUENCY) == pytest.approx(3.0 / (1.0 + 1j * math.pi * FREQUENCY), rel=1e-14)
+    assert lag().at(0.0) == pytest.approx(3.0)
+    assert lag().at(math.inf) == 0.0
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+@pytest.mark.parametrize("seed", range(8))
+def test_response_of_several_inputs_and_outputs_is_python_controls(seed: int, dt: float) -> None:
+    system = random_linear(seed, dt=dt)
+    f = FREQUENCY[system.highest_hz > FREQUENCY]
+    expected = np.moveaxis(system.to_state_space().frequency_response(2.0 * np.pi * f).complex, -1, 0)
+    assert system.response(f) == pytest.approx(expected.reshape(len(f), *system.D.shape), rel=1e-9)
+
+
+def test_response_of_one_pair_is_a_part_of_the_whole() -> None:
+    system = random_linear(5)
+    whole = system.response(FREQUENCY)
+    for i, j in np.ndindex(system.D.shape):
+        assert system.part(j, i).response(FREQUENCY) == pytest.approx(whole[:, i, j], rel=1e-12)
+        assert system.part(j, i, sign=-1.0).response(FREQUENCY) == pytest.approx(-whole[:, i, j], rel=1e-12)
+
+
+def test_response_without_states_is_the_direct_part() -> None:
+    D = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    static = Linear(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((3, 0)), D)
+    assert np.array_equal(static.response([0.0, 1.0, math.inf]), [D, D, D])
+    assert len(static.poles) == 0
+    assert static.is_stable
+
+
+def test_response_on_a_pole_is_not_a_number_and_beside_it_is() -> None:
+    oscillator = Linear(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1)))
+    integrator = Linear(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    assert np.isnan(integrator.response([0.0, 1.0])[:, 0, 0]).tolist() == [True, False]
+    assert integrator.response(1.0)[0, 0, 0] == pytest.approx(1.0 / (2j * math.pi))
+    assert oscillator.response(0.0)[0, :, 0] == pytest.approx([1.0, 0.0])
+
+
+def test_response_at_the_nyquist_frequency_is_real() -> None:
+    """1/(z − a) at z = −1 is −1/(1 + a), exactly: rounding would look like a crossing of the real axis."""
+    part = LinearPart(np.array([[0.5]]), np.ones(1), np.ones(1), dt=0.02)
+    assert part.highest_hz == 25.0
+    assert part.at(25.0) == -1.0 / 1.5
+
+
+def exact(A: Floats, B: Floats, p: complex) -> Complex:
+    """Return (pI − A)⁻¹ B by elimination with fractions, shape (n, 1)."""
+    n = len(A)
+    real = np.block([[p.real * np.eye(n) - A, -p.imag * np.eye(n)], [p.imag * np.eye(n), p.real * np.eye(n) - A]])
+    rows = [[Fraction(v) for v in row] for row in np.column_stack([real, np.append(B[:, 0], np.zeros(n))]).tolist()]
+    for i in range(2 * n):
+        best = max(range(i, 2 * n), key=lambda r: abs(rows[r][i]))
+        rows[i], rows[best] = rows[best], rows[i]
+        rows[i] = [v / rows[i][i] for v in rows[i]]
+        for r in range(2 * n):
+            if r != i and rows[r][i]:
+                rows[r] = [a - rows[r][i] * b for a, b in zip(rows[r], rows[i], strict=True)]
+    x = np.array([float(row[-1]) for row in rows])
+    return np.asarray((x[:n] + 1j * x[n:])[:, None])
+
+
+@pytest.mark.parametrize("at_once", [0.0, math.inf])
+def test_few_and_many_points_keep_their_digits_where_entries_differ_by_ten_decades(
+    at_once: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(matrices, "_DIRECT", at_once)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        A, B = rng.normal(size=(4, 4)) * 10.0 ** rng.uniform(-5.0, 5.0, (4, 1)), rng.normal(size=(4, 1))
+        points = np.asarray(1j * 10.0 ** rng.uniform(-3.0, 5.0, 3), dtype=np.complex128)
+        found, expected = resolvent(A, B, points), np.array([exact(A, B, complex(p)) for p in points])
+        assert np.abs(found / expected - 1.0).max() < 1e-11
+
+
+# -- what does not fit -----------------------------------------------------------------------------
+
+
+def test_vectors_become_matrices() -> None:
+    part = LinearPart(np.eye(2), np.ones(2), np.ones(2), 3.0)
+    assert (part.B.shape, part.C.shape, part.D.shape) == ((2, 1), (1, 2), (1, 1))
+    assert (part.b.tolist(), part.c.tolist(), part.d) == ([1.0, 1.0], [1.0, 1.0], 3.0)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    one, two = np.ones((1, 1)), np.ones((2, 2))
+    with pytest.raises(InputError, match="matrix B must be 1 × 2, not 2 × 1"):
+        Linear(one, np.ones((2, 1)), np.ones((2, 1)), two)
+    with pytest.raises(InputError, match="2 state_names are given for 1 states"):
+        Linear(one, one, one, one, state_names=("a", "b"))
+    with pytest.raises(InputError, match="one input and one output"):
+        LinearPart(two, two, two, two)
+    with pytest.raises(InputError, match="the linear part is sampled"):
+        LinearPart.from_lin(Linear(one, one, one, one, dt=0.1))
+
+
+# -- feedback and series ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_feedback_satisfies_the_equations_of_the_loop(seed: int) -> None:
+    """Closed by u = g·y + r the response H' solves H' = H + H[:, u]·g·H'[y, :]."""
+    system, gain = random_linear(seed), 0.7
+    q, m = system.D.shape
+    closed = system.with_feedback(gain, input=m - 1, output=q - 1).response(FREQUENCY)
+    before = system.response(FREQUENCY)
+    right = before + gain * before[:, :, m - 1 :] @ closed[:, q - 1 :, :]
+    assert closed == pytest.approx(right, rel=1e-8, abs=1e-10)
+
+
+@pytest.mark.parametrize("direct", [0.0, 2.0, 1e9])
+def test_sensitivities_of_a_lag(direct: float) -> None:
+    loop = LinearPart(lag().A, lag().B, lag().C, direct)
+    value = loop.response(FREQUENCY)
+    assert loop.sensitivity().response(FREQUENCY) == pytest.approx(1.0 / (1.0 + value), rel=1e-12)
+    assert loop.complementary().response(FREQUENCY) == pytest.approx(value / (1.0 + value), rel=1e-12)
+    assert loop.poles_at(-1.0) == pytest.approx([-2.0 - 6.0 / (1.0 + direct)])
+    assert loop.growth(-1.0) == pytest.approx(-2.0 - 6.0 / (1.0 + direct))
+
+
+def test_a_loop_without_solution_is_refused() -> None:
+    with pytest.raises(InputError, match="closed, the loop has no solution"):
+        LinearPart(lag().A, lag().B, lag().C, -1.0).sensitivity()
+    with pytest.raises(InputError, match="the direct path through the plant makes it infinite"):
+        LinearPart(lag().A, lag().B, lag().C, 0.5).with_feedback(2.0)
+
+
+def test_series_multiplies_responses() -> None:
+    first, second = (random_linear(seed).part() for seed in (1, 2))
+    product = first.response(FREQUENCY) * second.response(FREQUENCY)
+    assert second.behind(first).response(FREQUENCY) == pytest.approx(product, rel=1e-10)
+    assert first.scaled(-2.0).response(FREQUENCY) == pytest.approx(-2.0 * first.response(FREQUENCY))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_balanced_states_change_no_response(seed: int) -> None:
+    system = random_linear(seed)
+    T = np.diag(10.0 ** np.random.default_rng(seed).uniform(-6.0, 6.0, len(system.A)))
+    other = Linear(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D)
+    even, factor = other.of_unit_size()
+    assert other.balanced().response(FREQUENCY) == pytest.approx(system.response(FREQUENCY), rel=1e-9)
+    assert factor * even.response(FREQUENCY) == pytest.approx(system.response(FREQUENCY), rel=1e-9)
+    assert np.linalg.norm(even.B) == pytest.approx(1.0)
+
+
+# -- from continuous to sampled and back -----------------------------------------------------------
+
+
+def test_a_held_lag() -> None:
+    """x(k + 1) = e^(−dt/tau) x + gain (1 − e^(−dt/tau)) u."""
+    decay = math.exp(-0.2)
+    sampled = lag().sampled(0.1)
+    assert sampled.dt == 0.1
+    assert (sampled.A[0, 0], sampled.B[0, 0]) == pytest.approx((decay, 3.0 * (1.0 - decay)))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_hold_is_python_controls_and_is_undone(seed: int) -> None:
+    system = random_linear(seed)
+    A, B = held(system.A, system.B, 0.1)
+    expected = control.c2d(control.ss(system.A, system.B, system.C, system.D), 0.1)
+    assert pytest.approx(expected.A) == A
+    assert pytest.approx(expected.B) == B
+    back = unheld(A, B, 0.1)
+    assert back[0] == pytest.approx(system.A, abs=1e-9)
+    assert back[1] == pytest.approx(system.B, abs=1e-9)
+
+
+@pytest.mark.parametrize(("pole", "why"), [(0.0, "a pole at z = 0"), (-0.5, "negative real axis")])
+def test_no_continuous_model_has_such_samples(pole: float, why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        unheld(np.array([[pole]]), np.ones((1, 1)), 0.1)
+
+
+# -- poles and names -------------------------------------------------------------------------------
+
+
+def test_sides_of_the_border() -> None:
+    assert [list(x) for x in sides([-1.0, 1e-10j, 2.0], 0.0, relative=1e-9)] == [[0, 0, 1], [0, 1, 0]]
+    assert [list(x) for x in sides([0.5, -1.0, 1.1], 0.1, relative=1e-9)] == [[0, 0, 1], [0, 1, 0]]
+    assert [list(x) for x in sides([1e-6], 0.0, relative=0.0, rounding=1e-5)] == [[0], [1]]
+
+
+def test_growth_rates_of_samples_are_those_of_the_continuous_poles() -> None:
+    s = np.array([-1.0 + 2.0j, 0.3])
+    assert growth_rates(np.exp(0.1 * s), 0.1) == pytest.approx([-1.0, 0.3])
+    assert growth_rates(s, 0.0) == pytest.approx([-1.0, 0.3])
+
+
+def test_python_control_has_the_names_without_dots() -> None:
+    model = Linear(
+        *(np.ones((1, 1)),) * 4, dt=0.5, state_names=("a.x",), input_names=("a.u",), output_names=("a.y",)
+    ).to_state_space(name="my.model")
+    assert (model.name, model.dt) == ("my_model", 0.5)
+    assert (model.state_labels, model.input_labels, model.output_labels) == (["a_x"], ["a_u"], ["a_y"])

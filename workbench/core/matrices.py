@@ -1,0 +1,134 @@
+"""Functions of matrices that linear models are made of: responses, balance, held inputs and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+
+__all__ = ["Complex", "Floats", "balance", "held", "resolvent", "unheld"]
+
+Complex = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+
+# Above so many operations (points · n³) one Schur form serves all points.
+_DIRECT = 2e7
+_AT_ZERO = 1e-9  # a sampled pole this small has decayed by nine decades within one sample
+_ON_REAL_AXIS = 1e-9
+
+
+def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
+    """Return (pI − A)⁻¹ R at points p, shape (k, n, m); NaN where a point is a pole.
+
+    Few points are solved by elimination, which keeps the digits of matrices of very different entries; for many, one
+    Schur form of the balanced matrix serves all, and a step of refinement gives these digits back.
+
+    Args:
+        A: shape (n, n).
+        right: R, shape (n, m).
+        points: shape (k,).
+
+    Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 12.2 (one step of refinement
+    in the same precision makes the backward error small entry by entry).
+    """
+    n, k = len(A), len(points)
+    if not n or not k:
+        return np.zeros((k, n, right.shape[1]), dtype=np.complex128)
+    with np.errstate(all="ignore"):
+        if k > 1 and k * n**3 > _DIRECT and np.isfinite(A).all():
+            return _by_schur(A, right, points)
+        try:
+            found = np.linalg.solve(points[:, None, None] * np.eye(n) - A, right[None].astype(np.complex128))
+            return np.asarray(found, dtype=np.complex128)
+        except np.linalg.LinAlgError:  # on a pole
+            if k == 1:
+                return np.full((1, n, right.shape[1]), np.nan, dtype=np.complex128)
+            return np.concatenate([resolvent(A, right, points[i : i + 1]) for i in range(k)])
+
+
+def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
+    from scipy.linalg import schur  # noqa: PLC0415  slow to import
+
+    balanced, scale = balance(A)
+    t, z = schur(balanced.astype(np.complex128), output="complex")
+    over = right / scale[:, None]
+
+    def solved(r: NDArray[Any]) -> Complex:
+        r = z.conj().T @ r
+        x = np.zeros((len(points), *r.shape[-2:]), dtype=np.complex128)
+        for i in range(len(A) - 1, -1, -1):
+            x[:, i] = (r[..., i, :] + t[i, i + 1 :] @ x[:, i + 1 :]) / (points - t[i, i])[:, None]
+        return np.asarray(z @ x, dtype=np.complex128)
+
+    x = solved(over)
+    x = x + solved(over - points[:, None, None] * x + balanced @ x)
+    return np.asarray(scale[:, None] * x, dtype=np.complex128)
+
+
+def balance(A: Floats) -> tuple[Floats, Floats]:
+    """Return A with states in units that make rows and columns alike in size, and the unit of each, shape (n,).
+
+    The units are powers of 2, so that nothing is rounded: LAPACK's GEBAL.
+
+    Args:
+        A: shape (n, n).
+    """
+    if not len(A):
+        return A, np.ones(0)
+    from scipy.linalg import matrix_balance  # noqa: PLC0415  slow to import
+
+    found: tuple[Any, Any] = matrix_balance(A, permute=False, separate=True)
+    matrix, (scale, _) = found
+    return np.ascontiguousarray(matrix, dtype=np.float64), np.asarray(scale, dtype=np.float64)
+
+
+def held(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
+    """Return e^(A·dt) and ∫ e^(A·t) dt B over a period: what a continuous model does with its inputs held.
+
+    Args:
+        A: shape (n, n).
+        B: shape (n, m).
+        dt: period [s].
+
+    Source: C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23
+    (1978): both are parts of the exponential of [A B; 0 0].
+    """
+    from scipy.linalg import expm  # noqa: PLC0415  slow to import
+
+    n, m = B.shape
+    full = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * dt)
+    return np.asarray(full[:n, :n], dtype=np.float64), np.asarray(full[:n, n:], dtype=np.float64)
+
+
+def unheld(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
+    """Return A and B of the continuous model whose samples with held inputs are those of a discrete A and B.
+
+    The principal logarithm undoes `held`: of all continuous models the one whose poles lie below the Nyquist frequency.
+
+    Args:
+        A: shape (n, n).
+        B: shape (n, m).
+        dt: period [s].
+
+    Raises:
+        InputError: a pole at 0 or on the negative real axis, which no sampled real system has.
+    """
+    from scipy.linalg import logm  # noqa: PLC0415  slow to import, and seldom needed
+
+    for pole in np.linalg.eigvals(A).tolist():
+        if abs(pole) < _AT_ZERO:
+            raise InputError(
+                "no continuous model: a pole at z = 0 (a pure delay) has no continuous counterpart; keep the model "
+                "discrete, or take the delay out with `delay` when identifying"
+            )
+        if pole.real < 0.0 and abs(pole.imag) <= _ON_REAL_AXIS * abs(pole):
+            raise InputError(
+                f"no continuous model: the pole at z = {pole.real:.6g} lies on the negative real axis, which no "
+                "sampled continuous system of this order has; take a lower order or a shorter period"
+            )
+    n, m = B.shape
+    full = np.real(logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]]))) / dt
+    return np.asarray(full[:n, :n], dtype=np.float64), np.asarray(full[:n, n:], dtype=np.float64)
