@@ -58,7 +58,7 @@ LIES = {
     "late-inputs": Lie(
         "jumps", "watch", _CS, r"the answer of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
     ),
-    "own-clock": Lie("start-time", "broken", _CS, r"told to begin at .* s, the FMU begins at 0 all the same"),
+    "own-clock": Lie("start-time", "broken", _CS, r"the FMU ignores the start time .* s and begins at 0"),
     "zero-nominal": Lie("nominals", "broken", _ME, "nominal value of x is 0"),
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),

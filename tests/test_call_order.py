@@ -116,7 +116,7 @@ def test_an_fmu_that_refuses_the_time_in_event_mode_runs() -> None:
 
 def test_an_fmu_that_wants_the_time_first_gets_it() -> None:
     session = open_fake(Lag, c=TimeFirst)
-    assert "told the time again before its first event iteration" in session.setup.manners.note
+    assert "the time set again before its first event iteration" in session.setup.manners.note
     assert "fmi2NewDiscreteStates returned error" in session.setup.manners.note
     assert run(session) == pytest.approx(swing(0.7), abs=1e-8)
 
@@ -143,7 +143,7 @@ def test_an_export_that_begins_at_0_is_set_right_or_told() -> None:
     with load(gemseo_fmu("Mass_Damper"), "cs") as model:
         assert simulate(model, stop=0.01, verify_step=False).notes == ()
         (note,) = simulate(model, start_time=5.0, stop=5.01, verify_step=False).notes
-        assert note.startswith("told to begin at 5 s, the FMU begins at 0 all the same: its first step goes from there")
+        assert note.startswith("the FMU ignores the start time 5 s and begins at 0: its first step goes from 0 to")
     with load(gemseo_fmu("MassSpringSystem"), "cs") as model:  # of a newer OpenModelica
         assert simulate(model, start_time=5.0, stop=5.01, verify_step=False).notes == ()
 
@@ -158,7 +158,7 @@ def level(t: float, *, jump: bool) -> float:
     return 2.0 * (1.0 - math.exp(-(t - 1.0 if jump and t >= 1.0 else t)))
 
 
-@pytest.mark.parametrize(("name", "words"), [("instantiate", "refuses to be instantiated"), ("update", "refuses it")])
+@pytest.mark.parametrize(("name", "words"), [("instantiate", "cannot be instantiated"), ("update", "rejects it")])
 def test_event_mode_that_is_declared_and_refused_is_left_out(tmp_path: Path, name: str, words: str) -> None:
     points = np.linspace(0.03, 1.5, 50)
     with load(build_shy(tmp_path, name), step=0.01) as model:

@@ -37,14 +37,14 @@ def model(**changes: object) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"A": None}, "this is no linear model: A missing (it has B, C, D, dt, input_names, output_names)"),
+        ({"A": None}, "this is not a linear model: A missing (it has B, C, D, dt, input_names, output_names)"),
         ({"dt": None, "D": None}, "D, dt missing"),
         ({"A": 3.0}, "A must be a list of rows"),
-        ({"A": [[1.0, 2.0]]}, "A has the shape 1 × 2, needed is 1 × 1: a row for each state, a column for each state"),
+        ({"A": [[1.0, 2.0]]}, "A has the shape 1 × 2, but needs 1 × 1: a row for each state, a column for each state"),
         ({"A": [[1.0, 2.0], [3.0]]}, "A must hold numbers only, in rows of equal length"),
         ({"A": [["x"]]}, "A must hold numbers only"),
-        ({"B": [[1.0, 2.0]]}, "B has the shape 1 × 2, needed is 1 × 1: a row for each state, a column for each input"),
-        ({"C": [[1.0], [2.0]]}, "C has the shape 2 × 1, needed is 1 × 1"),
+        ({"B": [[1.0, 2.0]]}, "B has the shape 1 × 2, but needs 1 × 1: a row for each state, a column for each input"),
+        ({"C": [[1.0], [2.0]]}, "C has the shape 2 × 1, but needs 1 × 1"),
         ({"D": [[float("nan")]]}, "D: row 1, column 1 is not a finite number"),
         ({"D": [[None]]}, "D: row 1, column 1 is not a finite number"),
         ({"dt": -1.0}, "dt must be a period in seconds, or 0 for a continuous model, not -1.0"),
@@ -53,10 +53,10 @@ def model(**changes: object) -> dict[str, Any]:
         ({"input_names": "u"}, "input_names must be a list of texts"),
         ({"input_names": [" "]}, "input_names: ' ' cannot be a variable's name"),
         ({"input_names": ["a\nb"]}, "input_names: 'a?b' cannot be a variable's name"),
-        ({"input_names": ["y"]}, "input_names and output_names: 'y' is there twice"),
-        ({"output_names": ["y", "y"]}, "output_names: 'y' is there twice"),
+        ({"input_names": ["y"]}, "input_names and output_names: 'y' appears twice"),
+        ({"output_names": ["y", "y"]}, "output_names: 'y' appears twice"),
         ({"state_names": ["a", "b"]}, "A has 1 rows, state_names has 2"),
-        ({"u0": [1.0, 2.0]}, "u0 has the shape 2, needed are 1 numbers: u"),
+        ({"u0": [1.0, 2.0]}, "u0 has the shape 2, but needs 1 numbers: u"),
         ({"y0": {"y": None}}, "y0: the value of 'y' is not a finite number"),
         ({"x0": [float("inf")]}, "x0: the value of 'x[1]' is not a finite number"),
         ({"x0": {"x[1]": "a"}}, "x0: the value of 'x[1]' is not a finite number"),
@@ -177,7 +177,7 @@ def test_the_period_is_a_quotient_of_whole_numbers(dt: float, expected: tuple[in
 
 
 def test_a_period_that_cannot_be_counted_is_refused() -> None:
-    with pytest.raises(InputError, match="no period that can be counted exactly"):
+    with pytest.raises(InputError, match="too short a period to be counted exactly"):
         state_space(matrices_of(model(dt=1.2345678e-20)), "M")
 
 

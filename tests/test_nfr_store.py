@@ -166,11 +166,11 @@ def test_two_sweeps_share_a_store(tmp_path: Path) -> None:
         (["--store", "{}/file"], "cannot be made"),
         (["--store", "{}/bad"], "damaged or no store"),
         (["--jobs", "0"], "jobs: 0 is too few"),
-        (["--jobs", "2", "--in-process"], "it cannot have 2 jobs"),
+        (["--jobs", "2", "--in-process"], "so there cannot be 2 jobs"),
         (["--timeout", "0"], "timeout: 0 s is not a positive number"),
         (["--memory-limit", "-5"], "--memory-limit: -5 MB is not a positive number"),
         (["--timeout", "1", "--in-process"], "--in-process: time and memory limits need"),
-        (["--in-process", "--scheduler", "tcp://x:1"], "only one place can run the points"),
+        (["--in-process", "--scheduler", "tcp://x:1"], "choose one place to run the points"),
     ],
 )
 def test_bad_options_are_one_line(

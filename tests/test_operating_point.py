@@ -96,15 +96,18 @@ def test_a_file_whose_two_copies_of_the_point_differ_is_refused(trimmed: Operati
 
 
 def test_a_point_of_another_model_is_refused(trimmed: OperatingPoint) -> None:
-    with wb.load("fmu:SmallNonlinear") as other, pytest.raises(wb.InputError, match="is of another model: Rudder, not"):
+    with (
+        wb.load("fmu:SmallNonlinear") as other,
+        pytest.raises(wb.InputError, match="belongs to another model, Rudder, not"),
+    ):
         find_point(other, trimmed)
 
 
 def test_a_system_refuses_the_point_of_its_component_and_the_other_way_round() -> None:
     with wb.load("system:rudder_loop") as system, wb.load("fmu:Rudder") as part:
-        with pytest.raises(wb.InputError, match="is of another model: Rudder, not rudder_loop"):
+        with pytest.raises(wb.InputError, match="belongs to another model, Rudder, not rudder_loop"):
             find_point(system, standing(part))
-        with pytest.raises(wb.InputError, match="is of another model: rudder_loop, not Rudder"):
+        with pytest.raises(wb.InputError, match="belongs to another model, rudder_loop, not Rudder"):
             find_point(part, standing(system))
 
 
@@ -118,7 +121,7 @@ def test_a_point_of_the_same_model_built_again_is_refused(tmp_path: Path) -> Non
     )
     with wb.load("fmu:SmallNonlinear") as model, wb.load(tmp_path / "other") as again:
         assert again.name == model.name
-        with pytest.raises(wb.InputError, match="is of another SmallNonlinear: the content has SHA-256"):
+        with pytest.raises(wb.InputError, match="belongs to another version of SmallNonlinear: the SHA-256 is"):
             find_point(again, standing(model))
 
 
@@ -142,7 +145,7 @@ def test_a_file_without_a_model_is_taken_with_a_note(
     point, notes = find_point(rudder, file)
     assert point is not None
     assert point.u == {"delC": 2.0}
-    assert notes == (f"{file}: does not say for which model it was made; it is taken for this one",)
+    assert notes == (f"{file}: does not name its model; it is assumed to belong to this one",)
 
 
 def test_other_parameters_are_told() -> None:
@@ -180,7 +183,10 @@ def test_settings_that_say_the_same_are_no_contradiction() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"x": {"piston": 0.0}}, "gives some states of Rudder a value, but not p1, p2, spool, current, .*; add them"),
+        (
+            {"x": {"piston": 0.0}},
+            "has values for some states of Rudder, but not for p1, p2, spool, current, .*; add them",
+        ),
         ({"u": {"delX": 0.0}}, "Rudder has no input 'delX'; did you mean delC"),
         ({"discrete": {"nosuch": 0.0}}, "Rudder has no state 'nosuch'"),
         ({"u": {"delC": float("nan")}}, "delC must be a finite number, not nan"),

@@ -100,7 +100,7 @@ def test_memory_that_is_lost_on_the_way_to_a_point_is_refused_by_name() -> None:
     with overridden("me") as model:
         with model.open_at(values={"s": 0.9, "passed": 1.0}) as session:
             assert session.values(["s", "passed"]) == {"s": 0.9, "passed": 1.0}
-        with pytest.raises(NotReachedError, match=r"passed is true, not false.*before initialisation alone"):
+        with pytest.raises(NotReachedError, match=r"passed is true, not false.*only before initialisation"):
             model.open_at(values={"s": 0.9, "passed": 0.0})
 
 
@@ -199,7 +199,9 @@ def test_states_of_model_exchange_components_beside_co_simulation_are_set() -> N
 def test_a_start_value_that_does_not_take_is_refused_by_name(interface: str, fmi: int) -> None:
     with (
         overridden(interface, fmi, starts={"s": 0.9}) as model,
-        pytest.raises(InputError, match=r"Overridden: a start value is not taken: s is 0\.5, not 0\.9; .*--at"),
+        pytest.raises(
+            InputError, match=r"Overridden: the FMU does not accept a start value: s is 0\.5, not 0\.9; .*--at"
+        ),
     ):
         simulate(model, stop=0.1)
 
@@ -215,7 +217,7 @@ def test_a_guess_that_comes_out_otherwise_is_noted(interface: str, tmp_path: Pat
     description.write_text(re.sub('(name="s" value[^>]*initial=)"exact"', r'\1"approx"', text), encoding="utf-8")
     with load(folder, interface, start_values={"s": 0.9}) as model:
         notes = simulate(model, stop=0.1).notes
-    assert "the FMU takes a start value as a guess only (initial approx): s is 0.5, not 0.9" in notes
+    assert "the FMU uses a start value only as a guess (initial approx): s is 0.5, not 0.9" in notes
 
 
 @both_interfaces

@@ -45,7 +45,7 @@ def test_package_of_omsimulator(tmp_path: Path) -> None:
     )
     assert (system.default_experiment.start_time, system.default_experiment.stop_time) == (0.0, 5.0)
     ignored, foreign = system.notes
-    assert ignored.startswith("demo.ssv: 'nonsense' is no variable of 'sc.rudder'; ignored")
+    assert ignored.startswith("demo.ssv: 'nonsense' is not a variable of 'sc.rudder'; ignored")
     assert foreign == "annotations of other tools are ignored: org.openmodelica"
 
 
@@ -217,7 +217,7 @@ PARTS = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("i
                 elements(component("a", {"y": ("calculatedParameter", "")}), component("b", {"u": ("input", "")}))
                 + connections(wire("a.y", "b.u"))
             ),
-            "connection a.y → b.u: a component's calculatedParameter is not handed over",
+            "connection a.y → b.u: a component's calculatedParameter is not passed on",
         ),
         (
             minimal(PARTS + connections(wire("a.y", "b.u", 'startIndices="1"'))),

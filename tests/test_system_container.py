@@ -147,9 +147,9 @@ def link(*, gain: float = 1.0, offset: float = 0.0, closes_at: float | None = No
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (control.tf([1.0], [1.0, 1.0]), "component b: a linear system is no FMU; write it as one with `workbench expo"),
-        (2.0, "component b: a gain is no FMU"),
-        (np.tanh, "component b: a Python function lives in this process only"),
+        (control.tf([1.0], [1.0, 1.0]), "component b: a linear system is not an FMU; make it one with `workbench expo"),
+        (2.0, "component b: a gain is not an FMU"),
+        (np.tanh, "component b: a Python function exists only in this process"),
     ],
 )
 def test_blocks_are_refused(tmp_path: Path, value: object, said: str) -> None:
@@ -162,9 +162,12 @@ def test_blocks_are_refused(tmp_path: Path, value: object, said: str) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"gain": -2.0}, "connection a.y → b.u: the gain or unit conversion (× -2) is lost in a container"),
+        ({"gain": -2.0}, "connection a.y → b.u: the gain or unit conversion (× -2) cannot be in a container"),
         ({"offset": 1.0}, "(× 1 + 1)"),
-        ({"closes_at": 140.0}, "connection a.y → b.u: closes at t = 140 s; in a container connections are closed"),
+        (
+            {"closes_at": 140.0},
+            "connection a.y → b.u: closes at t = 140 s; connections in a container are always closed",
+        ),
     ],
 )
 def test_connections_are_refused(tmp_path: Path, options: dict[str, float], said: str) -> None:
@@ -183,7 +186,7 @@ def test_components_are_refused(tmp_path: Path) -> None:
             description(
                 {"a": "fmu:Saturation", "b": "fmu:Saturation"}, [link(), Connection(source="b.y", destination="a.u")]
             ),
-            "algebraic loop a.y → b.u, b.y → a.u: a container goes round it once a step",
+            "algebraic loop a.y → b.u, b.y → a.u: a container evaluates it once per step",
         ),
     ]
     for system, said in cases:
@@ -194,7 +197,7 @@ def test_components_are_refused(tmp_path: Path) -> None:
         export_container(stepped, out, step=0.1)
     with (
         connect({"a": LAG}, [], inputs={"r": "a.u"}, bias={"r": 1.0}) as biased,
-        pytest.raises(InputError, match="input r: a bias cannot"),
+        pytest.raises(InputError, match="input r: a container cannot have a bias"),
     ):
         export_container(biased, out, step=0.1)
     assert not out.exists()

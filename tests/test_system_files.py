@@ -130,7 +130,11 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
         ('sum = "+-"', 'sums = "+-"', "[components] s: key 'sums' is unknown; did you mean sum?"),
         ('sum = "+-"', 'sum = "+x"', "key 'sum' holds 'x'; write one + or - for each input"),
         ("k = 2", "k = true", '[components] k: must be a file such as "Plant.fmu"'),
-        ("k = 2", "k = {}", "[components] k: says not what it is; give one of: model, gain, sum, A, linear, numerator"),
+        (
+            "k = 2",
+            "k = {}",
+            "[components] k: does not say what it is; give one of: model, gain, sum, A, linear, numerator",
+        ),
         ("k = 2", 'k = {modl = "a.fmu"}', "[components] k: key 'modl' is unknown; did you mean model?"),
         ("[[1.0, 2.0]]", "[[1.0, 2.0], [1]]", "[components] l: key 'B' has rows of different lengths"),
         ("C = [[1.0]]", "C = [[1.0, 2.0]]", "[components] l: key 'C' has shape (1, 2), but (1, 1) is needed"),
@@ -141,7 +145,7 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
         ("stop = 10", "stopp = 10", "[experiment]: key 'stopp' is unknown; did you mean stop"),
         ("stop = 10", "stop = nan", "[experiment]: key 'stop' must be a finite number"),
         ('= "s.u2"', "= 3", "[inputs] key 'reference' must be a string or a list, not 3"),
-        ('k.u = "s.y"', 'k.u = "s.y"\nk.u = "p.y"', "a key stands twice: an input takes one source"),
+        ('k.u = "s.y"', 'k.u = "s.y"\nk.u = "p.y"', "a key appears twice: an input takes one source"),
         ('name = "loop"', 'name = "loop', "is not TOML: "),
     ],
 )
@@ -162,7 +166,7 @@ def test_other_files_are_no_systems(tmp_path: Path) -> None:
     assert not is_system_file("a.fmu")
     (tmp_path / "a.txt").write_text("")
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
-    for name, said in (("a.txt", "is no system"), ("none.toml", "no such file"), ("b.toml", "is not UTF-8 text")):
+    for name, said in (("a.txt", "is not a system"), ("none.toml", "no such file"), ("b.toml", "is not UTF-8 text")):
         assert said in message_of(tmp_path / name)
     assert "a folder without SystemStructure.ssd" in message_of(tmp_path)
 
@@ -207,9 +211,9 @@ y = "b.y"
     )
     assert system.outputs == {"y": "b.plant.y"}
     said = message_of(written(tmp_path, text.replace('"b.u"', '"b.v"')))
-    assert said == "'v' is no input of the system 'b'; known: u"
+    assert said == "'v' is not an input of the system 'b'; known: u"
     said = message_of(written(tmp_path, text.replace('a = "inner.toml"', 'a = {model = "inner.toml", step = 1}')))
-    assert said == "[components] a: inner.toml is a system; set, interface, solver and step stand in its own file"
+    assert said == "[components] a: inner.toml is a system; set, interface, solver and step belong in its own file"
     said = message_of(written(tmp_path, text.replace('a = "inner.toml"', 'a = "loop.toml"')))
     assert said == "[components] a: loop.toml contains itself"
 
@@ -305,10 +309,10 @@ def test_gain_and_unit_become_factor_and_offset(connection: Connection, factor: 
 @pytest.mark.parametrize(
     ("connection", "said"),
     [
-        (between("plnt.w", "k.u"), "'plnt' (in 'plnt.w') is no component; did you mean plant?"),
+        (between("plnt.w", "k.u"), "'plnt' (in 'plnt.w') is not a component; did you mean plant?"),
         (between("w", "k.u"), "'w' names no component: write 'component.variable'; known: k, plant"),
-        (between("plant.ww", "k.u"), "'ww' is no output of component 'plant'; did you mean w?"),
-        (between("plant.w", "k.uu"), "'uu' is no input of component 'k'; did you mean u?"),
+        (between("plant.ww", "k.u"), "'ww' is not an output of component 'plant'; did you mean w?"),
+        (between("plant.w", "k.uu"), "'uu' is not an input of component 'k'; did you mean u?"),
         (between("plant.w", "k.y"), "'y' is an output and cannot be driven; the destination must be an input"),
         (between("k.u", "plant.u"), "'u' is an input, which drives nothing; the source must be an output"),
         (between("plant.z", "plant.u"), "'z' is a local variable; the source must be an output"),
@@ -319,13 +323,13 @@ def test_gain_and_unit_become_factor_and_offset(connection: Connection, factor: 
         ),
         (between("plant.x", "plant.u"), 'units differ: mm → m; unit = "m" converts (× 0.001)'),
         (between("plant.w", "plant.u"), "units rad → m measure different things"),
-        (between("plant.w", "k.u", unit="m"), "'w' is in rad, which has nothing to do with m"),
+        (between("plant.w", "k.u", unit="m"), "'w' is in rad, which is not compatible with m"),
         (between("plant.w", "k.u", unit="furlong"), "unit 'furlong' is not known"),
         (between("plant.q", "plant.u"), "units furlong → m, and 'furlong' is not known"),
         (between("plant.w", "k.u", unit="deg", convert=False), "'convert = false' forbids it"),
         (between("plant.flag", "k.u"), "types do not fit: 'flag' is a Boolean, 'u' a Real"),
         (between("k.y", "plant.m"), "types do not fit: 'y' is a Real, 'm' an Integer"),
-        (between("plant.text", "plant.label"), "values of type String cannot be handed over"),
+        (between("plant.text", "plant.label"), "values of type String cannot be connected"),
         (between("plant.n", "plant.m", gain=2.0), "gain, offset and unit are for real inputs"),
         (between("plant.v", "plant.b"), "2 elements to 3 elements; connect element by element"),
         (between("k.y", "plant.u", gain=math.inf), "gain must be a finite number"),
@@ -353,7 +357,7 @@ def test_inputs_and_outputs_of_the_system_are_checked() -> None:
         resolved(inputs={"r": ("plant.u", "plant.m")})
     with pytest.raises(InputError, match=r"input r: 'w' is an output and cannot be driven"):
         resolved(inputs={"r": ("plant.w",)})
-    with pytest.raises(InputError, match=r"output q: 'q2' is no output of component 'plant'"):
+    with pytest.raises(InputError, match=r"output q: 'q2' is not an output of component 'plant'"):
         resolved(outputs={"q": "plant.q2"})
     with pytest.raises(InputError, match=r"output q: plant\.v is an array; name one element, such as plant\.v\[1\]"):
         resolved(outputs={"q": "plant.v"})

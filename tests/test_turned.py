@@ -83,7 +83,7 @@ def test_wherever_the_floor_lies(solver: str, restitution: float, height: float,
 def test_the_message_says_what_passed_and_what_to_do() -> None:
     with open_fake(Ball, "gear") as session, pytest.raises(SimulationError) as caught:
         session.advance(4.5, signals={})
-    assert str(caught.value).startswith("the event here turns back or stops what crosses its threshold, yet")
+    assert str(caught.value).startswith("the event here reverses or stops a variable at its threshold, but")
     assert "let the model rest there" in str(caught.value)
 
 

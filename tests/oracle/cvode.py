@@ -170,7 +170,7 @@ class Gear(Solver):
         if error is not None:
             raise error
         words = self._words or f"error {flag}"
-        raise SimulationError(f"gear: CVODE cannot go on: {words}", time=self.t)
+        raise SimulationError(f"gear: CVODE cannot continue: {words}", time=self.t)
 
 
 def _view(address: int, n: int) -> Floats:

@@ -172,7 +172,9 @@ def _identifier(name: str | None, target: Path) -> str:
         made = re.sub(r"[^A-Za-z0-9_]", "_", target.stem)
         return made if made[0].isalpha() else f"Model_{made}"
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
-        raise InputError(f"'{name}' cannot be the model's name: letters, digits and underscores, no digit first")
+        raise InputError(
+            f"'{name}' cannot be the model's name: use letters, digits and underscores, and do not begin with a digit"
+        )
     return name
 
 

@@ -36,7 +36,7 @@ def _front_end() -> Any:  # noqa: ANN401 - the module, untyped because it is opt
         ) from error
     if rumoca.version().split()[-1].lstrip("v") != REQUIRED_VERSION:
         raise BuildError(
-            f"the Modelica front end is rumoca {rumoca.version()}, needed is {REQUIRED_VERSION}: "
+            f"the Modelica front end is rumoca {rumoca.version()}, but {REQUIRED_VERSION} is needed: "
             'pip install "fmi-workbench[build]"'
         )
     return rumoca

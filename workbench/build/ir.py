@@ -118,7 +118,7 @@ class Dae:
             if "runtime_quotient_owner" in node:
                 number += _HIDDEN_AFTER_QUOTIENT
         if next_operand != len(operands) or next_subscript != len(subscripts):
-            raise BuildError("the Modelica front end's expression pool does not add up; report this model")
+            raise BuildError("the Modelica front end's expression pool is inconsistent; please report this model")
 
     def _variable(self, entry: Json) -> IrVariable:
         return IrVariable(

@@ -99,7 +99,7 @@ def matrices_of(model: object) -> Matrices:
     data = _mapping(model)
     missing = [key for key in _REQUIRED if key not in data]
     if missing:
-        raise InputError(f"this is no linear model: {_list(missing)} missing{_hint(data)}")
+        raise InputError(f"this is not a linear model: {_list(missing)} missing{_hint(data)}")
     return _checked(data)
 
 
@@ -181,7 +181,7 @@ def _names(names: object, kind: str) -> tuple[str, ...]:
 def _refuse_twice(names: Sequence[str], where: str) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(f"{where}: '{twice[0]}' is there twice; every variable of an FMU needs a name of its own")
+        raise InputError(f"{where}: '{twice[0]}' appears twice; every variable of an FMU needs a unique name")
 
 
 def _order(A: object) -> int:
@@ -223,7 +223,7 @@ def _matrix(data: Mapping[str, Any], name: str, sides: Sequence[tuple[str, int]]
         return np.zeros(shape)
     if found.shape != shape:
         wanted = f"{shape[0]} × {shape[1]}: a row for each {sides[0][0]}, a column for each {sides[1][0]}"
-        raise InputError(f"{name} has the shape {_shape(found)}, needed is {wanted}")
+        raise InputError(f"{name} has the shape {_shape(found)}, but needs {wanted}")
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         raise InputError(f"{name}: row {bad[0][0] + 1}, column {bad[0][1] + 1} is not a finite number")
@@ -244,7 +244,7 @@ def _vector(data: Mapping[str, Any], name: str, names: Sequence[str]) -> Floats:
         value = [value.get(n, 0.0) for n in names]
     found = _array(value, name)
     if found.shape != (len(names),):
-        raise InputError(f"{name} has the shape {_shape(found)}, needed are {len(names)} numbers: {_list(names)[:80]}")
+        raise InputError(f"{name} has the shape {_shape(found)}, but needs {len(names)} numbers: {_list(names)[:80]}")
     bad = np.flatnonzero(~np.isfinite(found))
     if len(bad):
         raise InputError(f"{name}: the value of '{names[bad[0]]}' is not a finite number")

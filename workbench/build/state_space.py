@@ -231,4 +231,4 @@ def _quotient(dt: float) -> tuple[int, int]:
         if abs(found - exact) <= _SAME_PERIOD * exact:
             return found.numerator, found.denominator
         limit *= 10
-    raise InputError(f"dt: {dt:.17g} s is no period that can be counted exactly; use at least 1e-9 s")
+    raise InputError(f"dt: {dt:.17g} s is too short a period to be counted exactly; use at least 1e-9 s")

@@ -34,7 +34,7 @@ class ClosedLoop(Part):
         loop = f"the closed loop of {listed} in system {self.system}"
         if source in self.inside:
             return f"{source} is inside {loop}: it reacts to what it moves"
-        return f"{source} acts on {loop}: the model is that of the loop"
+        return f"{source} acts on {loop}: the model is that of the closed loop"
 
 
 def between(loops: Sequence[ClosedLoop], inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, ClosedLoop]:

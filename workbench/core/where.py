@@ -88,11 +88,11 @@ class Workers(Worker):
         if self.jobs is not None and self.jobs < 1:
             raise InputError(f"jobs: {self.jobs} is too few; take at least 1")
         if self.in_process and (self.jobs or 1) > 1:
-            raise InputError(f"in process runs one point after the other; it cannot have {self.jobs} jobs")
+            raise InputError(f"in process: points run one after the other, so there cannot be {self.jobs} jobs")
         places = {"in process": self.in_process, "an executor": self.executor, "a scheduler": self.scheduler}
         asked = [name for name, wanted in places.items() if wanted]
         if len(asked) > 1:
-            raise InputError(f"{' and '.join(asked)}: only one place can run the points")
+            raise InputError(f"{' and '.join(asked)}: choose one place to run the points")
         if asked and self.limits != Limits(timeout=type(self).timeout):
             raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
 

@@ -106,7 +106,7 @@ def unpack(model: str | Path) -> Unpacked:
 
 def _checked(unpacked: Unpacked) -> Unpacked:
     if not (unpacked.folder / "modelDescription.xml").is_file():
-        raise FmuError(f"{unpacked.source}: no modelDescription.xml inside; this is no FMU")
+        raise FmuError(f"{unpacked.source}: no modelDescription.xml inside; this is not an FMU")
     return unpacked
 
 

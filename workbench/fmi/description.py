@@ -153,7 +153,7 @@ def _read(folder: Path, source: str) -> tuple[Any, list[str]]:
     except Exception as error:
         raise FmuError(f"{source}: modelDescription.xml cannot be read: {error}") from error
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return raw, [f"modelDescription.xml bends a rule: {problems[0]}{more}"]
+    return raw, [f"modelDescription.xml violates the FMI standard: {problems[0]}{more}"]
 
 
 def _directional(folder: Path) -> frozenset[str]:
@@ -302,7 +302,7 @@ def _starts(raw: Any, size: int, notes: list[str]) -> list[Value | None]:
     try:
         values: list[Value | None] = [convert(t) for t in texts]
     except ValueError:
-        notes.append(f"start value '{raw.start}' of {raw.name} is no {raw.type}; ignored")
+        notes.append(f"start value '{raw.start}' of {raw.name} is not a valid {raw.type}; ignored")
         return [None] * size
     if len(values) == 1:
         return values * size
@@ -340,7 +340,7 @@ def _states(
     for number, derivative in enumerate(derivatives, 1):
         state = by_name.get(derivative.derivative_of or "")
         if state is None:
-            notes.append(f"derivative {derivative.name} does not say of which state; see state[{number}]")
+            notes.append(f"derivative {derivative.name} does not name its state, which is called state[{number}]")
             state = Variable(name=f"state[{number}]")
         states.append(state)
     return tuple(states), derivatives

@@ -134,7 +134,7 @@ class Instance(ABC):
         if not self.component:
             self._closed = True
             library.close()
-            raise FmuError(f"{source}: the FMU refuses to be instantiated{self.log.tail()}")
+            raise FmuError(f"{source}: the FMU cannot be instantiated{self.log.tail()}")
         if not self._log_trouble():
             # Files name categories that the binary refuses, some going to an error state for it.
             self.library[self.CALLS["free"]](self.component)
@@ -151,7 +151,7 @@ class Instance(ABC):
         self.event_mode = False
         self.component = self._made(logging=False)
         if self.component:
-            self.remark = "the FMU declares event mode but refuses to be instantiated with it: it runs without"
+            self.remark = "the FMU declares event mode but cannot be instantiated with it; it runs without"
         else:
             self.event_mode = True
 

@@ -160,7 +160,7 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
         FmuError: the system cannot load it, e.g. a library it needs is absent.
     """
     if not _has_key_left():
-        why = "some FMU has taken them without giving them back; go on in a new process (worker processes are such)"
+        why = "an FMU has used them up and not released them; use a new process, such as a worker process"
         raise FmuError(f"{path.name}: no thread-specific key is left in this process: {why}")
     try:
         dll = _load(path)

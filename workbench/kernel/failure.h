@@ -24,7 +24,7 @@ typedef enum {
     FAILED_CHATTER,     /* events without time passing */
     FAILED_THROUGH,     /* an indicator went on across the zero where an event turned it at `time` */
     FAILED_EARLY,       /* too many early returns from one communication step */
-    FAILED_EVENT_MODE,  /* the FMU wants event mode, which it does not offer */
+    FAILED_EVENT_MODE,  /* the FMU requests event mode, which it does not offer */
     FAILED_GRID,        /* point `value` lies off the grid of the constant step */
     FAILED_MEMORY,      /* no memory */
     FAILED_READ_ONLY,   /* variables of this type cannot be set */

@@ -129,7 +129,7 @@ static void on_error(int line, const char *function, const char *file, const cha
 {
     Gear *g = data;
     (void)line, (void)function, (void)file, (void)code, (void)context;
-    snprintf(g->base.message, SOLVER_MESSAGE, "gear: CVODE cannot go on: %s", message != NULL ? message : "");
+    snprintf(g->base.message, SOLVER_MESSAGE, "gear: CVODE cannot continue: %s", message != NULL ? message : "");
     for (char *c = g->base.message; *c != '\0'; c++) {
         *c = *c == '\n' || *c == '\r' ? ' ' : *c;
     }
@@ -333,7 +333,7 @@ static bool advance(Gear *g, double stop, double longest)
         return true;
     }
     if (!set_bounds(g, stop, longest) || g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP) < 0) {
-        return fail(g, "CVODE cannot go on");
+        return fail(g, "CVODE cannot continue");
     }
     g->planned = true;
     count_rejected(g);

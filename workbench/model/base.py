@@ -75,7 +75,7 @@ class Model(ABC):
             return self
         point, notes = find_point(self, at)
         if self.recipe is None:
-            raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")
+            raise InputError(f"{self.name}: this kind of model can only start at its start values")
         twin = copy.copy(self)
         twin.at, twin.notes = point, (*self.notes, *notes)
         twin.start_time = self.start_time if point is None else point.time
@@ -133,7 +133,7 @@ class Model(ABC):
             InputError: an unknown name, or the model cannot do that.
             FmuError, SimulationError: see `open_session`.
         """
-        raise InputError(f"{self.name}: this kind of model cannot be started elsewhere than at its start values")
+        raise InputError(f"{self.name}: this kind of model can only start at its start values")
 
     def open_point(
         self,
@@ -151,7 +151,7 @@ class Model(ABC):
             InputError: the model cannot do that.
             FmuError, SimulationError: see `open_session`.
         """
-        raise InputError(f"{self.name}: this kind of model shows no derivatives; use method response")
+        raise InputError(f"{self.name}: this kind of model provides no derivatives; use method response")
 
     def replay_note(self) -> str:
         """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""

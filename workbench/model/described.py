@@ -214,12 +214,14 @@ class DescribedModel(Model):
             try:
                 return self._start(dataclasses.replace(setup, lead=lead))
             except NotReachedError as error:
-                found = NotReachedError(f"{error} (so it rests under the inputs of the point, after {duration:g} s)")
+                found = NotReachedError(
+                    f"{error} (with the inputs of the point it comes to rest there after {duration:g} s)"
+                )
                 break
             except SimulationError as error:
-                found = NotReachedError(f"{direct}; no run leads there either: {error}")
+                found = NotReachedError(f"{direct}; a run does not lead there either: {error}")
         if found is direct:
-            found = NotReachedError(f"{direct}; under the inputs of the point it does not come to rest either")
+            found = NotReachedError(f"{direct}; with the inputs of the point it does not come to rest either")
         raise found
 
     def _lead_steps(self, setup: Setup) -> list[float]:
@@ -255,7 +257,7 @@ class DescribedModel(Model):
         values: Mapping[str, float] | None = None,
     ) -> FmuPoint:
         if self.interface != "me":
-            raise InputError(f"{self.source}: interface {self.interface} shows no derivatives; use interface me")
+            raise InputError(f"{self.source}: interface {self.interface} provides no derivatives; use interface me")
         return FmuPoint(self.open_at(time=time, values=values))
 
     def _start(self, setup: Setup) -> FmuSession:
@@ -282,9 +284,9 @@ class DescribedModel(Model):
         free = dataclasses.replace(setup, guesses={}, point={}, outputs={})
         if begins_at_zero(self._open, free, step, states=bool(self.states)):
             self.start_note = (
-                f"told to begin at {setup.start_time:g} s, the FMU begins at 0 all the same: its first step goes from "
-                f"there to {setup.start_time + step:g} s, so that this is no run from {setup.start_time:g} s; "
-                "begin at 0 s" + (", or take interface me" if "me" in self.description.interfaces else "")
+                f"the FMU ignores the start time {setup.start_time:g} s and begins at 0: its first step goes from 0 to "
+                f"{setup.start_time + step:g} s; begin at 0 s"
+                + (", or use interface me" if "me" in self.description.interfaces else "")
             )
 
     def _check_single(self) -> None:
@@ -304,7 +306,7 @@ class DescribedModel(Model):
             if not claims.state:
                 self._why_replay = self._without_state()
             elif claims.once_per_process and self._live():
-                self._why_replay = "the FMU allows one instance per process, so that nothing could be probed"
+                self._why_replay = "the FMU allows one instance per process, so nothing could be probed"
             else:
                 self._why_replay = why_state_fails(self._open, self._setup)
         return self._why_replay

@@ -123,9 +123,9 @@ def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
     """Return what the default experiment decides where nothing was asked for, as far as it is not usual."""
     given, notes = description.experiment, []
     if recipe.start is None and given.start_time:
-        notes.append(f"start: {given.start_time:g} s, the default experiment's; --start sets it")
+        notes.append(f"start: {given.start_time:g} s, from the FMU's default experiment; --start changes it")
     if recipe.tolerance is None and given.tolerance not in (None, DEFAULT_TOLERANCE):
-        notes.append(f"tolerance: {given.tolerance:g}, the default experiment's; --tolerance sets it")
+        notes.append(f"tolerance: {given.tolerance:g}, from the FMU's default experiment; --tolerance changes it")
     return notes
 
 
@@ -177,9 +177,9 @@ def _notes(wanted: str, chosen: str, description: Description, step: float | Non
     if chosen == "cs" and step is None:
         default = description.experiment.step
         notes.append(
-            "communication step: derived from the signals and points; --step sets it"
+            "communication step: derived from the signals and points; --step changes it"
             if default is None
-            else f"communication step: {default:g} s, the FMU's default experiment; --step sets it"
+            else f"communication step: {default:g} s, from the FMU's default experiment; --step changes it"
         )
     if description.interfaces[chosen].needs_tool:
         notes.append("the FMU says that it needs its authoring tool installed on this machine")

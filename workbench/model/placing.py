@@ -120,7 +120,7 @@ def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
     """Return the point, how a message calls it, and remarks."""
     if isinstance(at, str | Path):
         read, what = OperatingPoint.read(at), str(at)
-        anonymous = f"{what}: does not say for which model it was made; it is taken for this one"
+        anonymous = f"{what}: does not name its model; it is assumed to belong to this one"
         return read, what, () if read.model_sha256 or read.model else (anonymous,)
     own = getattr(at, "point", None) or getattr(at, "operating_point", None)
     point = at if isinstance(at, OperatingPoint) else own
@@ -143,12 +143,13 @@ def _check_model(model: Model, point: OperatingPoint, what: str) -> None:
         return
     if point.model and point.model != model.name:
         raise InputError(
-            f"{what} is of another model: {point.model}, not {model.name}; find one of {model.name} (workbench trim)"
+            f"{what} belongs to another model, {point.model}, not {model.name}; find a point of {model.name} by "
+            "workbench trim"
         )
     if told:
         raise InputError(
-            f"{what} is of another {model.name}: the content has SHA-256 {point.model_sha256[:_SHOWN]}… there and "
-            f"{content[:_SHOWN]}… here, so it was built or changed since; find its point anew (workbench trim)"
+            f"{what} belongs to another version of {model.name}: the SHA-256 is {point.model_sha256[:_SHOWN]}… there "
+            f"and {content[:_SHOWN]}… here; find the point again by workbench trim"
         )
 
 
@@ -165,7 +166,9 @@ def _check_names(model: Model, point: OperatingPoint, what: str) -> None:
             raise InputError(f"{what}: {model.name} has no state '{name}'; {suggest(name, states)}")
     missing = [name for name in states if name not in point.x] if point.x else []
     if missing:
-        raise InputError(f"{what}: gives some states of {model.name} a value, but not {_listed(missing)}; add them")
+        raise InputError(
+            f"{what}: has values for some states of {model.name}, but not for {_listed(missing)}; add them"
+        )
 
 
 def _check_bias(model: Model, point: OperatingPoint, what: str) -> None:
@@ -196,7 +199,7 @@ def _remarks(model: Model, point: OperatingPoint, what: str) -> tuple[str, ...]:
         if name in given and name not in here and not _same(given[name], value):
             notes.append(f"{name} starts at {value:g}, as {what} says, not at {given[name]}, which was set")
     if not point.x and model.states and point.model:
-        notes.append(f"{what} has no states (co-simulation shows none): they start where the model starts them")
+        notes.append(f"{what} has no states, as co-simulation exposes none; they start at the model's start values")
     return tuple(notes)
 
 

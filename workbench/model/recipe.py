@@ -202,7 +202,7 @@ def hash_of(path: Path) -> str:
         InputError: it cannot be read, or is not there.
     """
     if not path.exists():  # the hash of an absent folder would be that of an empty one
-        raise InputError(f"{path}: is not there")
+        raise InputError(f"{path}: no such file")
     files = [path] if path.is_file() else _files(path)
     return _known_hash(path, tuple((f, (status := f.stat()).st_mtime_ns, status.st_size) for f in files))
 

@@ -1,4 +1,4 @@
-"""What the kernel notes when it cannot go on, as exceptions."""
+"""What the kernel notes when it cannot continue, as exceptions."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _states(instance: Instance) -> list[Variable]:
 
 
 def _solver(now: Situation) -> Exception:
-    words = now.failure.message.decode("utf-8", "replace") or "cannot go on"
+    words = now.failure.message.decode("utf-8", "replace") or "cannot continue"
     return now.error(words if words.startswith(f"{now.solver}:") else f"{now.solver}: {words}")
 
 
@@ -126,7 +126,7 @@ def _early(now: Situation) -> Exception:
 
 
 def _event_mode(now: Situation) -> Exception:
-    return now.error("the FMU wants event mode, which it does not offer")
+    return now.error("the FMU requests event mode, which it does not offer")
 
 
 def _grid(now: Situation) -> Exception:
@@ -134,7 +134,7 @@ def _grid(now: Situation) -> Exception:
 
 
 def _memory(now: Situation) -> Exception:
-    return now.error("no memory is left for the solver or the rows; record fewer points")
+    return now.error("out of memory for the solver or the recorded points; record fewer points")
 
 
 def _read_only(_now: Situation) -> Exception:
@@ -192,9 +192,8 @@ def zeno(time: float) -> SimulationError:
 def gone_through(time: float) -> SimulationError:
     """Return the error for an indicator that went on across its zero, though the event there turned or stopped it."""
     words = (
-        "the event here turns back or stops what crosses its threshold, yet that goes on to the far side without"
-        " another event (as a ball that comes to rest falls through its floor); let the model rest there, held by a"
-        " contact force; whether it is meant to pass cannot be told: if so, write the passage without restarting a"
-        " state (reinit)"
+        "the event here reverses or stops a variable at its threshold, but the variable then crosses it without"
+        " another event (as when a ball comes to rest and falls through its floor); let the model rest there, held by"
+        " a contact force; if the variable is meant to cross, model that without restarting a state (reinit)"
     )
     return SimulationError(words, time=time)

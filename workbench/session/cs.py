@@ -21,7 +21,7 @@ STEPS_PER_SHAPE = 25  # of a signal's longest step: 200 steps per period of a si
 STEPS_PER_CALL = 500  # where nothing else says how long a step should be
 GRID_ERROR = 1e-6  # of a step: how far a point may lie off a constant grid
 MAX_EARLY_RETURNS = 10_000
-_CS_REMEDY = "in co-simulation its initialisation decides, and nothing can be set after it; use interface me"
+_CS_REMEDY = "in co-simulation its initialisation determines it, and it cannot be set afterwards; use interface me"
 
 
 class CsSession(FmuSession):
@@ -58,7 +58,7 @@ class CsSession(FmuSession):
             self.instance.access(inputs).write([convert(v, target.values[v.name]) for v in inputs])
             if self.instance.event_mode:
                 self._leave_event_mode()
-        target.refuse(target.missed(target.inputs), "the FMU does not keep an input that it is given")
+        target.refuse(target.missed(target.inputs), "the FMU does not keep the value of an input")
         if self.setup.lead is not None:
             self._follow(self.setup.lead, target)
         target.refuse([*target.missed_states(), *target.missed_outputs()], _CS_REMEDY)
@@ -163,7 +163,7 @@ class CsSession(FmuSession):
             raise self._ended()
         if result.event:
             if not self.instance.event_mode:
-                raise SimulationError("the FMU wants event mode, which it does not offer", time=result.time)
+                raise SimulationError("the FMU requests event mode, which it does not offer", time=result.time)
             self._event_due = not early
             if early:
                 self.instance.enter_event_mode()
@@ -217,5 +217,5 @@ def off_grid(step: float, point: float) -> InputError:
     """Return the error for a point that a constant communication step cannot meet."""
     return InputError(
         f"the FMU needs a constant communication step of {step:.9g} s, but a point or a "
-        f"break of a signal lies at {point:.9g} s, off that grid; use another step"
+        f"break of a signal is at {point:.9g} s, off that grid; use another step"
     )

@@ -43,8 +43,8 @@ class Manners:
 
 
 _OTHER_ORDER = {
-    "me": "the FMU wants to be told the time again before its first event iteration",
-    "cs": "the FMU declares event mode but refuses it: it runs without",
+    "me": "the FMU needs the time set again before its first event iteration",
+    "cs": "the FMU declares event mode but rejects it; it runs without",
 }
 
 
@@ -253,10 +253,12 @@ class FmuSession(Session):
         asked = [v for v in known if not self.instance.fed(v)]
         biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in asked}
         if guessed := misses(self.instance, [v for v in asked if v.initial == "approx"], biased):
-            setup.manners.guessed = f"the FMU takes a start value as a guess only (initial approx): {in_words(guessed)}"
+            setup.manners.guessed = f"the FMU uses a start value only as a guess (initial approx): {in_words(guessed)}"
         if found := misses(self.instance, [v for v in asked if v.initial != "approx"], biased):
             name = self.instance.description.model_name
-            raise NotReachedError(f"{name}: a start value is not taken: {in_words(found)}; {_remedy(found, setup)}")
+            raise NotReachedError(
+                f"{name}: the FMU does not accept a start value: {in_words(found)}; {_remedy(found, setup)}"
+            )
 
     def _aim(self) -> Target | None:
         """Return the operating point to start at; None: there is none. Discrete states must have taken by now."""
@@ -266,9 +268,7 @@ class FmuSession(Session):
         target = Target(self.instance, setup.variables, setup.point, setup.outputs)
         if self.instance.event_mode and self.instance.version > 1:  # FMI 1.0 has handled the first event already
             settable = [v for v in target.others if v.start is not None]
-            target.refuse(
-                target.missed(settable), "its initial equations decide, and FMI gives no later chance to set it"
-            )
+            target.refuse(target.missed(settable), "its initial equations determine it, and FMI cannot set it later")
         return target
 
     def _placed(self, first: EventInfo) -> float:
@@ -287,7 +287,8 @@ class FmuSession(Session):
         """Make sure that the session stands where it was asked to."""
         if self._target is not None:
             self._target.refuse(
-                self._target.missed_outputs(), "with these states and inputs: other parameters than those of the point?"
+                self._target.missed_outputs(),
+                "states and inputs are as asked for; do the parameters differ from those of the point?",
             )
 
     # -- advance --------------------------------------------------------------------------
@@ -333,7 +334,7 @@ class FmuSession(Session):
 
     def _targets(self, until: float, points: Floats | None) -> Floats:
         if not math.isfinite(until) or until < self.time:
-            raise InputError(f"cannot advance to {until:g} s: the session stands at {self.time:.9g} s")
+            raise InputError(f"cannot advance to {until:g} s: the session is at {self.time:.9g} s")
         if points is None or len(points) == 0:
             return np.array([until])
         values: Floats = np.asarray(points, dtype=np.float64)
@@ -451,7 +452,7 @@ def _remedy(found: Sequence[Miss], setup: Setup) -> str:
         return "the FMU keeps its own value of this parameter; leave it out"
     if variable.causality == "input":
         return "the FMU keeps its own value of this input; force it by a signal"
-    return "its initial equations decide; a state can be set by an operating point instead (--at)"
+    return "its initial equations determine it; set a state by an operating point instead (--at)"
 
 
 def _last_signals(calls: Sequence[_Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:

@@ -61,15 +61,15 @@ class MeSession(FmuSession):
         if not there:
             stand.put(self.time, x, u)
             if not handled:
-                target.refuse(target.missed_states(), "the FMU does not keep a state that it is given")
+                target.refuse(target.missed_states(), "the FMU does not keep the value of a state")
             info = stand.event(u)
             if info.terminate:
                 raise self._ended()
             due = info.next_time
             handled |= info.states_changed
         if not handled:
-            target.refuse(target.missed_states(), "an event there moves the state without saying so")
-        target.refuse(target.missed(target.inputs), "the FMU does not keep an input that it is given")
+            target.refuse(target.missed_states(), "an event there changes the state without reporting it")
+        target.refuse(target.missed(target.inputs), "the FMU does not keep the value of an input")
         self._check_discrete(target, moved=not there, timed=due < math.inf)
         return due
 
@@ -80,7 +80,7 @@ class MeSession(FmuSession):
         from another place it may have been lost. Where nothing is timed, what cannot be set follows from the rest.
         """
         late = [v for v in target.others if moved or (v.start is None and not timed)]
-        words = "FMI lets it be set before initialisation alone, and the FMU does not start at this point's states"
+        words = "FMI allows it to be set only before initialisation, and the FMU does not start at this point's states"
         target.refuse(target.missed(late), words)
 
     def _scales(self) -> tuple[Floats, Floats]:

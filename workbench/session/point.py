@@ -141,7 +141,7 @@ class FmuPoint(Point):
 
     def __init__(self, session: FmuSession) -> None:
         if session.instance.interface != "me":
-            raise InputError("a co-simulation FMU shows neither states nor derivatives; use interface me")
+            raise InputError("a co-simulation FMU provides neither states nor derivatives; use interface me")
         self.session = session
         self.time = session.time
         self.calls = Counter()

@@ -133,7 +133,7 @@ class BlockInstance(Instance):
             ) from error
         if y.shape != self.y.shape:
             raise SimulationError(
-                f"{name}: the function gives {y.size} values for {self.y.size} outputs", time=self.time
+                f"{name}: the function returns {y.size} values for {self.y.size} outputs", time=self.time
             )
         return y
 

@@ -142,7 +142,7 @@ class CompositeInstance(Instance):
                 return
             before = now.copy()
         raise SimulationError(
-            f"{self.description.model_name}: the connected values do not settle in initialisation", time=self.time
+            f"{self.description.model_name}: the connected values do not converge in initialisation", time=self.time
         )
 
     # -- continuous time --------------------------------------------------------------------

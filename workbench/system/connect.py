@@ -179,7 +179,7 @@ def _component(name: str, value: object) -> Component:
     """Return what a user's value stands for."""
     if isinstance(value, Component):
         if value.name != name:
-            raise InputError(f"component {name}: the value calls itself {value.name}; give both the same name")
+            raise InputError(f"component {name}: the object is named {value.name}; use the same name for both")
         return value
     for kinds, make in _KINDS:
         if isinstance(value, kinds):
@@ -190,7 +190,7 @@ def _component(name: str, value: object) -> Component:
     if callable(value):
         return FunctionComponent(name=name, function=value)
     raise InputError(
-        f"component {name}: {type(value).__name__} is no component; give a path, fmu:NAME, a loaded FMU, a "
+        f"component {name}: {type(value).__name__} is not a component; give a path, fmu:NAME, a loaded FMU, a "
         "control.StateSpace or TransferFunction, a number, or a function"
     )
 
@@ -246,7 +246,7 @@ def _linear(name: str, value: object) -> LinearComponent | None:
     n, m, p = a.shape[0] if a.size else 0, d.shape[1], d.shape[0]
     a, b, c = a.reshape(n, n), b.reshape(n, m), c.reshape(p, n)
     if not all(np.isfinite(x).all() for x in (a, b, c, d)):
-        raise InputError(f"component {name}: a matrix has entries that are no finite numbers")
+        raise InputError(f"component {name}: a matrix has entries that are not finite numbers")
     return LinearComponent(
         name=name,
         A=a,
@@ -286,7 +286,9 @@ def _connection(wanted: Wanted) -> Connection:
     options: Options = wanted[2] if len(wanted) == 3 else {}
     for key in options:
         if key not in _OPTIONS:
-            raise InputError(f"connection {wanted[0]} → {wanted[1]}: '{key}' is no option; {suggest(key, _OPTIONS)}")
+            raise InputError(
+                f"connection {wanted[0]} → {wanted[1]}: '{key}' is not an option; {suggest(key, _OPTIONS)}"
+            )
     return Connection(source=wanted[0], destination=wanted[1], **options)
 
 

@@ -146,7 +146,7 @@ def _check_fmpy() -> None:
     from importlib.util import find_spec  # noqa: PLC0415
 
     if find_spec("fmpy.container_fmu") is None:
-        raise InputError("this FMPy cannot write containers; take a newer one: pip install --upgrade fmpy")
+        raise InputError("this version of FMPy cannot write containers; upgrade it: pip install --upgrade fmpy")
 
 
 # -- what the system is -----------------------------------------------------------------------
@@ -160,9 +160,9 @@ def _told(system: DescribedModel | SystemDescription | str | Path) -> tuple[Syst
         return read_system(system), {}
     recipe = system.recipe
     if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"{system.name} is no connected system; a container is made of several FMUs")
+        raise InputError(f"{system.name} is not a connected system; a container is made of several FMUs")
     if recipe.bias:
-        raise InputError(f"input {next(iter(recipe.bias))}: a bias cannot be put into a container")
+        raise InputError(f"input {next(iter(recipe.bias))}: a container cannot have a bias")
     return recipe.system, recipe.start_values
 
 
@@ -344,13 +344,13 @@ def _result(plan: _Plan, resolved: Resolved, target: Path, notes: Sequence[str])
 def _delay(plan: _Plan) -> list[str]:
     step = f"{plan.step:.9g} s"
     said = [
-        f"communication step {step}: whoever drives the container steps it by multiples of that only",
+        f"communication step {step}: the importing tool must step the container by multiples of it",
         "the parts are integrated by the solvers that their FMUs bring for co-simulation",
     ]
     if plan.wires:
         said.append(
-            f"a container steps its parts one after the other by {step}, with their inputs held, and hands values over "
-            f"in between: each of the {len(plan.wires)} connections carries a delay of one step, which the system as "
-            "one set of equations (model exchange) has not; halve the step to see what it changes"
+            f"a container steps its parts one after the other by {step} with their inputs held: each of the "
+            f"{len(plan.wires)} connections carries a delay of one step, which the system as one set of equations "
+            "(model exchange) does not have; halve the step to see its effect"
         )
     return said

@@ -33,10 +33,10 @@ from workbench.system.order import plan
 __all__ = ["ContainerPart", "container_part", "container_wires", "word"]
 
 _BLOCKS: Mapping[type, str] = {
-    LinearComponent: "a linear system is no FMU; write it as one with `workbench export` and connect that",
-    GainComponent: "a gain is no FMU, and a container holds FMUs only",
-    SumComponent: "a sum is no FMU, and a container holds FMUs only",
-    FunctionComponent: "a Python function lives in this process only, and a container holds FMUs only",
+    LinearComponent: "a linear system is not an FMU; make it one with `workbench export` and connect that",
+    GainComponent: "a gain is not an FMU, and a container holds only FMUs",
+    SumComponent: "a sum is not an FMU, and a container holds only FMUs",
+    FunctionComponent: "a Python function exists only in this process, and a container holds only FMUs",
 }
 _CLOSE = 1e-9  # relative; of a step to a multiple of another
 
@@ -135,7 +135,7 @@ def _check_step(part: ContainerPart, step: float) -> None:
         raise InputError(f"its communication step is {own:g} s, and the container has one for all, {step:g} s")
     fixed = part.stepping.fixedInternalStepSize
     if fixed is not None and not _is_multiple(step, float(fixed)):
-        raise InputError(f"its FMU steps with {float(fixed):g} s inside, and {step:g} s is no multiple of that")
+        raise InputError(f"its FMU steps with {float(fixed):g} s inside, and {step:g} s is not a multiple of it")
 
 
 def _is_multiple(step: float, of: float) -> bool:
@@ -166,10 +166,12 @@ def container_wires(parts: Sequence[ContainerPart], resolved: Resolved) -> tuple
 def _check_wire(parts: Sequence[ContainerPart], wire: Wire) -> None:
     try:
         if wire.closes_at is not None:
-            raise InputError(f"closes at t = {wire.closes_at:g} s; in a container connections are closed always")
+            raise InputError(f"closes at t = {wire.closes_at:g} s; connections in a container are always closed")
         if (wire.factor, wire.offset) != (1.0, 0.0):
             change = f"× {wire.factor:.6g}" + (f" + {wire.offset:.6g}" if wire.offset else "")
-            raise InputError(f"the gain or unit conversion ({change}) is lost in a container: it hands over as it is")
+            raise InputError(
+                f"the gain or unit conversion ({change}) cannot be in a container, which passes values on unchanged"
+            )
         source = word(parts[wire.from_component], wire.source)
         target = word(parts[wire.to_component], wire.destination)
         if source != target:
@@ -223,10 +225,10 @@ def _loop(members: Sequence[Connection]) -> str:
     names = ", ".join(c.label for c in members)
     if all(c.source.dependencies is not None for c in members):
         raise InputError(
-            f"algebraic loop {names}: a container goes round it once a step instead of solving it; break it by a part "
+            f"algebraic loop {names}: a container evaluates it once per step instead of solving it; break it by a part "
             "without direct feed-through"
         )
     return (
         f"{names}: the FMUs do not declare what their outputs depend on; if this is an algebraic loop, the container "
-        "goes round it once a step instead of solving it"
+        "evaluates it once per step instead of solving it"
     )

@@ -51,7 +51,7 @@ def fmu_facts(file: str) -> FmuFacts:
     path = locate(file).resolve()
     described = path / _DESCRIPTION if path.is_dir() else path
     if not described.is_file():
-        raise FmuError(f"{file}: no {_DESCRIPTION} inside; this is no FMU")
+        raise FmuError(f"{file}: no {_DESCRIPTION} inside; this is not an FMU")
     status = described.stat()
     return _facts(path, status.st_mtime_ns, status.st_size)
 
@@ -73,7 +73,7 @@ def _description_in(path: Path) -> bytes:
                 raise FmuError(f"{path}: {_DESCRIPTION} is larger than {MAX_XML_BYTES >> 20} MiB")
             return archive.read(_DESCRIPTION)
     except KeyError:
-        raise FmuError(f"{path}: no {_DESCRIPTION} inside; this is no FMU") from None
+        raise FmuError(f"{path}: no {_DESCRIPTION} inside; this is not an FMU") from None
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
     except (OSError, RuntimeError, NotImplementedError) as error:

@@ -252,7 +252,7 @@ def _check_types(connection: Connection, source: Variable, target: Variable) -> 
     given, taken = _kind(source), _kind(target)
     fits = given == taken or (given == "integer" and taken == "real")
     if not fits or given not in ("real", "integer", "Boolean"):
-        why = "types do not fit" if not fits else f"values of type {source.type} cannot be handed over"
+        why = "types do not fit" if not fits else f"values of type {source.type} cannot be connected"
         raise InputError(f"{why}: '{source.name}' is {article(source.type)}, '{target.name}' {article(target.type)}")
     if taken != "real" and (connection.gain, connection.offset, connection.unit) != (1.0, 0.0, None):
         raise InputError(f"gain, offset and unit are for real inputs; '{target.name}' is {article(target.type)}")

@@ -106,7 +106,7 @@ class UnitCheck:
         found = conversion(mine, named) if forwards else conversion(named, mine)
         if found is None:
             raise InputError(
-                f"'{port.variable.name}' is in {own}, which has nothing to do with {name}; convert = false hands the "
+                f"'{port.variable.name}' is in {own}, which is not compatible with {name}; convert = false hands the "
                 "number over as it is"
             )
         return found
@@ -122,20 +122,20 @@ class UnitCheck:
             unknown = given if left is None else taken
             raise InputError(
                 f"units {given} → {taken}, and '{unknown}' is not known; if the number is right as it is (times gain), "
-                "say convert = false"
+                "set convert = false"
             )
         if is_same_unit(left, right):
             return 1.0, 0.0
         found = conversion(left, right)
         if found is None:
             raise InputError(
-                f"units {given} → {taken} measure different things; if the number is right as it is (times gain), say "
+                f"units {given} → {taken} measure different things; if the number is right as it is (times gain), set "
                 "convert = false"
             )
         if given not in self._definitions(source) or taken not in self._definitions(target):
             raise InputError(
                 f'units differ: {given} → {taken}; unit = "{taken}" converts (× {found[0]:g}{_signed(found[1])}), '
-                "convert = false hands the number over as it is"
+                "convert = false passes the number on unchanged"
             )
         self._note(source, target, given, taken, found)
         return found

@@ -56,7 +56,7 @@ class NameTable:
         readings = self._readings(name)
         if not readings:
             component = name.partition(".")[0]
-            raise InputError(f"'{component}' (in '{name}') is no component; {suggest(component, self._index)}")
+            raise InputError(f"'{component}' (in '{name}') is not a component; {suggest(component, self._index)}")
         existing = [r for r in readings if r[1] in self._variables[self._index[r[0]]]]
         if len(existing) > 1:
             both = " and ".join(f"'{v}' of '{c}'" for c, v in existing)
@@ -71,5 +71,5 @@ class NameTable:
     def _unknown(self, component: str, variable: str, kind: str | None) -> str:
         group = self._variables[self._index[component]].values()
         known = [v.name for v in group if kind is None or v.causality == kind]
-        what = f"no {kind}" if kind else "no variable"
+        what = f"not an {kind}" if kind else "not a variable"
         return f"'{variable}' is {what} of component '{component}'; {suggest(variable, known)}"

@@ -50,7 +50,7 @@ class Inner:
         if any(variable.startswith(f"{c.name}.") for c in self.system.components):
             return (f"{self.name}.{variable}",)
         known = self.system.inputs if kind == "input" else self.system.outputs
-        raise InputError(f"'{variable}' is no {kind} of the system '{self.name}'; {suggest(variable, known)}")
+        raise InputError(f"'{variable}' is not an {kind} of the system '{self.name}'; {suggest(variable, known)}")
 
 
 def embed(outer: SystemDescription, parts: Sequence[Component | Inner]) -> SystemDescription:

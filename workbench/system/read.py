@@ -50,7 +50,7 @@ def read_system(path: str | Path) -> SystemDescription:
         return _ssd(file)
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: is no system; give a .toml, .ssp or .ssd file")
+        raise InputError(f"{path}: is not a system; give a .toml, .ssp or .ssd file")
     return reader(file)
 
 

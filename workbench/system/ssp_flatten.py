@@ -104,7 +104,7 @@ class Flattener:
             return False
         if not self.nodes[chain.origin[0]].is_system:
             names = f"{full_name(chain.origin)} → {full_name(chain.hops[-1].end)}"
-            raise InputError(f"connection {names}: a component's calculatedParameter is not handed over")
+            raise InputError(f"connection {names}: a component's calculatedParameter is not passed on")
         return True
 
     # -- connections, inputs, outputs -----------------------------------------------------------------

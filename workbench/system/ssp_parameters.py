@@ -77,7 +77,7 @@ def bound_parameters(root: Node, package: Package, definitions: Element, notes: 
             for name, parameter in _binding(binding, f"ParameterBinding of '{node.name}'", package, definitions):
                 key = _target(node, name)
                 if key is None:
-                    notes.append(f"{parameter.where}: '{name}' is no parameter of system '{node.name}'; ignored")
+                    notes.append(f"{parameter.where}: '{name}' is not a parameter of system '{node.name}'; ignored")
                 else:
                     found[key] = parameter
     return found

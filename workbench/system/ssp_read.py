@@ -205,12 +205,12 @@ class _Reader:
     def _value(self, node: Node, key: Key, parameter: Parameter) -> dict[str, Value]:
         fmu = self.fmus.get(key[0])
         if fmu is None:
-            self.notes.append(f"{parameter.where}: '{node.name}' is no FMU; its parameter {key[1]} is ignored")
+            self.notes.append(f"{parameter.where}: '{node.name}' is not an FMU; its parameter {key[1]} is ignored")
             return {}
         values = values_for(key[1], parameter, fmu.facts, self._unit(key))
         if not values:
             hint = suggest(key[1], fmu.facts.variables)
-            self.notes.append(f"{parameter.where}: '{key[1]}' is no variable of '{node.name}'; ignored ({hint})")
+            self.notes.append(f"{parameter.where}: '{key[1]}' is not a variable of '{node.name}'; ignored ({hint})")
         return values
 
 

@@ -57,7 +57,7 @@ def _what_is_missing(given: Mapping[str, Any]) -> str:
         hint = suggest(str(key), _READERS)
         if hint.startswith("did you mean"):
             return f"key '{key}' is unknown; {hint}"
-    return f"says not what it is; give one of: {choices}"
+    return f"does not say what it is; give one of: {choices}"
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,12 @@ def _linear_file(name: str, given: Mapping[str, Any], place: _Place) -> LinearCo
     except ValueError as error:
         raise InputError(f"{place.where}: {path} is not JSON: {error}") from None
     if not isinstance(data, dict) or not {"A", "B", "C", "D"} <= data.keys():
-        raise InputError(f"{place.where}: {path} holds no linear model: keys A, B, C and D are needed")
+        raise InputError(f"{place.where}: {path} contains no linear model: keys A, B, C and D are needed")
     offsets = [key for key in ("u0", "y0", "x0", "dx0") if _nonzero(data.get(key))]
     if offsets:
         raise InputError(
-            f"{place.where}: {path}: the model holds about a point ({offsets[0]} is not 0); export it as FMU"
+            f"{place.where}: {path}: the model is valid around an operating point ({offsets[0]} is not 0); export it "
+            "as an FMU"
         )
     named = {"input_names": "inputs", "output_names": "outputs", "state_names": "states"}
     kept = {named.get(k, str(k)): v for k, v in data.items() if k in {"A", "B", "C", "D", "dt", *named}}

@@ -44,7 +44,7 @@ def _load(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
     except tomllib.TOMLDecodeError as error:
-        twice = "; a key stands twice: an input takes one source" if "overwrite" in str(error) else ""
+        twice = "; a key appears twice: an input takes one source" if "overwrite" in str(error) else ""
         raise InputError(f"{path}: is not TOML: {error}{twice}") from None
 
 
@@ -70,7 +70,7 @@ def _part(component: Component, parents: tuple[Path, ...]) -> Component | Inner:
         return component
     where, file = f"[components] {component.name}", Path(component.file)
     if component != FmuComponent(name=component.name, file=component.file):
-        raise InputError(f"{where}: {file.name} is a system; set, interface, solver and step stand in its own file")
+        raise InputError(f"{where}: {file.name} is a system; set, interface, solver and step belong in its own file")
     if file in parents:
         raise InputError(f"{where}: {file.name} contains itself")
     system = read_toml(file, parents) if file.suffix.lower() == ".toml" else read_system(file)

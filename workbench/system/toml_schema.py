@@ -161,11 +161,15 @@ def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
 
 
 _BRANCHES = ("str", "bool", "int", "float")
+_WORDS = (
+    ("Input should be", "must be"), ("Input must", "must"), ("a valid ", "a "), ("a int", "an int"),
+    ("Value error, ", ""),
+)  # fmt: skip
 
 
 def _said(message: str) -> str:
     """Return pydantic's sentence as a clause after the key."""
-    for its, ours in (("Input should be", "must be"), ("Input must", "must"), ("a valid ", "a "), ("a int", "an int")):
+    for its, ours in _WORDS:
         message = message.replace(its, ours)
     return message
 

@@ -77,9 +77,9 @@ _MAKE: dict[str, Callable[[Recipe, Workers], Runner]] = {
 
 def _without_recipe(model: Model, place: str, workers: Workers) -> tuple[str, ...]:
     if place in ("executor", "scheduler"):
-        return (f"{model.name} lives in this process only and runs here, not on the {place}",)
+        return (f"{model.name} exists only in this process and runs here, not on the {place}",)
     if place == "workers" and workers.limits != Limits():
-        return (f"{model.name} lives in this process only: time and memory limits do not apply",)
+        return (f"{model.name} exists only in this process: time and memory limits do not apply",)
     return ()
 
 

@@ -41,7 +41,7 @@ class OnCluster(Runner):
             self._client.close()
             text = one_line(f"{type(error).__name__}: {error}")
             raise InputError(
-                f"scheduler {address}: its workers cannot take the model ({text}); install the same workbench there"
+                f"scheduler {address}: its workers cannot load the model ({text}); install the same workbench there"
             ) from None
         self._runner: Runner = OnExecutor(self._client.get_executor(pure=False), shared)
 

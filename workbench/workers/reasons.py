@@ -15,7 +15,7 @@ _SIGNALS = {
     "SIGILL": "the FMU crashed: illegal instruction (SIGILL)",
     "SIGFPE": "the FMU crashed: arithmetic exception (SIGFPE)",
     "SIGABRT": "the FMU aborted its process (SIGABRT)",
-    "SIGKILL": "the worker was killed (SIGKILL), by somebody or by the system for want of memory",
+    "SIGKILL": "the worker was killed (SIGKILL), perhaps by the system because memory ran out",
 }
 
 # Exit codes by which Windows tells of a crash.

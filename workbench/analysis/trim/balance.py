@@ -47,7 +47,7 @@ class Balance(ABC):
 
     Obligations of a subclass:
       1. `evaluate` depends on its arguments only, not on what was evaluated before.
-      2. It returns NaN where the model cannot be evaluated, and raises only if it cannot go on.
+      2. It returns NaN where the model cannot be evaluated, and raises only if it cannot continue.
       3. The attributes are fixed after construction, except `evaluations`.
 
     Attributes:
