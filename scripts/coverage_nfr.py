@@ -26,9 +26,9 @@ import control  # noqa: E402
 import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.analysis.nfr_job import PointsJob  # noqa: E402
-from workbench.analysis.nfr_linear import surroundings  # noqa: E402
-from workbench.analysis.nfr_point import PointTask  # noqa: E402
+from workbench.analysis.nfr.job import PointsJob  # noqa: E402
+from workbench.analysis.nfr.point import PointTask  # noqa: E402
+from workbench.analysis.nfr.surroundings import surroundings  # noqa: E402
 from workbench.model import Model  # noqa: E402
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from workbench.analysis.experiment import Experiment, make_experiment
-from workbench.analysis.march import march_one
+from workbench.analysis.experiment.experiment import Experiment, make_experiment
+from workbench.analysis.identified.march import march_one
 from workbench.analysis.subspace import estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings
 from workbench.session.base import Floats

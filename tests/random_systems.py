@@ -16,7 +16,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from workbench.analysis.march import march_one
+from workbench.analysis.identified.march import march_one
 
 __all__ = ["Plant", "pole_error", "random_plant"]
 

@@ -12,7 +12,7 @@ from tests.identification_data import DT, data, prbs, response, white, with_nois
 from workbench.analysis.advice import TOPICS, VERDICTS, advise
 from workbench.analysis.advice.delay import delays
 from workbench.analysis.advice.study import Study
-from workbench.analysis.experiment import Experiment, make_experiment
+from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

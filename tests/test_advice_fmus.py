@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.analysis.advice import advise
-from workbench.analysis.experiment import Experiment, make_experiment
+from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.analysis.spectra import coherence, sdf
 from workbench.model.load import load
 from workbench.session.base import Floats

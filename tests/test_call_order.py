@@ -16,7 +16,7 @@ from tests.foreign_fmus import build_shy
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hybrid_fmus import ERROR, OK, FakeC, open_fake
 from tests.test_session_events import Lag
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import SimulationError
 from workbench.model.load import load

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from workbench.analysis.experiment import read_experiment
+from workbench.analysis.experiment.experiment import read_experiment
 from workbench.cli.app import run
 from workbench.errors import InputError
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.foreign_fmus import build_foreign
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim
 from workbench.cli.app import run

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis.divergence import divergence
 from workbench.analysis.feed_forward.trial import settling
+from workbench.analysis.simulate.divergence import divergence
 
 Grow = Callable[[np.ndarray], np.ndarray | float]
 

@@ -13,7 +13,7 @@ import pytest
 from tests.drivers import DRIVERS
 from tests.foreign_fmus import build_foreign, build_shy
 from tests.hostile_fmus import build_hostile
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.cli.app import run

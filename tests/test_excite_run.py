@@ -17,7 +17,7 @@ from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.request import Excite, excite
 from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment import read_experiment
+from workbench.analysis.experiment.experiment import read_experiment
 from workbench.cli.app import run
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint

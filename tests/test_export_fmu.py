@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 from scipy.linalg import expm
 
 from workbench.analysis.lin.request import lin
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.build.export import export, generate_linear
 from workbench.build.fmu import compile_and_pack

@@ -11,8 +11,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tests.random_systems import pole_error, random_plant
-from workbench.analysis.identified import IdentifiedModel
-from workbench.analysis.march import march
+from workbench.analysis.identified.march import march
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.subspace import estimate
 from workbench.errors import InputError
 

@@ -216,7 +216,7 @@ def test_rudder_agrees_with_the_published_bounds() -> None:
     """Trim at delC = 2, published widths and defaults, against a sine of amplitude 2 (chapter 7)."""
     from dataclasses import replace
 
-    from workbench.analysis.nfr import nfr
+    from workbench.analysis.nfr.request import nfr
     from workbench.analysis.trim.request import trim
 
     frequencies = np.array([0.5, 2.0, 3.7, 5.6, 8.5, 13.0, 20.0])

@@ -10,7 +10,7 @@ import pytest
 
 from tests.lin_fmus import built, fmu
 from workbench.analysis.lin.request import lin
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import InputError
 from workbench.model.load import load

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.fakes import DeadTimeSession, FakeModel, Rows, StaticSession, lag, linear, oscillator
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.session.base import Floats
 from workbench.signals import Sine
 

@@ -13,7 +13,7 @@ import pytest
 import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows, SampledSession, StaticSession, lag, linear, oscillator
 from workbench.analysis.harmonics import distortion
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.session.base import Floats
 from workbench.signals import Sine
 

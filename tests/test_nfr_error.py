@@ -16,15 +16,15 @@ import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
 from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
-from workbench.analysis.certificate import Certificate
 from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_beats import repeats_every
-from workbench.analysis.nfr_jumps import disagreements, jumps
-from workbench.analysis.nfr_linear import LinearPart, surroundings
-from workbench.analysis.nfr_point import NfrPoint
-from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.settling import Outcome, Settling
+from workbench.analysis.nfr.beats import repeats_every
+from workbench.analysis.nfr.certificate import Certificate
+from workbench.analysis.nfr.jumps import disagreements, jumps
+from workbench.analysis.nfr.point import NfrPoint
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
+from workbench.analysis.nfr.settling import Outcome, Settling
+from workbench.analysis.nfr.surroundings import LinearPart, surroundings
 from workbench.session.base import Floats
 from workbench.signals import Sine
 

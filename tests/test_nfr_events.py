@@ -12,7 +12,7 @@ import pytest
 import workbench as wb
 from tests.lin_fmus import built
 from workbench.analysis.harmonics import measure_period
-from workbench.analysis.nfr_error import quadrature
+from workbench.analysis.nfr.error import quadrature
 from workbench.session import Record
 from workbench.session.base import Floats
 

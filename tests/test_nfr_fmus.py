@@ -10,7 +10,7 @@ import pytest
 
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.result import NfrResult
 from workbench.reproduce.targets import read_targets
 
 TARGETS = read_targets()

@@ -10,12 +10,12 @@ import pytest
 
 import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
-from workbench.analysis import transient
 from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_sweep import NfrSweep
-from workbench.analysis.settling import Outcome, Settling
-from workbench.analysis.transient import remove_transient
+from workbench.analysis.nfr import transient
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.run import NfrSweep
+from workbench.analysis.nfr.settling import Outcome, Settling
+from workbench.analysis.nfr.transient import remove_transient
 from workbench.errors import SimulationError
 from workbench.session import Session
 from workbench.session.base import Floats

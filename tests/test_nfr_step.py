@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.fakes import EulerOscillator, FakeModel, Rows
-from workbench.analysis.certificate import Certificate
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_point import NfrPoint, PointTask
-from workbench.analysis.nfr_step import refine
+from workbench.analysis.nfr.certificate import Certificate
+from workbench.analysis.nfr.point import NfrPoint, PointTask
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.step import refine
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.signals import Sine

@@ -17,9 +17,9 @@ import workbench as wb
 from tests.fakes import lag
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.programs import start, wait_for
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
-from workbench.analysis.nfr_sweep import NfrSweep
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
+from workbench.analysis.nfr.run import NfrSweep
 from workbench.cli.app import run
 from workbench.store import FILE_NAME
 from workbench.workers import Workers

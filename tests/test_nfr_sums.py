@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from workbench.analysis.nfr_point import PointTask, run_point
+from workbench.analysis.nfr.point import PointTask, run_point
 from workbench.model.load import load
 from workbench.session import Record, Session, Snapshot
 from workbench.session.base import Floats

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
-from workbench.analysis.experiment import make_experiment
+from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.preprocess import (
     cut_settling,
     detrend,

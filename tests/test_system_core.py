@@ -12,7 +12,7 @@ from tests.drivers import DRIVERS, driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import LAG, difference, loop_of_two_saturations, run, unity_feedback
 from workbench.analysis.lin.request import lin, lin_over
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim
 from workbench.errors import InputError, SimulationError

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from tests.bootstrap_coverage import DT, System, random_system
-from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate import ERROR_FIGURES, error_figure, validate
 from workbench.analysis.validate.cross_correlation import cross_correlation
 from workbench.analysis.validate.fit import fit_of

@@ -11,7 +11,7 @@ import pytest
 
 from tests.bootstrap_coverage import DT, Complex, bootstrap_of, cases, noisy_record, random_system
 from tests.random_systems import random_plant
-from workbench.analysis.experiment import make_experiment
+from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.subspace import estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
 from workbench.analysis.validate.matching import match, match_clouds

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import Intersample, LinResult
-from workbench.analysis.nfr_result import NfrResult, follow_phase
+from workbench.analysis.nfr.result import NfrResult, follow_phase
 from workbench.analysis.validate import Overlay, overlay
 from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.core.operating_point import OperatingPoint

@@ -19,19 +19,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise
-    from workbench.analysis.certificate import Certificate
     from workbench.analysis.check.request import check
     from workbench.analysis.check.result import HealthCard, HealthLine
     from workbench.analysis.delays.request import delays
     from workbench.analysis.delays.result import DelayReport, NoDelays
     from workbench.analysis.describing.base import Block
     from workbench.analysis.describing.describe import DescribingFunction, describing_function, standard_block
-    from workbench.analysis.divergence import Divergence, DivergenceError
     from workbench.analysis.excite.multisine import MultisineDesign
     from workbench.analysis.excite.prbs import PrbsDesign
     from workbench.analysis.excite.request import excite
     from workbench.analysis.excite.result import ExciteResult
-    from workbench.analysis.experiment import Experiment, make_experiment, read_experiment
+    from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
     from workbench.analysis.feed_forward.feed_forward import feed_forward
     from workbench.analysis.feed_forward.result import FeedForwardResult
     from workbench.analysis.feed_forward.step import FilterStep
@@ -40,7 +38,7 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult
     from workbench.analysis.feedback.run import FeedbackRun
     from workbench.analysis.feedback.settling import SettlingStudy
-    from workbench.analysis.identified import IdentifiedModel
+    from workbench.analysis.identified.model import IdentifiedModel
     from workbench.analysis.identify.request import identify
     from workbench.analysis.identify.result import IdentifyResult
     from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
@@ -61,14 +59,17 @@ if TYPE_CHECKING:
     from workbench.analysis.motions.compare import compare_motions
     from workbench.analysis.motions.measures import Measure
     from workbench.analysis.motions.result import Motion, MotionComparison, MotionFailed, MotionHistory
-    from workbench.analysis.nfr import Nfr, nfr
-    from workbench.analysis.nfr_point import NfrPoint
-    from workbench.analysis.nfr_result import FailedPoint, NfrResult
-    from workbench.analysis.nfr_sweep import NfrSweep
+    from workbench.analysis.nfr.certificate import Certificate
+    from workbench.analysis.nfr.point import NfrPoint
+    from workbench.analysis.nfr.request import Nfr, nfr
+    from workbench.analysis.nfr.result import FailedPoint, NfrResult
+    from workbench.analysis.nfr.run import NfrSweep
+    from workbench.analysis.nfr.zero_input import ZeroInput
     from workbench.analysis.nyquist.nyquist import nyquist
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
     from workbench.analysis.preprocess import cut_settling, detrend, remove_offset, remove_outliers, resample, scale
     from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
+    from workbench.analysis.simulate.divergence import Divergence, DivergenceError
     from workbench.analysis.simulate.request import simulate
     from workbench.analysis.simulate.result import SimulationResult
     from workbench.analysis.spectra import Coherence, SpectralDensity, sdf
@@ -80,7 +81,6 @@ if TYPE_CHECKING:
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
-    from workbench.analysis.zero_input import ZeroInput
     from workbench.build.export import ExportResult, export
     from workbench.cli.run_commands import run_study
     from workbench.core.linear import Linear, LinearPart
@@ -283,8 +283,8 @@ _HOMES = {
     "workbench.analysis.excite.prbs": ("PrbsDesign",),
     "workbench.analysis.excite.request": ("excite",),
     "workbench.analysis.excite.result": ("ExciteResult",),
-    "workbench.analysis.experiment": ("Experiment", "make_experiment", "read_experiment"),
-    "workbench.analysis.divergence": ("Divergence", "DivergenceError"),
+    "workbench.analysis.experiment.experiment": ("Experiment", "make_experiment", "read_experiment"),
+    "workbench.analysis.simulate.divergence": ("Divergence", "DivergenceError"),
     "workbench.analysis.feed_forward.feed_forward": ("feed_forward",),
     "workbench.analysis.feed_forward.result": ("FeedForwardResult",),
     "workbench.analysis.feed_forward.step": ("FilterStep",),
@@ -294,7 +294,7 @@ _HOMES = {
     "workbench.analysis.feedback.run": ("FeedbackRun",),
     "workbench.analysis.feedback.settling": ("SettlingStudy",),
     "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
-    "workbench.analysis.identified": ("IdentifiedModel",),
+    "workbench.analysis.identified.model": ("IdentifiedModel",),
     "workbench.analysis.identify.request": ("identify",),
     "workbench.analysis.identify.result": ("IdentifyResult",),
     "workbench.analysis.preprocess": (
@@ -308,7 +308,7 @@ _HOMES = {
     "workbench.analysis.spectra": ("Coherence", "SpectralDensity", "coherence", "sdf"),
     "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
     "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
-    "workbench.analysis.certificate": ("Certificate",),
+    "workbench.analysis.nfr.certificate": ("Certificate",),
     "workbench.analysis.check.request": ("check",),
     "workbench.analysis.check.result": ("HealthCard", "HealthLine"),
     "workbench.analysis.lin.compare": ("LinComparison", "Verdict"),
@@ -322,16 +322,16 @@ _HOMES = {
     "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),
     "workbench.analysis.modes.request": ("modes",),
     "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),
-    "workbench.analysis.nfr": ("Nfr", "nfr"),
-    "workbench.analysis.nfr_sweep": ("NfrSweep",),
-    "workbench.analysis.nfr_point": ("NfrPoint",),
-    "workbench.analysis.nfr_result": ("FailedPoint", "NfrResult"),
+    "workbench.analysis.nfr.request": ("Nfr", "nfr"),
+    "workbench.analysis.nfr.run": ("NfrSweep",),
+    "workbench.analysis.nfr.point": ("NfrPoint",),
+    "workbench.analysis.nfr.result": ("FailedPoint", "NfrResult"),
     "workbench.analysis.simulate.request": ("simulate",),
     "workbench.analysis.simulate.result": ("SimulationResult",),
     "workbench.core.operating_point": ("OperatingPoint",),
     "workbench.analysis.trim.request": ("trim",),
     "workbench.analysis.trim.result": ("TrimResult",),
-    "workbench.analysis.zero_input": ("ZeroInput",),
+    "workbench.analysis.nfr.zero_input": ("ZeroInput",),
     "workbench.cli.run_commands": ("run_study",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable"),

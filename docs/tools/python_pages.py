@@ -12,11 +12,11 @@ __all__ = ["grouped_names", "python_page", "python_pages"]
 # The first prefix that fits a name's home decides; what fits none is under "Further names".
 _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("models", "Models, sessions, signals", ("model", "session", "signals", "system.load", "workers", "fmi")),
-    ("errors", "Errors", ("errors", "analysis.divergence")),
+    ("errors", "Errors", ("errors", "analysis.simulate.divergence")),
     (
         "response",
         "Time histories and frequency response",
-        ("analysis.simulate", "analysis.nfr", "analysis.certificate", "analysis.zero_input"),
+        ("analysis.simulate", "analysis.nfr"),
     ),
     ("linear", "Operating points and linear models", ("analysis.trim", "core.operating_point", "analysis.lin")),
     (

@@ -19,7 +19,7 @@ from workbench.analysis.limit_cycle.request import LimitCycles
 from workbench.analysis.lin.request import LinCommand
 from workbench.analysis.loop.request import Loop
 from workbench.analysis.modes.request import Modes
-from workbench.analysis.nfr import Nfr
+from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.request import Request
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.trim.request import Trim

@@ -15,7 +15,7 @@ from workbench.plotting.figure import COLOURS, label, rows, save
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
-    from workbench.analysis.nfr_result import NfrResult
+    from workbench.analysis.nfr.result import NfrResult
 
 __all__ = ["plot_nfr"]
 

@@ -22,7 +22,7 @@ from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
-    from workbench.analysis.identified import IdentifiedModel
+    from workbench.analysis.identified.model import IdentifiedModel
     from workbench.analysis.subspace.result import SubspaceEstimate
     from workbench.analysis.validate.bootstrap import PoleBootstrap
     from workbench.analysis.validate.pole_zero import NearCancellation

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.analysis.nfr_result import follow_phase
+from workbench.analysis.nfr.result import follow_phase
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.lin import bode_labels
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
-    from workbench.analysis.nfr_result import NfrResult
+    from workbench.analysis.nfr.result import NfrResult
     from workbench.analysis.validate.overlay import Overlay
 
 __all__ = ["plot_overlay"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.analysis.advice.result import Advice
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.spectra.coherence import Coherence
 from workbench.analysis.spectra.density import SpectralDensity
 from workbench.analysis.spectra.window import WindowSettings

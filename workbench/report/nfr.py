@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from workbench.analysis.nfr_result import MISSING, NfrResult
+from workbench.analysis.nfr.result import MISSING, NfrResult
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict

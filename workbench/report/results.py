@@ -50,7 +50,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.loop.result.LoopResult": "workbench.report.loop:loop_page",
     "workbench.analysis.modes.result.ModesResult": "workbench.report.modes:modes_page",
     "workbench.analysis.motions.result.MotionComparison": "workbench.report.motions:motions_page",
-    "workbench.analysis.nfr_result.NfrResult": "workbench.report.nfr:nfr_page",
+    "workbench.analysis.nfr.result.NfrResult": "workbench.report.nfr:nfr_page",
     "workbench.analysis.nyquist.result.NyquistResult": "workbench.report.limit_cycle:nyquist_page",
     "workbench.analysis.reduction.balanced.BalancedReduction": "workbench.report.feed_forward:reduction_page",
     "workbench.analysis.simulate.result.SimulationResult": "workbench.report.simulate:simulate_page",

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.plotting.time_history import time_history

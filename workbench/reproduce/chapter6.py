@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment import Experiment as Record
+from workbench.analysis.experiment.experiment import Experiment as Record
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import Coherence, coherence, sdf

@@ -14,8 +14,8 @@ from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck, step_check
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
 from workbench.analysis.validate import Overlay, overlay

@@ -12,7 +12,7 @@ from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.request import excite
 from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import coherence

@@ -19,7 +19,7 @@ from workbench.analysis.advice.saturation import judge_saturation
 from workbench.analysis.advice.settling import judge_settling
 from workbench.analysis.advice.study import Study
 from workbench.analysis.advice.trend import judge_trend
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.core.blas import one_thread
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin

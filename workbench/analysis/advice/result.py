@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.core.record import Part, Record
 from workbench.errors import InputError, suggest
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.long_arx import LongArx, fit_long_arx
 from workbench.analysis.preprocess.outliers import remove_outliers
 from workbench.analysis.preprocess.settle import settling_samples

@@ -14,8 +14,8 @@ from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.describing.memory import Backlash, RelayWithHysteresis
 from workbench.analysis.describing.rate_limiter import RateLimiter
 from workbench.analysis.describing.static import StaticBlock
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.core.record import Record, complex_of, entry
 from workbench.errors import InputError, suggest
 from workbench.model import Model

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.result import NfrResult
 from workbench.errors import InputError
 
 __all__ = ["MeasuredBlock"]

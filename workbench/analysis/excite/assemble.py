@@ -10,7 +10,7 @@ from workbench.analysis.excite.design import crest_factors, cross_correlation
 from workbench.analysis.excite.playing import Begin, Rows
 from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult, SignalFacts
-from workbench.analysis.experiment import Experiment, make_experiment
+from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.model import Model
 from workbench.session.base import Floats
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.rates import basic_period
-from workbench.analysis.time_events import TOGETHER, rates_of, time_events
+from workbench.analysis.rates import TOGETHER, basic_period, rates_of, time_events
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import DescribedModel, Model

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.divergence import Divergence, DivergenceError
 from workbench.analysis.feed_forward.wiring import Loops, closed, reopen
+from workbench.analysis.simulate.divergence import Divergence, DivergenceError
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.linear import LinearPart

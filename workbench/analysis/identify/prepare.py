@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment, read_experiment
+from workbench.analysis.experiment.experiment import Experiment, read_experiment
 from workbench.analysis.preprocess import Detrended, cut_settling, detrend, remove_offset
 from workbench.errors import InputError
 from workbench.session.base import Floats

@@ -12,11 +12,11 @@ from workbench.core.option import option
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.analysis.experiment import Experiment
+    from workbench.analysis.experiment.experiment import Experiment
     from workbench.analysis.identify.result import IdentifyResult
     from workbench.analysis.lin.result import LinResult
     from workbench.analysis.lin.state_space import LinearModel
-    from workbench.analysis.nfr_result import NfrResult
+    from workbench.analysis.nfr.result import NfrResult
 
 __all__ = ["Identify", "identify"]
 

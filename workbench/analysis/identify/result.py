@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.advice import Advice
-from workbench.analysis.experiment import Experiment
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, Validation
 from workbench.core.closed_loop import ClosedLoop, between

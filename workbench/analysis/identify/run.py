@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from workbench.analysis.advice import Advice, advise
-from workbench.analysis.experiment import Experiment
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.identify.prepare import Prepared, chosen, cut, prepare
 from workbench.analysis.identify.request import Identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.subspace import SubspaceEstimate, estimate
 from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, overlay, same_settings, validate
 from workbench.core.job import Job

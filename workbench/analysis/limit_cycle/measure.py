@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
-from workbench.analysis.nfr import nfr
+from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.linear import LinearPart

@@ -18,8 +18,8 @@ from workbench.analysis.lin.request import Compare, Lin
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, make_task, open_base
-from workbench.analysis.nfr import nfr
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint

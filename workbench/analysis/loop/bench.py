@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from workbench.analysis.nfr_job import PointsJob
-from workbench.analysis.nfr_point import NfrPoint, PointTask
+from workbench.analysis.nfr.job import PointsJob
+from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.model import Model
 from workbench.workers import Lost, Workers, choose, perform
 

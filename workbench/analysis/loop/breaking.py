@@ -9,7 +9,7 @@ from workbench.analysis.loop.bench import Bench
 from workbench.analysis.loop.cut import PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
 from workbench.analysis.loop.settings import Settings
-from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr.point import NfrPoint
 
 __all__ = ["broken"]
 

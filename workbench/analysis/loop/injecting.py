@@ -10,7 +10,7 @@ from workbench.analysis.loop.bench import Bench
 from workbench.analysis.loop.cut import INJECTED, PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
 from workbench.analysis.loop.settings import Settings
-from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr.point import NfrPoint
 
 __all__ = ["injected"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from workbench.analysis.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import CutLoop, cut_loop
 from workbench.analysis.loop.linear import LinearLoop, linear_loop
@@ -11,6 +10,7 @@ from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.request import Loop
 from workbench.analysis.loop.result import LoopResult
 from workbench.analysis.loop.settings import Settings
+from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.trim.request import trim
 from workbench.core.forms import several
 from workbench.core.job import Job

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from workbench.analysis.nfr_point import PointTask
+from workbench.analysis.nfr.point import PointTask
 from workbench.core.linear import LinearPart
 
 __all__ = ["Settings"]

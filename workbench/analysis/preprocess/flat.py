@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.session.base import Floats
 
 __all__ = ["Flat", "find_saturation", "flat_extremes"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, ndimage
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.long_arx import lagged
 from workbench.analysis.preprocess.prepared import Prepared, check_columns
 from workbench.errors import InputError

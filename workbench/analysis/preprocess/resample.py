@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from scipy import signal
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.preprocess.prepared import Prepared
 from workbench.errors import InputError
 from workbench.session.base import Floats

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.preprocess.prepared import Prepared, all_columns, check_columns
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats

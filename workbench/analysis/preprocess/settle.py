@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.long_arx import fit_long_arx
 from workbench.analysis.preprocess.prepared import Prepared
 from workbench.errors import InputError

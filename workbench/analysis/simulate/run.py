@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.analysis.divergence import DivergenceError, divergence
-from workbench.analysis.divergence_run import explained
 from workbench.analysis.one_worker import in_worker
+from workbench.analysis.simulate.divergence import DivergenceError, divergence, explained
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.forms import several

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.subspace.data import Record
 from workbench.analysis.subspace.delays import with_chains
 from workbench.analysis.subspace.simulated import InputFit

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.core.record import Record
 from workbench.session.base import Floats
 

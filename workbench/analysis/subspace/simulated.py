@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.march import march, march_one
+from workbench.analysis.identified.march import march, march_one
 from workbench.analysis.subspace.hankel import ROUNDING, triangular
 from workbench.session.base import Floats
 

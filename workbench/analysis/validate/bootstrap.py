@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.experiment import Experiment
-from workbench.analysis.identified import IdentifiedModel
-from workbench.analysis.march import march
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.march import march
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.estimator import Estimator
 from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr_result import NfrResult
+from workbench.analysis.nfr.result import NfrResult
 from workbench.core.record import Record, entry
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.identified import IdentifiedModel
-from workbench.analysis.numden import transmission_zeros
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.identified.numden import transmission_zeros
 from workbench.core.record import Part
 
 __all__ = ["NEAR", "NearCancellation", "near_cancellations"]

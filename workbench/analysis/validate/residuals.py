@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.validate.cross_correlation import CrossCorrelation, cross_correlation
 from workbench.analysis.validate.fit import Fit, fit_of
 from workbench.analysis.validate.whiteness import Autocorrelation, autocorrelation

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.analysis.experiment import Experiment
-from workbench.analysis.identified import IdentifiedModel
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.analysis.validate.residuals import residuals_of

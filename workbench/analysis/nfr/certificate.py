@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from workbench.analysis.harmonics import distortion
-from workbench.analysis.settling import Response, Settling
+from workbench.analysis.nfr.settling import Response, Settling
 
 __all__ = ["Certificate", "certify"]
 

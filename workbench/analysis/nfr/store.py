@@ -10,10 +10,10 @@ from typing import Any, Self
 import numpy as np
 
 from workbench import __version__
-from workbench.analysis.certificate import finite, from_dict
-from workbench.analysis.nfr_point import NfrPoint
-from workbench.analysis.nfr_result import MISSING, NfrResult
-from workbench.analysis.zero_input import ZeroInput
+from workbench.analysis.nfr.certificate import finite, from_dict
+from workbench.analysis.nfr.point import NfrPoint
+from workbench.analysis.nfr.result import MISSING, NfrResult
+from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from workbench.analysis.certificate import finite
-from workbench.analysis.nfr_point import NfrPoint, PointTask, change
+from workbench.analysis.nfr.certificate import finite
+from workbench.analysis.nfr.point import NfrPoint, PointTask, change
 from workbench.errors import InputError
 
 __all__ = ["at_step", "checked", "refine", "rows_of_step"]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.analysis.march import march, march_one
-from workbench.analysis.numden import NumDen, numden, transmission_zeros
+from workbench.analysis.identified.march import march, march_one
+from workbench.analysis.identified.numden import NumDen, numden, transmission_zeros
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, unheld
 from workbench.core.poles import pole_keys

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from workbench.analysis.nfr_error import CANCELLED, INTEGRATION, Evidence
-from workbench.analysis.nfr_linear import Surroundings, surroundings
-from workbench.analysis.nfr_point import NfrPoint, PointTask, run_fresh, run_point
-from workbench.analysis.nfr_step import at_step, checked, refine
-from workbench.analysis.zero_input import ZeroInput, watch
+from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
+from workbench.analysis.nfr.point import NfrPoint, PointTask, run_fresh, run_point
+from workbench.analysis.nfr.step import at_step, checked, refine
+from workbench.analysis.nfr.surroundings import Surroundings, surroundings
+from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model

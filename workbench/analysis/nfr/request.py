@@ -13,7 +13,7 @@ from workbench.core.option import option
 from workbench.core.where import InWorkers
 
 if TYPE_CHECKING:
-    from workbench.analysis.nfr_result import NfrResult
+    from workbench.analysis.nfr.result import NfrResult
 
 __all__ = ["Nfr", "nfr"]
 
@@ -35,10 +35,10 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         zero): a co-simulation holds its input over a step, which alone would cost half a step of delay.
       - A transient that can be identified is removed and the point is then settled; the published test
         alone stops while a slow or lightly damped transient still falsifies the value (see
-        `workbench.analysis.settling.Settling` and `workbench.analysis.transient.remove_transient`).
-      - Each point states its error (see `workbench.analysis.nfr_error`), and nothing is called settled whose error is
+        `workbench.analysis.nfr.settling.Settling` and `workbench.analysis.nfr.transient.remove_transient`).
+      - Each point states its error (see `workbench.analysis.nfr.error`), and nothing is called settled whose error is
         above errcrit/10.
-      - Co-simulation is repeated with smaller communication steps (see `workbench.analysis.nfr_step.refine`).
+      - Co-simulation is repeated with smaller communication steps (see `workbench.analysis.nfr.step.refine`).
 
     Not for a model without a periodic response: an unstable one fails point by point, a limit
     cycle of the model's own gives averaged points that mean little. Gain and phase are those of the first
@@ -63,7 +63,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     """
 
     command = "nfr"
-    algorithm = "workbench.analysis.nfr_sweep:run"
+    algorithm = "workbench.analysis.nfr.run:run"
     example = "workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png"
     # Tighter than for a time history: the response may be a small part of a large output or transient.
     usual_tolerance = 1e-8

@@ -9,16 +9,16 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from workbench.analysis.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr import Nfr
-from workbench.analysis.nfr_job import PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr_jumps import disagreements
-from workbench.analysis.nfr_linear import Surroundings
-from workbench.analysis.nfr_point import ROWS, NfrPoint, PointTask
-from workbench.analysis.nfr_result import NfrResult, assemble
-from workbench.analysis.nfr_step import rows_of_step
-from workbench.analysis.nfr_store import Key, NfrStore, check_redo, from_result
-from workbench.analysis.zero_input import ZeroInput, doubt
+from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
+from workbench.analysis.nfr.job import PointsJob, StartJob, SurroundingsJob
+from workbench.analysis.nfr.jumps import disagreements
+from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask
+from workbench.analysis.nfr.request import Nfr
+from workbench.analysis.nfr.result import NfrResult, assemble
+from workbench.analysis.nfr.step import rows_of_step
+from workbench.analysis.nfr.store import Key, NfrStore, check_redo, from_result
+from workbench.analysis.nfr.surroundings import Surroundings
+from workbench.analysis.nfr.zero_input import ZeroInput, doubt
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import with_options

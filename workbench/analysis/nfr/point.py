@@ -9,12 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.analysis.certificate import Certificate, certify, finite
 from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_period
-from workbench.analysis.nfr_beats import Beat
-from workbench.analysis.nfr_error import Evidence
-from workbench.analysis.nfr_linear import LinearPart
-from workbench.analysis.settling import Outcome, Response, Settling
+from workbench.analysis.nfr.beats import Beat
+from workbench.analysis.nfr.certificate import Certificate, certify, finite
+from workbench.analysis.nfr.error import Evidence
+from workbench.analysis.nfr.settling import Outcome, Response, Settling
+from workbench.analysis.nfr.surroundings import LinearPart
 from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.session import Session

@@ -12,8 +12,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.analysis.data_table import DataTable, read_table
-from workbench.analysis.experiment_checks import (
+from workbench.analysis.experiment.checks import (
     EXACT,
     check_choice,
     check_finite,
@@ -22,6 +21,7 @@ from workbench.analysis.experiment_checks import (
     times,
     units_of,
 )
+from workbench.analysis.experiment.data_table import DataTable, read_table
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.record import Part, entry
 from workbench.csv_file import write_csv

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.certificate import Certificate
-from workbench.analysis.certificate import from_dict as certificate_of
-from workbench.analysis.nfr_jumps import jumps
-from workbench.analysis.nfr_point import NfrPoint
-from workbench.analysis.settling import NO_EFFECT
-from workbench.analysis.zero_input import ZeroInput
+from workbench.analysis.nfr.certificate import Certificate
+from workbench.analysis.nfr.certificate import from_dict as certificate_of
+from workbench.analysis.nfr.jumps import jumps
+from workbench.analysis.nfr.point import NfrPoint
+from workbench.analysis.nfr.settling import NO_EFFECT
+from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, entry
 from workbench.errors import InputError

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.nfr_point import NfrPoint, PointTask
+from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.errors import SimulationError
 from workbench.session import Record, Session
 

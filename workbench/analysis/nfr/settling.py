@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.harmonics import COMPARED, Period, fundamental
-from workbench.analysis.nfr_beats import mean_over_beats, repeats_every
-from workbench.analysis.nfr_error import (
+from workbench.analysis.nfr.beats import mean_over_beats, repeats_every
+from workbench.analysis.nfr.error import (
     BELIEVED,
     Evidence,
     beyond,
@@ -24,7 +24,7 @@ from workbench.analysis.nfr_error import (
     relative_to_true,
     wanders,
 )
-from workbench.analysis.transient import Limit, directions, remove_transient
+from workbench.analysis.nfr.transient import Limit, directions, remove_transient
 from workbench.session.base import Floats
 
 __all__ = ["NO_EFFECT", "Outcome", "Response", "Settling"]

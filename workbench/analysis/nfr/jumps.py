@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from workbench.analysis.nfr_point import NfrPoint
+from workbench.analysis.nfr.point import NfrPoint
 
 __all__ = ["disagreements", "jumps"]
 

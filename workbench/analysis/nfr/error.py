@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.harmonics import NOTHING, fundamental
-from workbench.analysis.nfr_beats import Beat
-from workbench.analysis.nfr_linear import Twin
-from workbench.analysis.transient import Limit, directions, multipliers, weigh
+from workbench.analysis.nfr.beats import Beat
+from workbench.analysis.nfr.surroundings import Twin
+from workbench.analysis.nfr.transient import Limit, directions, multipliers, weigh
 from workbench.session.base import Floats
 
 __all__ = [

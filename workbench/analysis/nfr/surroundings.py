@@ -14,7 +14,7 @@ from workbench.analysis.harmonics import NOTHING
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
-from workbench.analysis.time_events import sample_rates
+from workbench.analysis.rates import sample_rates
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe

@@ -1,0 +1,1 @@
+"""Models that identification finds, and what is computed of them."""
