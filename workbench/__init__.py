@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from workbench.analysis.excite.request import excite
     from workbench.analysis.excite.result import ExciteResult
     from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
-    from workbench.analysis.feed_forward.feed_forward import feed_forward
+    from workbench.analysis.feed_forward.request import feed_forward
     from workbench.analysis.feed_forward.result import FeedForwardResult
     from workbench.analysis.feed_forward.step import FilterStep
     from workbench.analysis.feed_forward.trial import Trial
@@ -285,7 +285,7 @@ _HOMES = {
     "workbench.analysis.excite.result": ("ExciteResult",),
     "workbench.analysis.experiment.experiment": ("Experiment", "make_experiment", "read_experiment"),
     "workbench.analysis.simulate.divergence": ("Divergence", "DivergenceError"),
-    "workbench.analysis.feed_forward.feed_forward": ("feed_forward",),
+    "workbench.analysis.feed_forward.request": ("feed_forward",),
     "workbench.analysis.feed_forward.result": ("FeedForwardResult",),
     "workbench.analysis.feed_forward.step": ("FilterStep",),
     "workbench.analysis.feed_forward.trial": ("Trial",),

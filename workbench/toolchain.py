@@ -20,7 +20,17 @@ from pathlib import Path
 from workbench.errors import BuildError
 from workbench.fmi.platforms import host
 
-__all__ = ["FLAGS", "KERNEL", "PLATFORMS", "Platform", "compile_all", "compile_kernel", "compile_library", "host_only"]
+__all__ = [
+    "FLAGS",
+    "KERNEL",
+    "PLATFORMS",
+    "Platform",
+    "compile_all",
+    "compile_kernel",
+    "compile_library",
+    "host_only",
+    "require",
+]
 
 KERNEL = "workbench_kernel"  # name of the compiled inner loop, without suffix
 
@@ -75,6 +85,20 @@ def _cache() -> Path:
     return Path(base) / "fmi-workbench" / "compiler"
 
 
+def require(*packages: str) -> None:
+    """Check that what writes FMUs is installed.
+
+    Args:
+        packages: by the names by which they are imported.
+
+    Raises:
+        BuildError: one is missing.
+    """
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
+    if missing:
+        raise BuildError(f'writing FMUs needs {" and ".join(missing)}: pip install "fmi-workbench[build]"')
+
+
 def compile_library(
     folder: Path,
     sources: Sequence[str],
@@ -95,8 +119,7 @@ def compile_library(
     Raises:
         BuildError: The compiler is missing or refuses the code.
     """
-    if importlib.util.find_spec("ziglang") is None:
-        raise BuildError('building FMUs needs the C compiler in a wheel: pip install "fmi-workbench[build]"')
+    require("ziglang")
     output.parent.mkdir(parents=True, exist_ok=True)
     # Relative names and a fixed working folder: no path of this machine reaches the binary.
     command = [

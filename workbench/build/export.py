@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,11 @@ from workbench.build.time_scale import default_experiment
 from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.origin import with_origin
+from workbench.toolchain import require
 
-__all__ = ["ExportResult", "export", "generate_linear"]
+__all__ = ["ExportResult", "check_linear_file", "export", "generate_linear", "write_linear"]
+
+_FILES = (".json", ".fmu")
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +134,47 @@ def export(
             *(f"the state '{a}' is '{b}' in the FMU: the name is taken" for a, b in renamed.items()),
         ),
     )
+
+
+def check_linear_file(path: Path) -> None:
+    """Refuse a file that `write_linear` could not write.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        InputError: another suffix than .json or .fmu, a folder that does not exist.
+        BuildError: an FMU is wanted, and there is no compiler.
+    """
+    if path.suffix.lower() not in _FILES:
+        raise InputError(f"'{path}' must end in one of {', '.join(_FILES)}")
+    if not path.parent.is_dir():
+        raise InputError(f"the folder '{path.parent}' does not exist")
+    if path.suffix.lower() == ".fmu":
+        require("ziglang")
+
+
+def write_linear(linear: Mapping[str, Any], path: Path) -> None:
+    """Write a linear model as JSON, one row of a matrix a line, or as an FMU.
+
+    Args:
+        linear: matrices and names, as `export` takes them.
+        path: of the file; its suffix says which.
+
+    Raises:
+        InputError: the file cannot be written.
+        BuildError: the compiler is missing or failed.
+    """
+    if path.suffix.lower() == ".fmu":
+        export(linear, path)
+        return
+    rows = {k: [json.dumps(row) for row in linear[k]] for k in "ABCD"}
+    matrices = [f'  "{k}": [\n    ' + ",\n    ".join(v) + "\n  ]" for k, v in rows.items()]
+    rest = [f'  "{k}": {json.dumps(v)}' for k, v in linear.items() if k not in rows]
+    try:
+        path.write_text("{\n" + ",\n".join([*matrices, *rest]) + "\n}\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | None = None) -> Sources:

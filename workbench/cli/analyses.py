@@ -13,6 +13,7 @@ import typer
 from workbench.analysis.check.request import Check
 from workbench.analysis.delays.request import Delays
 from workbench.analysis.excite.request import Excite
+from workbench.analysis.feed_forward.request import FeedForward
 from workbench.analysis.feedback.request import Feedback
 from workbench.analysis.identify.request import Identify
 from workbench.analysis.limit_cycle.request import LimitCycles
@@ -27,6 +28,7 @@ from workbench.cli.derive import Extras, command
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
+    from workbench.analysis.feed_forward.result import FeedForwardResult
     from workbench.cli.output import Output
 
 __all__ = ["derived"]
@@ -36,6 +38,11 @@ _KIND = Annotated[
     Literal["overview", "root-locus", "nyquist", "cycles", "settling", "run"],
     typer.Option("--plot-kind", help="Picture that --plot writes."),
 ]
+_FIGURE = Annotated[
+    Literal["overview", "reduced", "compensation", "mirrored", "simulated", "error", "poles"],
+    typer.Option("--figure", help="Which picture --plot writes."),
+]
+_OUT = Annotated[Path | None, typer.Option("--out", metavar="PATH", help="Write the filter: .json (matrices) or .fmu.")]
 _BODE = Annotated[
     Path | None, typer.Option("--bode", metavar="PATH", help="Write a Bode plot of the model, --lin and --nfr.")
 ]
@@ -64,6 +71,23 @@ def _with_picture(asked: Feedback, given: Mapping[str, Any], out: Output) -> Fee
     return asked
 
 
+def _tried(asked: FeedForward, given: Mapping[str, Any], _: object) -> FeedForward:
+    """Refuse what cannot be drawn or written."""
+    if asked.inputs is None and (asked.crude or given["figure"] == "simulated"):
+        raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
+    if given["out"] is not None:
+        from workbench.build.export import check_linear_file
+
+        check_linear_file(given["out"])
+    return asked
+
+
+def _write_filter(record: FeedForwardResult, path: Path) -> None:
+    from workbench.build.export import write_linear
+
+    write_linear(record.filter_dict(), path)
+
+
 def _looked_at(asked: Identify, given: Mapping[str, Any], out: Output) -> Identify:
     """Refuse a picture of nothing, and ask for the order where that is wanted."""
     if given["bode"] is not None and asked.lin is asked.nfr is None:
@@ -90,11 +114,12 @@ def _ask(asked: Identify, data: str, out: Output) -> int:
 
 
 _REQUESTS: tuple[type[Request[Any, Any]], ...] = (
-    Simulate, Nfr, Trim, LinCommand, Loop, Delays, LimitCycles, Feedback, Modes, Check, Excite, Identify,
+    Simulate, Nfr, Trim, LinCommand, Loop, Delays, LimitCycles, Feedback, FeedForward, Modes, Check, Excite, Identify,
 )  # fmt: skip
 _EXTRAS: dict[type[Request[Any, Any]], Extras] = {
     Nfr: Extras(drawn={"offset": (_OFFSET, False)}),
     Excite: Extras(before=_with_signal),
     Feedback: Extras(plotted={"plot_kind": (_KIND, "overview")}, before=_with_picture),
-    Identify: Extras(pictures={"bode": (_BODE, lambda record, path: record.overlay.plot(path))}, before=_looked_at),
+    FeedForward: Extras(plotted={"figure": (_FIGURE, "overview")}, files={"out": (_OUT, _write_filter)}, before=_tried),
+    Identify: Extras(files={"bode": (_BODE, lambda record, path: record.overlay.plot(path))}, before=_looked_at),
 }

@@ -14,7 +14,6 @@ from workbench.cli.analyses import derived
 from workbench.cli.build import build
 from workbench.cli.compare_motions import compare
 from workbench.cli.export import export
-from workbench.cli.feed_forward import feed_forward
 from workbench.cli.info import info
 from workbench.cli.interrupt import exit_code, insist_on_interrupts, interrupted, listen_for_endings
 from workbench.cli.program import options_of, program, said
@@ -39,7 +38,6 @@ app = typer.Typer(
 _COMMANDS: dict[str, Callable[..., int | None]] = {
     **derived(),
     "info": info,
-    "feed-forward": feed_forward,
     "compare": compare,
     "run": run_study,
     "reproduce": reproduce,

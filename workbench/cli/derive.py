@@ -38,19 +38,19 @@ class Extras:
     Attributes:
         drawn: options of pages and pictures alone: name → (type, default).
         plotted: options of `--plot` alone, likewise.
-        pictures: files besides `--plot`: name → (type, what draws it from record and path).
+        files: others than those of every command: name → (type, what writes it from record and path).
         before: is given the request, what typer read and the files; returns the request that is run.
     """
 
     drawn: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     plotted: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    pictures: Mapping[str, tuple[Any, Callable[[Any, Path], object]]] = field(default_factory=dict)
+    files: Mapping[str, tuple[Any, Callable[[Any, Path], object]]] = field(default_factory=dict)
     before: Callable[[Any, Mapping[str, Any], Output], Any] = lambda asked, *_: asked
 
     @property
     def options(self) -> dict[str, tuple[Any, Any]]:
         """All of these as options: name → (type, default)."""
-        return {**self.drawn, **self.plotted, **{name: (kind, None) for name, (kind, _) in self.pictures.items()}}
+        return {**self.drawn, **self.plotted, **{name: (kind, None) for name, (kind, _) in self.files.items()}}
 
 
 def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> Callable[..., int]:
@@ -154,9 +154,10 @@ def _show(record: Any, out: Output, extras: Extras, given: Mapping[str, Any], or
         page=lambda: page,
         origin=origin,
     )
-    for name, (_, draw) in extras.pictures.items():
+    for name, (_, write) in extras.files.items():
         if given[name] is not None:
-            draw(record, given[name])
+            write(record, given[name])
+            out.wrote(given[name])
 
 
 # -- options -----------------------------------------------------------------------------------

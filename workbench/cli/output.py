@@ -143,7 +143,7 @@ class Output:
     ) -> None:
         point = getattr(report, "operating_point", None)
         if point is not None and was_given("--at"):
-            self.console.print(f"at {point.words()}", soft_wrap=True, markup=False)
+            self.say(lambda _: f"at {point.words()}\n")
         wanted = self.json_path is not None or self.report is not None
         full = self._full(result) if wanted else {}
         written: Iterable[Path] = ()
@@ -159,7 +159,15 @@ class Output:
             self._write_report(page() if page is not None else report, origin or origin_of(report), full)
         files = (self.json_path, self.csv_path, self.plot, self.report, *written)
         for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
-            self.console.print(f"wrote {path}", soft_wrap=True, markup=False)
+            self.wrote(path)
+
+    def wrote(self, path: object) -> None:
+        """Tell that a file was written.
+
+        Args:
+            path: of it.
+        """
+        self.say(lambda _: f"wrote {path}\n")
 
     def _full(self, result: Mapping[str, Any]) -> dict[str, Any]:
         seconds = round(time.monotonic() - self._begin, 3)

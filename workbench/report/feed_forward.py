@@ -24,6 +24,8 @@ _PICTURES = {
     "poles": ("Poles", "What was cancelled and what was mirrored."),
 }
 
+_ENDS = {"finite escape": "escapes in finite time", "exponential": "grows exponentially"}
+
 
 def feed_forward_page(result: FeedForwardResult) -> Page:
     """Return the page of a filter: each step with its errors, pictures, simulations."""
@@ -43,7 +45,7 @@ def feed_forward_page(result: FeedForwardResult) -> Page:
             _steps(result),
             *(Section(t, figures=[(partial(result.plot, figure=f), words)]) for f, (t, words) in _PICTURES.items()),
             *_trials(result),
-            Section("Poles of the filter", tables=[pole_table(result.part.poles.tolist(), 0.0)], folded=True),
+            Section("Poles of the filter", tables=[pole_table(result.part.poles.tolist(), 0.0)], explains=True),
         ],
         summary=[_verdict(t) for t in result.trials],
         notes=result.notes,
@@ -54,13 +56,18 @@ def feed_forward_page(result: FeedForwardResult) -> Page:
 def _steps(result: FeedForwardResult) -> Section:
     rows = [
         (
-            s.name, str(s.order), f"{s.gain_error_db:.3g}", f"{s.phase_error_deg:.3g}", f"{100.0 * s.residual:.3g}",
-            str(len(s.unstable_poles)), s.remark,
+            s.name, str(s.order), f"{s.gain_error_db:.2f}", f"{s.gain_error_hz:.2f}", f"{s.phase_error_deg:.1f}",
+            f"{s.phase_error_hz:.2f}", f"{s.residual:.2g}",
+            "" if s.name == "reduced" else str(len(s.unstable_poles)), s.remark,
         )
         for s in result.steps
     ]  # fmt: skip
-    headings = ("step", "order", "gain error [dB]", "phase error [deg]", "left [%]", "unstable poles", "remark")
-    return Section("Steps", tables=[Table(headings, rows, right=range(1, 6))])
+    headings = (
+        "step", "order", "gain error [dB]", "at [Hz]", "phase error [deg]", "at [Hz]", "residual", "unstable", "remark",
+    )  # fmt: skip
+    low, high = result.band
+    words = f"Errors compared with H/G from {low:g} to {high:g} Hz; residual: largest |G·F − H| over the largest |H|."
+    return Section("Steps", paragraphs=[words], tables=[Table(headings, rows, right=range(1, 8))])
 
 
 def _verdict(trial: Trial) -> Verdict:
@@ -75,27 +82,44 @@ def _verdict(trial: Trial) -> Verdict:
 def _trials(result: FeedForwardResult) -> list[Section]:
     if not result.trials:
         return []
-    levels = list(result.trials[0].settling_seconds)
+    first = result.trials[0]
     rows = [
         (
             t.name,
             "yes" if t.limited else "no",
-            *(number(t.settling_seconds[level], ".4g") for level in levels),
-            number(None if t.rest is None else 100.0 * t.rest, ".3g"),
+            *(_settled(t, seconds) for seconds in t.settling_seconds.values()),
+            _left(t),
             f"{t.largest_target:.4g}",
             f"{t.largest_target_rate:.4g}",
         )
         for t in result.trials
     ]
-    settled = (f"settled to {100.0 * level:g} % [s]" for level in levels)
-    headings = ("control", "limits", *settled, "left [%]", "largest command", "rate [1/s]")
+    settled = (f"{100.0 * level:g} %" for level in first.settling_seconds)
+    headings = ("control", "limits", *settled, "left at the end", "largest command", "rate [1/s]")
+    words = (
+        f"Seconds after {first.closes_at:g} s until {result.input} stays below a part of its largest value before, "
+        f"{first.before:.4g}."
+    )
     return [
         Section(
             "Simulations",
+            paragraphs=[words],
             figures=[(partial(result.plot, figure="simulated"), "Time histories.")],
             tables=[Table(headings, rows, right=range(2, len(headings)))],
         )
     ]
+
+
+def _settled(trial: Trial, seconds: float | None) -> str:
+    if trial.failure:
+        return ""
+    return "never" if seconds is None else f"{seconds:.2f} s"
+
+
+def _left(trial: Trial) -> str:
+    if trial.failure:
+        return _ENDS.get(trial.divergence.kind, trial.divergence.kind) if trial.divergence else "stopped"
+    return number(trial.rest, ".2g")
 
 
 def reduction_page(result: BalancedReduction) -> Page:

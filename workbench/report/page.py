@@ -76,7 +76,7 @@ class Section:
         code: command lines or code, one block each, below the text.
         parts: sections inside this one.
         folded: shown by its heading alone until it is opened; always open in print.
-        explains: whether it explains the page, and says nothing of the result: a terminal does not show it.
+        explains: whether it is background, as an explanation or a list that the files have, too: a terminal leaves it out.
     """
 
     title: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from workbench.analysis.feed_forward.feed_forward import feed_forward
+from workbench.analysis.feed_forward.request import feed_forward
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.reproduce.chapter8_simulated import CLOSES, PULSE

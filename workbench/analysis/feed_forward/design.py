@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Complex
+from workbench.analysis.feed_forward.request import FeedForward
 from workbench.analysis.feed_forward.step import FilterStep, Judge
 from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
 from workbench.analysis.reduction.band_error import BandError, band_error
@@ -17,51 +18,10 @@ from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
 from workbench.core.linear import LinearPart
 from workbench.core.poles import natural_frequency_hz
-from workbench.errors import InputError, suggest
 
-__all__ = ["SIGNS", "Design", "Settings", "design"]
+__all__ = ["Design", "design"]
 
-SIGNS = ("auto", "change", "keep")
 _AXIS = 1e-6
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """How the filter is made; see `feed_forward`.
-
-    Attributes:
-        orders: of the reduced G and H; None: by `hankel`.
-        hankel: relative Hankel singular values that are kept.
-        method: of the reduction.
-        cancel: relative distance of poles and zeros that cancel.
-        low_pass: corner [Hz].
-        low_pass_order: of the low-pass; 0: none.
-        sign: "auto", "change" or "keep".
-        band: frequencies in which errors count [Hz].
-    """
-
-    orders: tuple[int, int] | None = None
-    hankel: float = 1e-4
-    method: str = "match-dc"
-    cancel: float = 1e-5
-    low_pass: float = 5.0
-    low_pass_order: int = 1
-    sign: str = "auto"
-    band: tuple[float, float] = (0.1, 5.0)
-
-    def check(self) -> None:
-        """Refuse what makes no sense.
-
-        Raises:
-            InputError: unknown sign, a corner that is not positive, a band out of order.
-        """
-        if self.sign not in SIGNS:
-            raise InputError(f"sign: '{self.sign}' is unknown; {suggest(self.sign, SIGNS)}")
-        if not 0.0 < self.low_pass < float("inf"):
-            raise InputError(f"the low-pass frequency must be positive, not {self.low_pass:g} Hz")
-        low, high = self.band
-        if not 0.0 < low < high < float("inf"):
-            raise InputError(f"band: {low:g}:{high:g} Hz is no band; write the lower frequency first, above 0")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,23 +53,23 @@ class Design:
         return self.G, self.H
 
 
-def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> Design:
+def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: Judge) -> Design:
     """Return the filter F ≈ H/G that is stable and small.
 
     Args:
         G: from the control input to the block's input; stable, or its unstable poles are kept.
         H: from the block's output, sign turned, to the block's input.
-        settings: how.
+        asked: how.
         judge: what the steps are compared with.
 
     Raises:
         InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is no proper filter.
         SimulationError: a decomposition failed.
     """
-    g_order, h_order = settings.orders or (None, None)
-    hankel = settings.hankel if settings.orders is None else None
-    g = balanced_reduction(G, order=g_order, tolerance=hankel, method=settings.method)
-    h = balanced_reduction(H, order=h_order, tolerance=hankel, method=settings.method)
+    g_order, h_order = asked.orders or (None, None)
+    hankel = asked.hankel if asked.orders is None else None
+    g = balanced_reduction(G, order=g_order, tolerance=hankel, method=asked.method)
+    h = balanced_reduction(H, order=h_order, tolerance=hankel, method=asked.method)
     steps = [_reduced(g, h, judge)]
 
     def add(name: str, now: Factored, remark: str) -> None:
@@ -117,23 +77,23 @@ def design(G: LinearPart, H: LinearPart, settings: Settings, judge: Judge) -> De
 
     F = factored(h.part).over(factored(g.part))
     add("joined", F, f"G of order {g.order}, H of order {h.order}")
-    short = cancel(F, tolerance=settings.cancel)
+    short = cancel(F, tolerance=asked.cancel)
     F = short.factored
-    add("cancelled", F, f"{len(short.poles)} pairs within {settings.cancel:g}")
+    add("cancelled", F, f"{len(short.poles)} pairs within {asked.cancel:g}")
     turned = mirror(F)
     F = turned.factored
-    add("mirrored", F, _mirrored(turned.poles, settings.band[1]))
-    change = settings.sign == "change" or (settings.sign == "auto" and turned.dc_sign < 0)
+    add("mirrored", F, _mirrored(turned.poles, judge.band[1]))
+    change = asked.sign == "change" or (asked.sign == "auto" and turned.dc_sign < 0)
     F = F.negated() if change else F
     why = "an odd" if turned.dc_sign < 0 else "an even"
     add("sign", F, f"{'changed' if change else 'kept'}: {why} number of real poles mirrored")
-    if settings.low_pass_order:
-        F = F.times(low_pass(settings.low_pass, order=settings.low_pass_order))
-        add("low-pass", F, f"Butterworth of order {settings.low_pass_order} at {settings.low_pass:g} Hz")
+    if asked.low_pass_order:
+        F = F.times(low_pass(asked.low_pass, order=asked.low_pass_order))
+        add("low-pass", F, f"Butterworth of order {asked.low_pass_order} at {asked.low_pass:g} Hz")
     return Design(
         G=g,
         H=h,
-        band_errors=(band_error(G, g.part, settings.band), band_error(H, h.part, settings.band)),
+        band_errors=(band_error(G, g.part, judge.band), band_error(H, h.part, judge.band)),
         steps=tuple(steps),
         factored=F,
         part=to_state_space(F),

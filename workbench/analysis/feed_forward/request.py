@@ -1,0 +1,190 @@
+"""A filter that feeds a nonlinear block's output forward to a control input: what can be asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, replace
+from typing import TYPE_CHECKING, Annotated
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Band, Form, Names, number
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.errors import InputError
+from workbench.signals import Signals
+
+if TYPE_CHECKING:
+    from workbench.analysis.feed_forward.result import FeedForwardResult  # noqa: F401 - the record's type, below
+
+__all__ = ["FeedForward", "feed_forward"]
+
+_FILTER = "How the filter is made"
+_TRIALS = "Simulations, with --input"
+
+
+def _read_gain(texts: Sequence[str]) -> tuple[str, float]:
+    name, colon, gain = texts[-1].rpartition(":")
+    if not (colon and name.strip()):
+        raise ValueError(f"'{texts[-1]}' is not of the form NAME:GAIN, as in aircraft.outer_aileron_position:-1")
+    return name.strip(), number(gain)
+
+
+def _take_gain(value: tuple[str, float]) -> tuple[str, float]:
+    name, gain = value
+    if not math.isfinite(gain):
+        raise ValueError(f"the gain must be a finite number, not {gain:g}")
+    return str(name), float(gain)
+
+
+def _read_orders(texts: Sequence[str]) -> tuple[int, int]:
+    found = [number(part) for part in texts[-1].split(",")]
+    if len(found) != 2 or any(x != int(x) for x in found):
+        raise ValueError(f"'{texts[-1]}' is not of the form G,H with two whole numbers, as in 36,29")
+    return int(found[0]), int(found[1])
+
+
+def _take_orders(value: tuple[int, int]) -> tuple[int, int]:
+    g, h = value
+    return int(g), int(h)
+
+
+_GAIN = Form(metavar="NAME:GAIN", read=_read_gain, write=lambda value: [f"{value[0]}:{value[1]!r}"], take=_take_gain)
+_ORDERS = Form(metavar="G,H", read=_read_orders, write=lambda value: [",".join(map(str, value))], take=_take_orders)
+
+if TYPE_CHECKING:
+    _Gain = tuple[str, float]
+    _Orders = tuple[int, int]
+else:
+    _Gain = Annotated[object, _GAIN]
+    _Orders = Annotated[object, _ORDERS]
+
+
+class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
+    """Design a filter F ≈ H/G from a block's output to a control input, and try it.
+
+    With v the block's input, w its output and u the control, the linear part is v = G u − H w. Fed with u = F w,
+    F = H/G, the block would have no effect on its own input at all. Such a filter is large, and unstable where G has
+    zeros right of the imaginary axis. So, in the order of the steps of the result: G and H, stabilised by a scalar
+    feedback, are reduced separately (balanced, to `orders` or to Hankel singular values above `hankel`); they are
+    joined by zeros and poles, not by polynomials; poles and zeros that nearly meet are cancelled; poles right of the
+    axis are mirrored, which keeps the gain and changes the phase; the sign is changed where that turned the phase by
+    180° at low frequency; a low-pass ends the band in which the filter holds.
+
+    When not to use it: mirroring is exact in gain only. If poles were mirrored inside the band, w is not compensated
+    around their frequencies, and may be amplified: `steps[-1].residual` above 1 says so. The block's output then
+    acts through (G F/H − 1) H instead of −H; where this loop is unstable at high gain, a block that grows faster than
+    linearly drives the system to infinity in finite time. Trials without actuator limits show it, limits turn it into
+    a larger limit cycle.
+
+    Source: the filter of chapter 8.6 of the source report; J.-J. Slotine, W. Li, Applied Nonlinear Control, chapter 6.
+
+    Raises:
+        InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
+        FmuError, SimulationError: the model cannot be opened or evaluated.
+    """
+
+    command = "feed-forward"
+    algorithm = "workbench.analysis.feed_forward.run:run"
+    example = (
+        "workbench feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback "
+        "aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse:value=0.8,duration=0.1 "
+        "--closes-at 140 --actuator fmu:LimitedActuator --plot filter.png"
+    )
+    subject = replace(Analysis.subject, help="A system; it stays open.")
+    counts = "simulations"
+
+    _: KW_ONLY
+    block: str = option("Name of the nonlinear block's component, with one input and one output.", metavar="COMPONENT")
+    target: str = option(
+        "Control input that the filter drives, component.variable; nothing else may drive it.",
+        flag="--to",
+        metavar="NAME",
+    )
+    feedback: _Gain | None = option(
+        "Variable and gain of a scalar feedback to the same input, which stays.", default=None
+    )
+    orders: _Orders | None = option("Orders of the reduced G and H, as 36,29; else as hankel says.", default=None)
+    hankel: float = option(
+        "Without orders: keep Hankel singular values from this part of the largest on.",
+        metavar="TOL",
+        group=_FILTER,
+        default=1e-4,
+    )
+    method: str = option(
+        "How G and H are reduced: match-dc keeps the gain at frequency 0, truncate that at high frequency.",
+        choices=("match-dc", "truncate"),
+        group=_FILTER,
+        default="match-dc",
+    )
+    cancel: float = option(
+        "Relative distance up to which a pole and a zero cancel; absolute below 1 rad/s.",
+        metavar="TOL",
+        group=_FILTER,
+        default=1e-5,
+    )
+    low_pass: float = option(
+        "Corner of the low-pass.", unit="Hz", metavar="F", positive=True, group=_FILTER, default=5.0
+    )
+    low_pass_order: int = option("Order of the low-pass; 0: none.", metavar="N", group=_FILTER, default=1)
+    sign: str = option(
+        "Sign of the filter after mirroring; auto goes by the number of real poles mirrored.",
+        choices=("auto", "change", "keep"),
+        group=_FILTER,
+        default="auto",
+    )
+    band: Band | None = option(
+        "Lowest and highest frequency in which errors count; else from 0.1 Hz (or a fiftieth of the corner, if that is "
+        "less) up to the corner.",
+        unit="Hz",
+        group=_FILTER,
+        default=None,
+    )
+    inputs: Signals | None = option(
+        "Start the motion by forcing an input, as pulse:value=0.8,duration=0.1; with it, simulate.",
+        flag="--input",
+        group=_TRIALS,
+        default=None,
+    )
+    outputs: Names = option(
+        "Variable to record besides the block's input, its output and the target.",
+        flag="--output",
+        metavar="NAME",
+        group=_TRIALS,
+        default=(),
+    )
+    closes_at: float = option(
+        "Time at which feedback and filter are connected.", unit="s", metavar="T", group=_TRIALS, default=0.0
+    )
+    stop: float | None = option(
+        "End of the simulations; else the system's own.", unit="s", metavar="T", group=_TRIALS, default=None
+    )
+    actuator: str | None = option(
+        "Model with one input, one output and limits in front of the control input: .fmu, fmu:NAME.",
+        metavar="MODEL",
+        group=_TRIALS,
+        default=None,
+    )
+    crude: bool = option(
+        "Also try a plain gain in place of the filter, without and within limits.", group=_TRIALS, default=False
+    )
+    time: float | None = option(
+        "Session time of the linearisation; else that of the operating point, or where the model starts.",
+        unit="s",
+        python=True,
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        low, high = self.counted
+        if not 0.0 < low < high < math.inf:
+            raise InputError(f"band: '{low:g}:{high:g}' is not a band; write the lower frequency first, above 0")
+
+    @property
+    def counted(self) -> tuple[float, float]:
+        """Frequencies in which errors count [Hz]."""
+        return self.band or (min(0.1, self.low_pass / 50.0), self.low_pass)
+
+
+feed_forward = function(FeedForward)
