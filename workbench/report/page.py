@@ -76,7 +76,7 @@ class Section:
         code: command lines or code, one block each, below the text.
         parts: sections inside this one.
         folded: shown by its heading alone until it is opened; always open in print.
-        explains: whether it is background, as an explanation or a list that the files have, too: a terminal leaves it out.
+        explains: whether it is background, an explanation or a list that the files have: a terminal leaves it out.
     """
 
     title: str
