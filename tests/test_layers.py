@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,8 @@ LEVEL = {layer: level for level, layers in enumerate(ORDER) for layer in layers}
 
 # What a method looks up when it is called: layer → layers. Results are drawn and reported, systems have `.loop()`.
 LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
+# A study calls the commands, of which it is one.
+OWN_COMMANDS = ("workbench.cli.run", "workbench.cli.run_commands")
 # No analysis builds; what all may use uses no layer but these.
 COMMON = {
     "errors": set(),
@@ -54,6 +57,33 @@ class Import:
     late: bool
 
 
+def module_of(path: Path) -> str:
+    """Return the dotted name of a file's module."""
+    return ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imported_modules(tree: ast.AST, known: Collection[str]) -> set[str]:
+    """Return the modules that a file imports when it is loaded or when one of its functions is called."""
+    typing = {id(n) for block in ast.walk(tree) if is_typing(block) for n in ast.walk(block)}
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and id(node) not in typing:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            found |= {name if name in known else node.module or "" for name in names}
+        elif isinstance(node, ast.Import) and id(node) not in typing:
+            found |= {alias.name for alias in node.names}
+    return found & set(known)
+
+
+def circle_in(graph: Mapping[str, set[str]]) -> list[str]:
+    """Return the modules of a circle, first and last the same; empty: there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
 def layer(path: Path) -> str:
     parts = path.relative_to(ROOT).parts
     return parts[0] if len(parts) > 1 else path.stem
@@ -72,9 +102,11 @@ def imports(path: Path) -> Iterator[Import]:
 
 
 def is_late(node: ast.AST) -> bool:
-    if isinstance(node, ast.If):
-        return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-    return isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    return is_typing(node) or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+
+
+def is_typing(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def modules(node: ast.AST) -> list[str]:
@@ -111,6 +143,25 @@ def test_layers_import_downwards() -> None:
 def test_what_all_use_depends_on_little(name: str) -> None:
     wrong = [i.where for i in EVERY if i.source == name and i.target not in COMMON[name]]
     assert not wrong, "\n".join(wrong)
+
+
+def test_no_modules_import_each_other() -> None:
+    """Not in functions either; what stands above is looked up by name (`core.named`), or only a type."""
+    paths = {module_of(path): path for path in ROOT.rglob("*.py")}
+    graph = {
+        name: imported_modules(ast.parse(path.read_text(encoding="utf-8")), paths) - {name}
+        for name, path in paths.items()
+    }
+    for name in OWN_COMMANDS:
+        graph[name] -= {"workbench.cli.app"}
+    assert not (circle := circle_in(graph)), " → ".join(circle)
+
+
+def test_a_circle_is_found() -> None:
+    text = "if TYPE_CHECKING:\n    from a import x\ndef f():\n    from b import c\n    import a"
+    assert imported_modules(ast.parse(text), {"a", "b", "b.c"}) == {"b.c", "a"}
+    assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
+    assert circle_in({"a": {"b"}, "b": {"c"}, "d": {"a"}}) == []
 
 
 def test_no_analysis_builds() -> None:

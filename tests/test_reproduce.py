@@ -20,8 +20,8 @@ from workbench.errors import InputError, SimulationError
 from workbench.reproduce import reproduce
 from workbench.reproduce.measurement import Measured, Measurement, Picture
 from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import MET, MISSED, NOT_REACHABLE, Outcome, ReproduceResult, plain
-from workbench.reproduce.targets import parse_targets, read_targets
+from workbench.reproduce.result import Outcome, ReproduceResult, plain
+from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 from workbench.workers import Workers
 
 HERE = Workers(in_process=True)

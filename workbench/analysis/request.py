@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from importlib import import_module
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -23,6 +22,7 @@ from typing import (
 )
 
 from workbench.core.job import Job, Progress
+from workbench.core.named import named
 from workbench.core.option import Options, documented, option, with_options
 from workbench.origin import with_origin
 
@@ -117,8 +117,7 @@ class Request(Options, Generic[_Subject, _Record]):
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
-        module, _, name = self.algorithm.partition(":")
-        record: _Record = getattr(import_module(module), name)(subject, self, job)
+        record: _Record = named(self.algorithm)(subject, self, job)
         return record
 
     def went_well(self, record: _Record) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from workbench.errors import WorkbenchError
 from workbench.fmi.description import Capabilities
 from workbench.model import DescribedModel, Model
-from workbench.model.recipe import FmuRecipe
+from workbench.model.load import FmuRecipe
 from workbench.workers import Job, Limits, Lost, Reply, perform
 from workbench.workers.pool import Pool
 

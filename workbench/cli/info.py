@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from workbench.cli.options import Json, ModelName, Report
+from workbench.cli.table import variable_dict, variable_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from workbench.origin import Origin
     from workbench.report import Page
 
-__all__ = ["info", "variable_dict", "variable_table"]
+__all__ = ["info"]
 
 
 def info(
@@ -94,7 +95,7 @@ def _snapshots(unpacked: Unpacked, description: Description, interfaces: list[st
     from importlib import import_module
 
     from workbench.analysis.snapshots import probe_snapshots
-    from workbench.model.recipe import FmuRecipe
+    from workbench.model.load import FmuRecipe
 
     recipe = FmuRecipe(
         source=str(unpacked.source),
@@ -139,17 +140,6 @@ def _to_dict(description: Description, runnable: list[str], snapshots: dict[str,
     }
 
 
-def variable_dict(variable: Variable) -> dict[str, Any]:
-    """Return what the JSON says of a variable."""
-    return {
-        "name": variable.name,
-        "type": variable.type,
-        "unit": variable.unit,
-        "start": variable.start,
-        "description": variable.description,
-    }
-
-
 def _facts(description: Description, runnable: list[str], snapshots: dict[str, Snapshots]) -> Table:
     from rich.markup import escape
     from rich.table import Table
@@ -178,18 +168,3 @@ def _facts(description: Description, runnable: list[str], snapshots: dict[str, S
 
 def _how(snapshots: Snapshots) -> str:
     return snapshots.method if not snapshots.why else f"{snapshots.method} ({snapshots.why})"
-
-
-def variable_table(title: str, variables: tuple[Variable, ...]) -> Table:
-    """Return a table of variables for people."""
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=f"{title} ({len(variables)})", title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in ("name", "type", "unit", "start", "description"):
-        table.add_column(heading, justify="right" if heading == "start" else "left", overflow="fold")
-    for v in variables:
-        start = "" if v.start is None else format(v.start, "g") if isinstance(v.start, float) else str(v.start)
-        table.add_row(*(escape(x) for x in (v.name, v.type, v.unit or "", start, v.description or "")))
-    return table

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from workbench.cli.info import variable_dict, variable_table
 from workbench.cli.output import Output
+from workbench.cli.table import variable_dict, variable_table
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -6,17 +6,19 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.model.placing import find_point
-from workbench.model.recipe import Recipe
 from workbench.session.base import Session
 from workbench.session.point import Point
 from workbench.signals import Signal
+
+if TYPE_CHECKING:
+    from workbench.model.recipe import Recipe
 
 __all__ = ["Model"]
 

@@ -6,7 +6,7 @@ import dataclasses
 import weakref
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import Model
-from workbench.model.recipe import LoadRecipe
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
 from workbench.session.point import FmuPoint
@@ -26,6 +25,9 @@ from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, 
 from workbench.session.start_probe import begins_at_zero
 from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
+
+if TYPE_CHECKING:
+    from workbench.model.recipe import LoadRecipe
 
 __all__ = ["SESSIONS", "DescribedModel"]
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.binding import instantiate
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library
 from workbench.model.described import DescribedModel
-from workbench.model.recipe import FmuRecipe
 from workbench.session.fmu import Setup
+
+if TYPE_CHECKING:
+    from workbench.model.load import FmuRecipe
 
 __all__ = ["FmuModel"]
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import math
+import shutil
+import tempfile
+import zipfile
 from collections.abc import Mapping
+from dataclasses import KW_ONLY, field, replace
 from pathlib import Path
+from typing import Any
 
 from workbench.core.loading import Loading
 from workbench.core.option import values_of, with_options
@@ -16,17 +22,17 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel
-from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe
+from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
 from workbench.session.fmu import Setup
 
 __all__ = [
+    "FmuRecipe",
     "check_biases",
     "check_starts",
     "choose_solver",
     "experiment_notes",
     "load",
     "load_fmu",
-    "open_unpacked",
     "start_of",
 ]
 
@@ -68,6 +74,71 @@ load = with_options(
     name="load",
     first=("path", "str | Path", "An `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`."),
 )
+
+
+class FmuRecipe(LoadRecipe):
+    """An FMU and what `load` was told.
+
+    Attributes:
+        source: what the user named, for messages and for `identity`.
+        folder: where it is unpacked; the loading process owns it.
+        owned: whether that folder is temporary.
+        archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
+        sha256: of the FMU, told along with the archive; empty: read the file.
+    """
+
+    _: KW_ONLY
+    folder: str
+    owned: bool
+    archive: bytes | None = field(default=None, repr=False)
+    sha256: str = ""
+
+    def open(self) -> FmuModel:
+        unpacked = self._unpacked()
+        try:
+            return open_unpacked(unpacked, self)
+        except BaseException:
+            unpacked.close()
+            raise
+
+    def _unpacked(self) -> Unpacked:
+        if self.archive is None:
+            return Unpacked(Path(self.source), Path(self.folder), owned=False)
+        with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as holder:
+            file = Path(holder) / "packed.fmu"
+            file.write_bytes(self.archive)
+            unpacked = unpack(file)
+        unpacked.source = Path(self.source)
+        return unpacked
+
+    def identity(self) -> dict[str, Any]:
+        return {"fmu": content_hash(Path(self.source)), **self.settings()}
+
+    def content(self) -> str:
+        if self.sha256:
+            return self.sha256
+        try:
+            return hash_of(Path(self.source))
+        except InputError:  # removed since it was loaded
+            return ""
+
+    def packed(self) -> FmuRecipe:
+        return replace(self._with_archive(), sha256=self.content())
+
+    def _with_archive(self) -> FmuRecipe:
+        source = Path(self.source)
+        if source.is_file():  # with the binaries of other platforms, which were not unpacked here
+            return replace(self, archive=source.read_bytes())
+        buffer = io.BytesIO()
+        folder = Path(self.folder)
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for file in files_of(folder):
+                archive.write(file, file.relative_to(folder).as_posix())
+        return replace(self, archive=buffer.getvalue())
+
+    def abandon(self) -> None:
+        if self.owned:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:

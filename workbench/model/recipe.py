@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import shutil
-import tempfile
-import zipfile
 from abc import ABC, abstractmethod
-from dataclasses import KW_ONLY, field, fields, replace
+from dataclasses import KW_ONLY, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,14 +13,12 @@ from workbench.core.loading import Loading
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import values_of
 from workbench.errors import InputError
-from workbench.fmi.archive import Unpacked, unpack
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
     from workbench.model.described import DescribedModel
-    from workbench.model.fmu_model import FmuModel
 
-__all__ = ["DEFAULT_TOLERANCE", "FmuRecipe", "LoadRecipe", "Recipe", "content_hash", "hash_of"]
+__all__ = ["DEFAULT_TOLERANCE", "LoadRecipe", "Recipe", "content_hash", "files_of", "hash_of"]
 
 
 DEFAULT_TOLERANCE = 1e-6
@@ -111,73 +105,6 @@ class LoadRecipe(Loading, Recipe):
         return replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
 
 
-class FmuRecipe(LoadRecipe):
-    """An FMU and what `load` was told.
-
-    Attributes:
-        source: what the user named, for messages and for `identity`.
-        folder: where it is unpacked; the loading process owns it.
-        owned: whether that folder is temporary.
-        archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
-        sha256: of the FMU, told along with the archive; empty: read the file.
-    """
-
-    _: KW_ONLY
-    folder: str
-    owned: bool
-    archive: bytes | None = field(default=None, repr=False)
-    sha256: str = ""
-
-    def open(self) -> FmuModel:
-        from workbench.model.load import open_unpacked  # noqa: PLC0415 - `load` makes recipes
-
-        unpacked = self._unpacked()
-        try:
-            return open_unpacked(unpacked, self)
-        except BaseException:
-            unpacked.close()
-            raise
-
-    def _unpacked(self) -> Unpacked:
-        if self.archive is None:
-            return Unpacked(Path(self.source), Path(self.folder), owned=False)
-        with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as holder:
-            file = Path(holder) / "packed.fmu"
-            file.write_bytes(self.archive)
-            unpacked = unpack(file)
-        unpacked.source = Path(self.source)
-        return unpacked
-
-    def identity(self) -> dict[str, Any]:
-        return {"fmu": content_hash(Path(self.source)), **self.settings()}
-
-    def content(self) -> str:
-        if self.sha256:
-            return self.sha256
-        try:
-            return hash_of(Path(self.source))
-        except InputError:  # removed since it was loaded
-            return ""
-
-    def packed(self) -> FmuRecipe:
-        return replace(self._with_archive(), sha256=self.content())
-
-    def _with_archive(self) -> FmuRecipe:
-        source = Path(self.source)
-        if source.is_file():  # with the binaries of other platforms, which were not unpacked here
-            return replace(self, archive=source.read_bytes())
-        buffer = io.BytesIO()
-        folder = Path(self.folder)
-        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for file in _files(folder):
-                archive.write(file, file.relative_to(folder).as_posix())
-        return replace(self, archive=buffer.getvalue())
-
-    def abandon(self) -> None:
-        if self.owned:
-            shutil.rmtree(self.folder, ignore_errors=True)
-
-
 def content_hash(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, or of a folder's files (names and bytes, in a fixed order).
 
@@ -188,7 +115,7 @@ def content_hash(path: Path) -> str:
         if path.is_file():
             return _file_hash(path)
         digest = hashlib.sha256()
-        for file in _files(path):
+        for file in files_of(path):
             digest.update(f"{file.relative_to(path).as_posix()}\0{_file_hash(file)}\n".encode())
         return digest.hexdigest()
     except OSError as error:
@@ -203,7 +130,7 @@ def hash_of(path: Path) -> str:
     """
     if not path.exists():  # the hash of an absent folder would be that of an empty one
         raise InputError(f"{path}: no such file")
-    files = [path] if path.is_file() else _files(path)
+    files = [path] if path.is_file() else files_of(path)
     return _known_hash(path, tuple((f, (status := f.stat()).st_mtime_ns, status.st_size) for f in files))
 
 
@@ -212,7 +139,8 @@ def _known_hash(path: Path, _state: tuple[tuple[Path, int, int], ...]) -> str:
     return content_hash(path)
 
 
-def _files(folder: Path) -> list[Path]:
+def files_of(folder: Path) -> list[Path]:
+    """Return the files in a folder and below, in a fixed order."""
     files = (p for p in folder.rglob("*") if p.is_file())
     return sorted(files, key=lambda p: p.relative_to(folder).as_posix())
 

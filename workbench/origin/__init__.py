@@ -4,7 +4,8 @@ It stands beside `workbench.errors`: whatever makes results uses it, and it impo
 models and of reports is imported when it is used, in the way of `.plot()`.
 """
 
+from workbench.origin.decorator import with_origin
 from workbench.origin.facts import FmuFacts, ModelFacts, Origin
-from workbench.origin.kept import origin_of, remember, with_origin
+from workbench.origin.kept import origin_of, remember
 
 __all__ = ["FmuFacts", "ModelFacts", "Origin", "origin_of", "remember", "with_origin"]

@@ -15,7 +15,8 @@ from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import Description
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.recipe import DEFAULT_TOLERANCE, FmuRecipe, LoadRecipe, hash_of
+from workbench.model.load import FmuRecipe
+from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, hash_of
 from workbench.origin.facts import FmuFacts, ModelFacts
 from workbench.system.description import Component, FmuComponent
 from workbench.system.recipe import SystemRecipe

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench import __version__
+from workbench.core.named import named
 from workbench.core.operating_point import point_of_json
 from workbench.errors import InputError, one_line
 from workbench.json_values import finite
@@ -128,8 +128,7 @@ def _function(table: Mapping[str, str], result: object, what: str) -> Any:  # no
     if name is None:
         known = ", ".join(sorted(key.rpartition(".")[2] for key in table))
         raise InputError(f"{kind.__name__} has no {what}; results that have one: {known}")
-    module, _, function = name.partition(":")
-    return getattr(import_module(module), function)
+    return named(name)
 
 
 def line_of(result: object) -> str:

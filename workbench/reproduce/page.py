@@ -10,10 +10,12 @@ from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import Verdict
-from workbench.reproduce.result import MISSED, NOT_REACHABLE, Drawing, Outcome, ReproduceResult
+from workbench.reproduce.targets import MISSED, NOT_REACHABLE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from workbench.reproduce.result import Drawing, Outcome, ReproduceResult
 
 __all__ = ["TITLES", "reproduce_page"]
 

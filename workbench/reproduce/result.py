@@ -11,11 +11,10 @@ from typing import Any, TextIO
 import numpy as np
 
 from workbench.csv_file import write_csv
-from workbench.reproduce.targets import Target
+from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, Target
 
-__all__ = ["MET", "MISSED", "NOT_REACHABLE", "Drawing", "Outcome", "ReproduceResult", "plain"]
+__all__ = ["Drawing", "Outcome", "ReproduceResult", "plain"]
 
-MET, MISSED, NOT_REACHABLE = "met", "missed", "not reachable"
 _MOST = 4  # numbers shown one by one; more as a range
 
 

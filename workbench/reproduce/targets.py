@@ -16,9 +16,12 @@ from pydantic import ConfigDict, Field, model_validator
 from workbench.errors import InputError
 from workbench.system.toml_schema import Table, read_table
 
-__all__ = ["Number", "Target", "parse_targets", "read_targets"]
+__all__ = ["MET", "MISSED", "NOT_REACHABLE", "Number", "Target", "parse_targets", "read_targets"]
 
 Number = float | list[float]
+
+# What is found of a target.
+MET, MISSED, NOT_REACHABLE = "met", "missed", "not reachable"
 
 _FILE = Path(__file__).with_name("targets.toml")
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from workbench.errors import InputError
 from workbench.study.plan import Run
-from workbench.study.result import Checked, StudyResult
 from workbench.study.words import said
+
+if TYPE_CHECKING:
+    from workbench.study.result import Checked, StudyResult
 
 __all__ = ["write_junit"]
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import Verdict
 from workbench.study.outcome import Outcome
 from workbench.study.pictures import pictures
 from workbench.study.plan import Run
-from workbench.study.result import Checked, StudyResult
 from workbench.study.words import limit_words, margin_words, said, value_words, verdict
+
+if TYPE_CHECKING:
+    from workbench.study.result import Checked, StudyResult
 
 __all__ = ["study_page"]
 

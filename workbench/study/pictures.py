@@ -11,11 +11,12 @@ from workbench.report.page import Section
 from workbench.study.kinds.base import Finding, Requirement, Result
 from workbench.study.kinds.mask import Mask
 from workbench.study.kinds.step import Overshoot, SettlingTime
-from workbench.study.result import Checked, StudyResult
 from workbench.study.words import said
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from workbench.study.result import Checked, StudyResult
 
 __all__ = ["pictures"]
 

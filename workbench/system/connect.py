@@ -28,7 +28,7 @@ from workbench.system.description import (
     LinearComponent,
     SystemDescription,
 )
-from workbench.system.model import SystemModel, open_system
+from workbench.system.model import SystemModel
 from workbench.system.nested import Inner, embed
 from workbench.system.recipe import SystemRecipe
 
@@ -154,7 +154,7 @@ def open_description(
         InputError, FmuError: see `connect`.
     """
     source = description.source or description.name
-    return open_system(SystemRecipe(source=source, system=description, order=order, **values_of(asked or Loading())))
+    return SystemRecipe(source=source, system=description, order=order, **values_of(asked or Loading())).open()
 
 
 # -- components -------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.core.closed_loop import ClosedLoop
 
 if TYPE_CHECKING:
-    from workbench.system.model import Opened
+    from workbench.system.parts import Opened
 
 __all__ = ["closed_loops"]
 

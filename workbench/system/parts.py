@@ -11,13 +11,13 @@ from workbench.errors import InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
+from workbench.fmi.wiring import Connection
 from workbench.model.described import DescribedModel
-from workbench.model.load import load
-from workbench.model.recipe import FmuRecipe
+from workbench.model.load import FmuRecipe, load
 from workbench.system.blocks import BlockComponent, BlockInstance, block_description
-from workbench.system.description import Component, FmuComponent, FunctionComponent
+from workbench.system.description import Component, FmuComponent, FunctionComponent, Resolved, SystemDescription
 
-__all__ = ["Part", "open_parts"]
+__all__ = ["Opened", "Part", "connections_of", "open_parts", "starts_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +63,33 @@ class Part:
         if self.model is None or self.model.name == self.name:
             return self.name
         return f"{self.name} ({self.model.name})"
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A system whose components are open and whose connections are checked.
+
+    Attributes:
+        description: as it is written down.
+        parts: its components, in that order.
+        resolved: its connections, in terms of the components' variables.
+    """
+
+    description: SystemDescription
+    parts: tuple[Part, ...]
+    resolved: Resolved
+
+    @property
+    def interface(self) -> str:
+        """The interface that all components have: "me", "cs", or "mixed"."""
+        kinds = {p.interface for p in self.parts}
+        return kinds.pop() if len(kinds) == 1 else "mixed"
+
+    def close(self) -> None:
+        """Close the components' models."""
+        for part in self.parts:
+            if part.model is not None:
+                part.model.close()
 
 
 def open_parts(
@@ -166,3 +193,26 @@ def _block(component: BlockComponent) -> Part:
         model=None,
         make=lambda: BlockInstance(component, description),
     )
+
+
+def connections_of(opened: Opened) -> list[Connection]:
+    """Return the connections between the components."""
+    return [
+        Connection(
+            source=w.source,
+            destination=w.destination,
+            from_component=w.from_component,
+            to_component=w.to_component,
+            gain=w.factor,
+            offset=w.offset,
+            closes_at=-float("inf") if w.closes_at is None else w.closes_at,
+            label=f"{opened.parts[w.from_component].name}.{w.source.name} → "
+            f"{opened.parts[w.to_component].name}.{w.destination.name}",
+        )
+        for w in opened.resolved.wires
+    ]
+
+
+def starts_of(parts: Sequence[Part]) -> dict[str, Value]:
+    """Return the start values that the system sets, by full name."""
+    return {f"{p.name}.{name}": value for p in parts for name, value in p.starts.items()}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.core.named import named
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled_system, what_is_meant
 
@@ -47,32 +48,20 @@ def read_system(path: str | Path) -> SystemDescription:
     if file.is_dir():
         if not is_system_file(file):
             raise InputError(f"{path}: a folder without SystemStructure.ssd; give a system as .toml, .ssp or .ssd")
-        return _ssd(file)
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
+        return _read(".ssd", file)
+    if file.suffix.lower() not in _READERS:
         raise InputError(f"{path}: is not a system; give a .toml, .ssp or .ssd file")
-    return reader(file)
+    return _read(file.suffix.lower(), file)
 
 
-# The readers are imported when they are needed, so that loading a single FMU stays quick.
+def _read(suffix: str, file: Path) -> SystemDescription:
+    system: SystemDescription = named(_READERS[suffix])(file)
+    return system
 
 
-def _toml(path: Path) -> SystemDescription:
-    from workbench.system.toml_file import read_toml  # noqa: PLC0415
-
-    return read_toml(path)
-
-
-def _ssp(path: Path) -> SystemDescription:
-    from workbench.system.ssp_read import read_ssp  # noqa: PLC0415
-
-    return read_ssp(path)
-
-
-def _ssd(path: Path) -> SystemDescription:
-    from workbench.system.ssp_read import read_ssd  # noqa: PLC0415
-
-    return read_ssd(path)
-
-
-_READERS: Mapping[str, Callable[[Path], SystemDescription]] = {".toml": _toml, ".ssp": _ssp, ".ssd": _ssd}
+# By name: loading a single FMU stays quick, and a file may name another, which is read in the same way.
+_READERS: Mapping[str, str] = {
+    ".toml": "workbench.system.toml_file:read_toml",
+    ".ssp": "workbench.system.ssp_read:read_ssp",
+    ".ssd": "workbench.system.ssp_read:read_ssd",
+}

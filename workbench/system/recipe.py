@@ -6,18 +6,23 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import KW_ONLY, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.model.recipe import FmuRecipe, LoadRecipe
+from workbench.model.load import FmuRecipe
+from workbench.model.recipe import LoadRecipe
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
+from workbench.system.health import resolve
+from workbench.system.master.model import MasterModel
+from workbench.system.model import SystemModel
+from workbench.system.parts import Opened, Part, open_parts
 
 if TYPE_CHECKING:
     from workbench.model.described import DescribedModel
-    from workbench.system.parts import Part
 
 __all__ = ["SystemRecipe"]
 
@@ -52,9 +57,26 @@ class SystemRecipe(LoadRecipe):
         return not any(isinstance(c, FunctionComponent) for c in self.system.components)
 
     def open(self) -> DescribedModel:
-        from workbench.system.model import open_system  # noqa: PLC0415 - it makes recipes
+        """Return the model.
 
-        return open_system(self)
+        Raises:
+            InputError, FmuError: see `connect`.
+        """
+        with ExitStack() as undo:
+            parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
+            opened = Opened(self.system, parts, resolve(self.system, [p.description.variables for p in parts]))
+            self._check_interface(opened)
+            model = (SystemModel if opened.interface == "me" else MasterModel)(opened, self.with_parts(parts))
+            undo.pop_all()
+        return model
+
+    def _check_interface(self, opened: Opened) -> None:
+        if self.interface not in ("auto", opened.interface):
+            kinds = ", ".join(f"{p.name}: {p.interface}" for p in opened.parts)
+            raise InputError(f"{self.source}: interface {self.interface} is wanted, but its components have {kinds}")
+        for name, given in (("order", self.order != "auto"), ("hold_inputs", self.hold_inputs)):
+            if given and opened.interface == "me":
+                raise InputError(f"{self.source}: {name} is for systems with co-simulation components; this has none")
 
     def with_parts(self, parts: Sequence[Part]) -> Self:
         """Return the recipe with the FMUs as they are opened now."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, resolvent
+from workbench.core.named import named
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import pole_keys
 from workbench.core.record import Part, Record, entry
@@ -173,9 +174,8 @@ class LinResult(Linear, Record):
         Args:
             name: of the model there; None: its own.
         """
-        from workbench.analysis.lin.state_space import LinearModel  # noqa: PLC0415  python-control is slow to import
-
-        return LinearModel(self, name)
+        model: LinearModel = named("workbench.analysis.lin.state_space:LinearModel")(self, name)
+        return model
 
     def because(self, why: str) -> LinResult:
         """Return the same result with the reason for its method.

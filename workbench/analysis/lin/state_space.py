@@ -15,6 +15,7 @@ from workbench.core.record import Reportable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 __all__ = ["LinearModel"]
 
 

@@ -21,7 +21,7 @@ from workbench.system.description import (
     SystemDescription,
 )
 from workbench.system.health import resolve, settled
-from workbench.system.model import SystemModel, open_system
+from workbench.system.model import SystemModel
 from workbench.system.parts import open_parts
 
 __all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop"]
@@ -77,7 +77,7 @@ class CutLoop:
         held = {} if self.point is None else self.point.u
         kept = {name: value for name, value in recipe.bias.items() if name not in held}
         opened = replace(recipe, system=_cut(self._system, self.place, make), bias={**kept, **bias}, at=self.point)
-        with open_system(opened) as model:
+        with opened.open() as model:
             yield model
 
 

@@ -19,7 +19,7 @@ from workbench.session.base import Floats
 from workbench.system.description import Connection, FmuComponent
 
 if TYPE_CHECKING:
-    from workbench.system.model import Opened
+    from workbench.system.parts import Opened
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["crossover", "opened_loop"]
@@ -38,8 +38,6 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
         recipe: how it was opened.
         without: number of the connection.
     """
-    from workbench.system.model import open_system  # noqa: PLC0415 - it opens masters, too
-
     if any(p.interface == "cs" and "me" not in p.description.interfaces for p in opened.parts):
         return None
     parts, wire = opened.parts, opened.resolved.wires[without]
@@ -70,7 +68,7 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
         plain = dataclasses.replace(
             recipe, system=system, parts=made, interface="auto", step=None, order="auto", hold_inputs=False, bias={}
         )
-        return open_system(plain)
+        return plain.open()
     except WorkbenchError:
         return None
 

@@ -9,6 +9,7 @@ from types import MethodType
 from typing import TYPE_CHECKING
 
 from workbench.core.closed_loop import ClosedLoop
+from workbench.core.named import named
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
@@ -23,11 +24,11 @@ from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
-from workbench.system.model import Opened, connections_of, starts_of
-from workbench.system.recipe import SystemRecipe
+from workbench.system.parts import Opened, connections_of, starts_of
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
+    from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
 
@@ -132,10 +133,7 @@ class MasterModel(DescribedModel):
     @property
     def delays(self) -> Callable[..., DelayReport]:
         """`system.delays(stop=5.0, …)` is `workbench.delays(system, stop=5.0, …)`: what the master costs."""
-        # The way of `.plot()`: looked up when it is used, so that systems know no analysis and its options stand once.
-        from workbench.analysis.delays.request import delays  # noqa: PLC0415
-
-        return MethodType(delays, self)
+        return MethodType(named("workbench.analysis.delays.request:delays"), self)
 
     def shows_input(self, output: str) -> bool:
         """Whether an output of the system shows what a component sees, which depends on the step by nature."""

@@ -11,7 +11,7 @@ import numpy as np
 from lxml import etree
 
 from workbench.errors import WorkbenchError
-from workbench.model.recipe import FmuRecipe
+from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.description import FmuComponent
 from workbench.system.master.ticks import Ticks, repeating
