@@ -166,5 +166,5 @@ def test_what_is_wrong_is_said() -> None:
         model.predict(np.zeros((4, 2)), np.zeros((4, 2)), steps=0)
     with pytest.raises(InputError, match="input_names: 2 are needed"):
         model.named(input_names=["a"])
-    with pytest.raises(InputError, match="no identified model: KeyError"):
+    with pytest.raises(InputError, match="is not an identified model: 'input_units' is missing"):
         IdentifiedModel.from_dict({"A": [[1.0]], "input_names": ["u"]})

@@ -38,7 +38,6 @@ COMMON = {
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
     "csv_file": {"errors"},
-    "json_values": set(),
     "shift_register": set(),
     "store": {"errors"},
     "build": {"core", "errors", "origin", "toolchain"},

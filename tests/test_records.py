@@ -1,17 +1,22 @@
 """Records: JSON, tables and frames that are derived from the fields."""
 
+# ruff: noqa: ANN401 - of any type
 from __future__ import annotations
 
 import csv
 import io
 import json
-from dataclasses import dataclass, field
+import pkgutil
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import workbench
+from tests.record_examples import Maker
 from workbench.core.record import Part, Record, entry
 from workbench.errors import InputError
 
@@ -43,7 +48,7 @@ class Sweep(Record):
     _WHAT, _COMMAND = "a sweep", "sweep"
 
 
-def sweep(**changed: Any) -> Sweep:  # noqa: ANN401 - fields
+def sweep(**changed: Any) -> Sweep:
     given: dict[str, Any] = {
         "names": ("a", "b"),
         "inputs": (),
@@ -90,7 +95,7 @@ def test_a_record_reads_its_own_json() -> None:
     [
         ({"time": None}, "is not a sweep: 'time' must be a list, not null"),
         ({"names": "ab"}, "is not a sweep: 'names' must be a list, not \"ab\"; workbench sweep --json writes one"),
-        ({"names": ["a"], "matrix": [[1.0], [2.0]]}, r"'matrix' has the shape \(2, 1\), not \(1, 0\)"),
+        ({"names": ["a"], "matrix": [[1.0], [2.0]]}, r"'matrix' has the shape \(2, 1\), not \(1, 1\)"),
         ({"corner_points": [{"frequency_hz": 1.0}]}, "'corner_points.pole' is missing"),
         ({"limits": {"0.5": "high"}}, "'limits.0.5' must be a number, not \"high\""),
     ],
@@ -146,3 +151,93 @@ def test_a_data_set_has_coordinates_and_units() -> None:
     assert data["x"].attrs == {"unit": "m"}
     assert data["time"].attrs == {"unit": "s"}
     assert data["matrix"].dims == ("names", "inputs")
+
+
+# -- every record of the package ---------------------------------------------------------------
+
+
+def all_parts() -> list[type[Part]]:
+    """Return every class whose JSON the package writes and reads, none can be forgotten."""
+    for module in pkgutil.walk_packages(workbench.__path__, "workbench."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+    found: set[type[Part]] = set()
+    todo: list[type[Part]] = [Part]
+    while todo:
+        new = set(todo.pop().__subclasses__()) - found
+        todo += new
+        found |= new
+    own = (kind for kind in found if kind.__module__.startswith("workbench.") and hasattr(kind, "__dataclass_fields__"))
+    return sorted(own, key=lambda kind: f"{kind.__module__}.{kind.__qualname__}")
+
+
+NO_TABLE = {
+    "BalancedReduction", "BuildResult", "ContainerResult", "DelayReport", "ExportResult", "NoDelays",
+    "SubspaceEstimate",
+}  # fmt: skip
+
+PARTS = all_parts()
+RECORDS = [kind for kind in PARTS if issubclass(kind, Record)]
+
+
+def example(kind: type[Part], *, empty: bool = False) -> Any:
+    return Maker(empty=empty).record(kind)
+
+
+def assert_same(found: Any, expected: Any, where: str) -> None:
+    """Field by field: arrays by value, NaN equal."""
+    if is_dataclass(expected):
+        assert type(found) is type(expected), where
+        for declared in fields(expected):
+            assert_same(getattr(found, declared.name), getattr(expected, declared.name), f"{where}.{declared.name}")
+    elif isinstance(expected, np.ndarray):
+        assert found.dtype == expected.dtype, where
+        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=where)
+    elif isinstance(expected, dict):
+        assert list(found) == list(expected), where
+        for name, held in expected.items():
+            assert_same(found[name], held, f"{where}.{name}")
+    elif isinstance(expected, tuple | list):
+        assert len(found) == len(expected), where
+        for k, held in enumerate(expected):
+            assert_same(found[k], held, f"{where}[{k}]")
+    else:
+        assert type(found) is type(expected), where
+        near = isinstance(expected, float | complex) and found == pytest.approx(expected, rel=1e-12, nan_ok=True)
+        assert near or found == expected, where
+
+
+@pytest.mark.parametrize("empty", [False, True], ids=["full", "empty"])
+@pytest.mark.parametrize("kind", PARTS, ids=lambda kind: kind.__name__)
+def test_every_record_reads_its_own_json(kind: type[Part], empty: bool) -> None:
+    first = example(kind, empty=empty)
+    data = json.loads(json.dumps(first.to_dict(), allow_nan=False))
+    again = kind.from_dict({**data, "command": "any", "version": "0"} if issubclass(kind, Record) else data)
+    assert_same(again, first, kind.__name__)
+    assert_same(again.to_dict(), first.to_dict(), kind.__name__)
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
+def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Record]) -> None:
+    record, text = example(kind), io.StringIO()
+    if kind.__name__ in NO_TABLE:
+        with pytest.raises(InputError, match="has no table"):
+            record.to_csv(text)
+        return
+    record.to_csv(text)
+    heading, *rows = (row for row in csv.reader(io.StringIO(text.getvalue())) if not row[0].startswith("#"))
+    assert rows
+    assert all(len(row) == len(heading) for row in rows)
+    frame = record.to_dataframe()
+    assert list(frame.columns) == heading
+    assert len(frame) == len(rows)
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
+def test_a_file_of_something_else_is_refused_in_one_line(kind: type[Record]) -> None:
+    needed = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]  # type: ignore[arg-type]
+    if not needed:
+        return
+    with pytest.raises(InputError, match=r"^is not an? .*\w") as caught:
+        kind.from_dict({"command": "info"})
+    assert "\n" not in str(caught.value)

@@ -20,9 +20,8 @@ import pytest
 
 import workbench as wb
 from tests.report_pages import check_page_file, data_of, facts_of_page, read_page
-from workbench.core.record import Reportable
+from workbench.core.record import Reportable, plain
 from workbench.fmi.archive import locate
-from workbench.json_values import finite
 from workbench.origin import Origin, origin_of, remember, with_origin
 from workbench.report import Page, Section, Table, Verdict, write_page
 from workbench.report.page import SUFFIXES
@@ -123,7 +122,7 @@ def test_text_of_others_is_no_markup(tmp_path: Path) -> None:
 def test_numbers_that_json_has_not_become_null(tmp_path: Path) -> None:
     write_page(page(data={"a": [1.0, math.nan, (math.inf, 2)], 3: None}), tmp_path / "p.html")
     assert data_of(read_page(tmp_path / "p.html")) == {"a": [1.0, None, [None, 2]], "3": None}
-    assert finite({"x": (float("-inf"), "y")}) == {"x": [None, "y"]}
+    assert plain({"x": (float("-inf"), "y")}) == {"x": [None, "y"]}
 
 
 def test_long_pages_have_contents_and_folded_parts(tmp_path: Path) -> None:
@@ -187,7 +186,7 @@ def test_a_result_remembers_its_fmu_and_call(step: wb.SimulationResult, tmp_path
     assert "numpy" in facts["versions"]
     assert "control" in facts["versions"]
     own = {"command": "simulate", "model": "Rudder", "interface": "me", "solver": "gear", **step.to_dict()}
-    assert {k: v for k, v in data_of(found).items() if k not in ("version", "seconds")} == finite(own)
+    assert {k: v for k, v in data_of(found).items() if k not in ("version", "seconds")} == plain(own)
 
 
 def test_the_call_can_be_made_again(step: wb.SimulationResult, tmp_path: Path) -> None:
@@ -340,7 +339,7 @@ def test_every_kind_writes_its_page(name: str, tmp_path: Path) -> None:
     result.report(tmp_path / "p.html")
     found = check_page_file(tmp_path / "p.html")
     data = data_of(found)
-    assert {k: v for k, v in data.items() if k in result.to_dict()} == finite(result.to_dict())
+    assert {k: v for k, v in data.items() if k in result.to_dict()} == plain(result.to_dict())
     text = (tmp_path / "p.html").read_text(encoding="utf-8")
     assert "nan" not in [e.text.strip() for e in found.elements if e.tag == "td"]
     assert "<svg" in text or name == "SubspaceEstimate"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.toolchain import require
@@ -25,7 +25,7 @@ __all__ = ["ExportResult", "check_linear_file", "export", "generate_linear", "wr
 _FILES = (".json", ".fmu")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ExportResult(Record):
     """What was exported.
 
@@ -45,29 +45,13 @@ class ExportResult(Record):
     file: Path
     fmi: int
     dt: float
-    n_states: int
-    n_inputs: int
-    n_outputs: int
+    n_states: int = field(metadata=entry(key="states"))
+    n_inputs: int = field(metadata=entry(key="inputs"))
+    n_outputs: int = field(metadata=entry(key="outputs"))
     platforms: tuple[str, ...]
     stiff: bool
     renamed: Mapping[str, str]
     notes: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "file": str(self.file),
-            "fmi": self.fmi,
-            "dt": self.dt,
-            "states": self.n_states,
-            "inputs": self.n_inputs,
-            "outputs": self.n_outputs,
-            "platforms": list(self.platforms),
-            "stiff": self.stiff,
-            "renamed": dict(self.renamed),
-            "notes": list(self.notes),
-        }
 
 
 @with_origin()

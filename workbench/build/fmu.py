@@ -25,7 +25,7 @@ from workbench.build.pack import pack
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
 from workbench.origin import with_origin
 from workbench.toolchain import PLATFORMS, Platform, compile_all
@@ -35,7 +35,7 @@ DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BuildResult(Record):
     """What was built.
 
@@ -51,17 +51,7 @@ class BuildResult(Record):
     files: tuple[Path, ...]
     platforms: tuple[str, ...]
     stiff: bool
-    n_states: int
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the result for JSON."""
-        return {
-            "model": self.model,
-            "files": [str(f) for f in self.files],
-            "platforms": list(self.platforms),
-            "stiff": self.stiff,
-            "states": self.n_states,
-        }
+    n_states: int = field(metadata=entry(key="states"))
 
 
 @dataclass(frozen=True, slots=True)

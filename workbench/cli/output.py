@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench import __version__
 from workbench.cli.asked import command_line, was_given
 from workbench.cli.notes import note, said
+from workbench.core.record import plain
 from workbench.errors import InputError
-from workbench.json_values import finite
 from workbench.origin import Origin, origin_of
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ class Output:
     def _full(self, result: Mapping[str, Any]) -> dict[str, Any]:
         seconds = round(time.monotonic() - self._begin, 3)
         full = {"command": self.command, "version": __version__, "seconds": seconds, **result}
-        return {key: finite(value) for key, value in full.items()}
+        return {key: plain(value) for key, value in full.items()}
 
     def _write_report(self, result: object, origin: Origin | None, full: Mapping[str, Any]) -> None:
         from workbench.report.results import write_report

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from workbench.core.matrices import Complex, Floats, balance, held, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
-from workbench.core.record import entry
+from workbench.core.record import Part, entry
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _INFINITE = 1e12  # generalised eigenvalues beyond the largest pole times this a
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(Part):
     """A linear model: dx/dt = A x + B u, y = C x + D u, or x(k+1) = A x(k) + B u(k) likewise.
 
     Vectors and numbers given for B, C and D become matrices of one column or row.

@@ -40,7 +40,7 @@ _SHOWS = "workbench.report.results"
 
 def entry(
     *, key: str = "", kept: bool = True, inline: bool = False, named: bool = False, dims: Sequence[str | int] = (),
-    unit: str = "",
+    unit: str = "", null: float = math.nan,
 ) -> dict[str, Any]:  # fmt: skip
     """Return what a field says of its value, for `field(metadata=…)`.
 
@@ -52,8 +52,9 @@ def entry(
         dims: what the axes of an array, or of all arrays in a mapping, run over: fields that hold the coordinates or
             names, or a fixed length.
         unit: of an array.
+        null: the number that null stands for in JSON.
     """
-    return {"key": key, "kept": kept, "inline": inline, "named": named, "dims": tuple(dims), "unit": unit}
+    return {"key": key, "kept": kept, "inline": inline, "named": named, "dims": tuple(dims), "unit": unit, "null": null}
 
 
 class Part:
@@ -203,7 +204,7 @@ class Record(Part, Reportable):
         if not arrays:
             raise InputError(f"{type(self).__name__} has no array with coordinates")
         axes = dict.fromkeys(axis for dims, _, _ in arrays.values() for axis in dims)
-        coordinates = {name: arrays.pop(name, (name, list(getattr(self, name)))) for name in axes}
+        coordinates = {name: arrays.pop(name, (name, list(getattr(self, name.removesuffix("_2"))))) for name in axes}
         data: Dataset = library.Dataset(arrays, coordinates)
         return data
 
@@ -224,8 +225,9 @@ class Record(Part, Reportable):
         for declared in fields(self):  # type: ignore[arg-type]  # every record is a dataclass
             said, held = declared.metadata, getattr(self, declared.name)
             dims = said.get("dims", ())
-            if not dims or not all(isinstance(axis, str) for axis in dims):
+            if not dims or not all(hasattr(self, str(axis)) for axis in dims):
                 continue
+            dims = tuple(f"{axis}_2" if axis in dims[:k] else axis for k, axis in enumerate(dims))
             several = held if isinstance(held, Mapping) else {declared.name: held}
             for name, array in several.items():
                 yield name, dims, array, said["unit"] or units.get(name) or ""
@@ -237,7 +239,7 @@ class Record(Part, Reportable):
         if not dims:
             raise InputError(f"{type(self).__name__} has no table")
         columns = {name: array for name, over, array, _ in arrays if over == dims and name not in dims}
-        return {axis: getattr(self, axis) for axis in dims}, columns
+        return {axis: getattr(self, axis.removesuffix("_2")) for axis in dims}, columns
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds, a line each
@@ -376,6 +378,8 @@ def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
         return given
     if base in (Union, UnionType):
         return _one_of(inner, given, lengths, where, said)
+    if given is None and base is float:
+        return said.get("null", math.nan)
     if base in _SIMPLE:
         return _SIMPLE[base](given, where)
     if base.__name__ == "ndarray":
@@ -423,16 +427,14 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     except (TypeError, ValueError) as error:
         raise _WrongKeyError(f"'{where}' is no array of numbers: {error}") from None
     _refuse(found.ndim == 0, where, "a list", given)
-    if found.size == 0:
-        known = [axis if isinstance(axis, int) else lengths.get(axis) for axis in dims] or [0]
-        return np.zeros(
-            [(found.shape[k] if k < found.ndim else 0) if n is None else n for k, n in enumerate(known)], dtype
-        )
-    if pairs:
+    if pairs and found.size:
         found = np.ascontiguousarray(found).view(np.complex128)[..., 0]
+    known = [*found.shape, *(0 for _ in dims)]
     expected = tuple(
-        axis if isinstance(axis, int) else lengths.get(axis, n) for axis, n in zip(dims, found.shape, strict=False)
+        axis if isinstance(axis, int) else lengths.get(axis) or n for axis, n in zip(dims, known, strict=False)
     )
+    if found.size == 0:
+        return np.zeros(expected or found.shape, dtype)
     if dims and found.shape != expected:
         raise _WrongKeyError(f"'{where}' has the shape {found.shape}, not {expected}")
     return found

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.record import plain
 from workbench.errors import InputError
-from workbench.json_values import finite
 from workbench.report.svg import svg_of
 from workbench.report.tones import Verdict, counted, tone, worst_first
 
@@ -160,6 +160,6 @@ def _filled(section: Section, name: str) -> dict[str, Any]:
 
 
 def _embedded(data: Mapping[str, Any]) -> str:
-    text = json.dumps(finite(data), ensure_ascii=False, allow_nan=False)
+    text = json.dumps(plain(data), ensure_ascii=False, allow_nan=False)
     # Neither "</script>" nor "<!--" may stand in the script element that holds the data.
     return text.replace("<", "\\u003c")

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from workbench import __version__
 from workbench.core.named import named
 from workbench.core.operating_point import point_of_json
+from workbench.core.record import plain
 from workbench.errors import InputError, one_line
-from workbench.json_values import finite
 from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
@@ -193,7 +193,7 @@ def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:
     own = page.data or getattr(result, "to_dict", dict)()
     model = origin.models[0] if origin.models else None
     who = {} if model is None else {"model": model.name, "interface": model.interface, "solver": model.solver}
-    full: Mapping[str, Any] = finite(
+    full: Mapping[str, Any] = plain(
         {"command": origin.command, "version": __version__, "seconds": origin.seconds, **who, **own}
     )
     return full

@@ -35,7 +35,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows: the bytes depend
 _FILE_MODE = 0o100644 << 16
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ContainerResult(Record):
     """What was exported.
 
@@ -58,20 +58,6 @@ class ContainerResult(Record):
     outputs: tuple[str, ...]
     parameters: tuple[str, ...]
     notes: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "model": self.model,
-            "file": str(self.file),
-            "fmi": self.fmi,
-            "step": self.step,
-            "components": list(self.components),
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "parameters": list(self.parameters),
-            "notes": list(self.notes),
-        }
 
 
 @with_origin()

@@ -58,7 +58,7 @@ class DescribingFunction(Record):
     amplitude: Floats = field(metadata=entry(dims=("amplitude",)))
     frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
     gain: Complex = field(metadata=entry(dims=("amplitude", "frequency_hz"), kept=False))
-    harmonics: Floats
+    harmonics: Floats = field(metadata=entry(dims=("amplitude", "frequency_hz", "harmonic")))
     frequency_dependent: bool
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -79,6 +79,10 @@ class ExciteResult(Record):
         if self.validation is None:
             return ""
         return "the validation data are not written; name a file, or take --validation 0"
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Return the samples of the identification part."""
+        return self.identification.rows()
 
     def to_csv(self, path: str | Path | TextIO) -> tuple[Path, ...]:
         """Write the identification part to `path`, the validation part beside it as NAME_validation.

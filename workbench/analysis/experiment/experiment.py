@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -188,9 +188,13 @@ class Experiment(Part):
         Raises:
             InputError: the file cannot be written.
         """
-        head = ["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())]
         remarks = [f"{_LOOP}{json.dumps(loop.to_dict(), ensure_ascii=False)}" for loop in self.loops]
-        write_csv(path, [head, *np.column_stack([self.time, self.u, self.y]).tolist()], remarks=remarks)
+        write_csv(path, self.rows(), remarks=remarks)
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each sample: time, inputs and outputs, headed "name [unit]"."""
+        yield ["time [s]", *(n if unit is None else f"{n} [{unit}]" for n, unit in self.units.items())]
+        yield from np.column_stack([self.time, self.u, self.y]).tolist()
 
 
 def make_experiment(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from workbench.analysis.reduction.mirror import mirror
 from workbench.analysis.reduction.sections import to_state_space
 from workbench.core.linear import LinearPart
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.record import Part, entry
 
 __all__ = ["Design", "design"]
 
@@ -25,7 +28,7 @@ _AXIS = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Design:
+class Design(Part):
     """The filter and how it came about.
 
     Attributes:
@@ -38,14 +41,25 @@ class Design:
         notes: what the user should know.
     """
 
-    G: BalancedReduction
-    H: BalancedReduction
-    band_errors: tuple[BandError, BandError]
+    G: BalancedReduction = field(metadata=entry(kept=False))
+    H: BalancedReduction = field(metadata=entry(kept=False))
+    band_errors: tuple[BandError, BandError] = field(metadata=entry(kept=False))
     steps: tuple[FilterStep, ...]
     factored: Factored
     part: LinearPart
     mirrored: Complex
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = field(metadata=entry(key="design_notes"))
+
+    def derived(self) -> dict[str, Any]:
+        """Return each reduction with its error."""
+        both = zip("GH", self.reductions, self.band_errors, strict=True)
+        return {"reduced": {name: {**r.to_dict(), "band_error": e} for name, r, e in both}}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the reductions apart from their errors."""
+        reduced = data["reduced"]
+        return {**data, **reduced, "band_errors": [reduced[name]["band_error"] for name in "GH"]}
 
     @property
     def reductions(self) -> tuple[BalancedReduction, BalancedReduction]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,8 @@ from workbench.analysis.feed_forward.remaining import Remaining
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.core.linear import LinearPart
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.core.record import Record
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record, entry
 
 if TYPE_CHECKING:
     import control
@@ -55,23 +55,25 @@ class FeedForwardResult(Record):
     interface: str
     solver: str
     block: str
-    input: str
-    output: str
+    input: str = field(metadata=entry(key="block_input"))
+    output: str = field(metadata=entry(key="block_output"))
     target: str
     source: str | None
     gain: float
     filter_units: tuple[str | None, str | None]
     band: tuple[float, float]
-    frequency_hz: Floats
-    g: Complex
-    h: Complex
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
+    g: Complex = field(metadata=entry(dims=("frequency_hz",)))
+    h: Complex = field(metadata=entry(dims=("frequency_hz",)))
     open_unstable: Complex
     closed_unstable: Complex
-    design: Design
+    design: Design = field(metadata=entry(inline=True))
     limit_cycles: Remaining | None = None
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
+
+    _WHAT, _COMMAND = "a feed-forward filter", "feed-forward"
 
     @property
     def steps(self) -> tuple[FilterStep, ...]:
@@ -140,30 +142,9 @@ class FeedForwardResult(Record):
             "units": {name: unit for name, unit in units.items() if unit},
         }
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        named = (
-            "model", "interface", "solver", "block", "target", "source", "gain", "band",
-        )  # fmt: skip
-        return {
-            **{k: getattr(self, k) for k in named},
-            "block_input": self.input,
-            "block_output": self.output,
-            "open_unstable": _pairs(self.open_unstable),
-            "closed_unstable": _pairs(self.closed_unstable),
-            "reduced": {
-                name: {**r.to_dict(), "band_error": e.to_dict()}
-                for name, r, e in zip("GH", self.design.reductions, self.design.band_errors, strict=True)
-            },
-            "steps": [s.to_dict() for s in self.steps],
-            "mirrored": _pairs(self.design.mirrored),
-            "factored": self.design.factored.to_dict(),
-            "filter": self.filter_dict(),
-            "limit_cycles": None if self.limit_cycles is None else self.limit_cycles.to_dict(),
-            "trials": [t.to_dict() for t in self.trials],
-            "notes": list(self.notes),
-            **point_in_json(self.operating_point),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the filter as system files take it."""
+        return {"filter": self.filter_dict()}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each frequency: gain and phase of G, H, H/G and of the filter after each step."""
@@ -171,7 +152,3 @@ class FeedForwardResult(Record):
         yield ("frequency_hz", *(f"{n} {what}" for n in curves for what in ("gain", "phase_deg")))
         columns = [c for v in curves.values() for c in (np.abs(v), np.angle(v, deg=True))]
         yield from np.column_stack([self.frequency_hz, *columns]).tolist()
-
-
-def _pairs(values: Complex) -> list[list[float]]:
-    return [[v.real, v.imag] for v in values.tolist()]

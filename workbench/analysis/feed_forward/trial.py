@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from workbench.analysis.simulate.divergence import Divergence, DivergenceError
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.linear import LinearPart
-from workbench.core.record import Part
+from workbench.core.record import Part, entry
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.signals import Signal
@@ -52,8 +52,8 @@ class Trial(Part):
     name: str
     limited: bool
     closes_at: float
-    time: Floats
-    signals: Mapping[str, Floats]
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    signals: Mapping[str, Floats] = field(metadata=entry(dims=("time",)))
     units: Mapping[str, str | None]
     before: float
     settling_seconds: Mapping[float, float | None]

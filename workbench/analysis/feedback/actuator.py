@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
+from workbench.core.record import Part, entry
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
@@ -19,7 +21,7 @@ _FREE = 100.0  # [s]: where no deflection limit is given, so long the rate limit
 
 
 @dataclass(frozen=True)
-class Actuator:
+class Actuator(Part):
     """An FMU between gain and target.
 
     Attributes:
@@ -37,17 +39,11 @@ class Actuator:
     limit: float | None = None
     rate_limit: float | None = None
     scale: float = 1.0
-    set: dict[str, Value] = field(default_factory=dict)
+    set: dict[str, Value] = field(default_factory=dict, metadata=entry(key="given"))
 
-    def to_dict(self) -> dict[str, object]:
-        """Return plain values, ready for JSON."""
-        return {
-            "fmu": self.component.file,
-            "limit": self.limit,
-            "rate_limit": self.rate_limit,
-            "set": dict(self.component.set),
-            "scale": self.scale,
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the FMU, with all that is set."""
+        return {"fmu": self.component.file, "set": self.component.set}
 
 
 def limited(limit: float | None, rate_limit: float | None) -> Actuator | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +13,7 @@ from workbench.analysis.loop.crossings import real_crossings
 from workbench.core.linear import LinearPart
 from workbench.core.modal import poles_of
 from workbench.core.poles import sides
-from workbench.core.record import Part
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
 __all__ = ["Crossing", "Interval", "count_poles", "crossings", "intervals", "stable_gains"]
@@ -44,8 +44,8 @@ class Crossing(Part):
     """
 
     gain: float
-    frequency_hz: float
-    real: float
+    frequency_hz: float = field(metadata=entry(null=math.inf))
+    real: float = field(metadata=entry(null=math.inf))
     unstable_below: int
     unstable_above: int
     residual: float = math.nan

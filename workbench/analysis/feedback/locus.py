@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 from workbench.analysis.feedback.gains import Crossing
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.poles import continuous, damped_frequency_hz
+from workbench.core.record import entry
 from workbench.session.base import Floats
 
 __all__ = ["Fastest", "Locus", "fastest", "locus", "shown_gains"]
@@ -33,7 +34,7 @@ class Locus:
     """
 
     gains: Floats
-    poles: Complex
+    poles: Complex = field(metadata=entry(dims=("gains", "pole")))
     growth: Floats
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.feedback.block import CyclesLeft
 from workbench.analysis.feedback.gains import Crossing
@@ -14,10 +14,9 @@ from workbench.analysis.feedback.locus import Fastest, Locus
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.core.linear import Complex, LinearPart
-from workbench.core.operating_point import OperatingPoint, point_in_json
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz
-from workbench.core.record import Record
-from workbench.csv_file import write_csv
+from workbench.core.record import Record, complex_of, entry
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -63,27 +62,29 @@ class FeedbackResult(Record):
     model: str
     interface: str
     solver: str
-    source: str
-    target: str
+    source: str = field(metadata=entry(key="from"))
+    target: str = field(metadata=entry(key="to"))
     source_unit: str | None
     target_unit: str | None
-    gains: tuple[float, float]
+    gains: tuple[float, float] = field(metadata=entry(key="searched"))
     plant: LinearPart
     lin_method: str
     stable_gains: tuple[tuple[float, float], ...]
     crossings: tuple[Crossing, ...]
     unstable_open: int
-    fixed: tuple[complex, ...]
-    fastest: tuple[Fastest | None, ...]
+    fixed: tuple[complex, ...] = field(metadata=entry(key="fixed_poles"))
+    fastest: tuple[Fastest | None, ...] = field(metadata=entry(key="fastest_decay"))
     locus: Locus
-    frequency_hz: Floats
-    response: Complex
+    frequency_hz: Floats = field(metadata=entry(kept=False, dims=("frequency_hz",), unit="Hz"))
+    response: Complex = field(metadata=entry(kept=False, dims=("frequency_hz",)))
     block: str | None = None
     cycles: tuple[CyclesLeft, ...] = ()
-    settling: SettlingStudy | None = None
+    settling: SettlingStudy | None = field(default=None, metadata=entry(kept=False))
     run: FeedbackRun | None = None
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
+
+    _WHAT, _COMMAND = "a feedback", "feedback"
 
     @property
     def words(self) -> str:
@@ -158,73 +159,39 @@ class FeedbackResult(Record):
 
         return plot_cycles(self, path)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON, where an infinite end of an interval is null."""
+    def derived(self) -> dict[str, Any]:
+        """Return what stands beside the fields, and the settling study."""
+        curve = {"frequency_hz": self.frequency_hz, "real": self.response.real, "imag": self.response.imag}
+        study = {} if self.settling is None else self.settling.to_dict()
+        own = {"convention": CONVENTION, "words": self.words, "dt": self.plant.dt, "nyquist": curve}
+        return {**study, **own}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the settling study, whose keys stand among the others, and gains without a limit as infinite."""
+        curve = data["nyquist"]
         return {
-            "model": self.model,
-            "interface": self.interface,
-            "solver": self.solver,
-            "from": self.source,
-            "to": self.target,
-            "source_unit": self.source_unit,
-            "target_unit": self.target_unit,
-            "convention": CONVENTION,
-            "words": self.words,
-            "searched": [finite(g) for g in self.gains],
-            "stable_gains": [[finite(g) for g in pair] for pair in self.stable_gains],
-            "crossings": [{k: finite(v) for k, v in c.to_dict().items()} for c in self.crossings],
-            "unstable_open": self.unstable_open,
-            "fixed_poles": [[p.real, p.imag] for p in self.fixed],
-            "fastest_decay": [None if f is None else dict(vars(f)) for f in self.fastest],
-            "dt": self.plant.dt,
-            "lin_method": self.lin_method,
-            "block": self.block,
-            "cycles": [c.to_dict() for c in self.cycles],
-            **({} if self.settling is None else self.settling.to_dict()),
-            "run": None if self.run is None else self.run.to_dict(),
-            "nyquist": {
-                "frequency_hz": self.frequency_hz.tolist(),
-                "real": self.response.real.tolist(),
-                "imag": self.response.imag.tolist(),
-            },
-            "notes": list(self.notes),
-            **point_in_json(self.operating_point),
+            **data,
+            "searched": _ends(data["searched"]),
+            "stable_gains": [_ends(pair) for pair in data["stable_gains"]],
+            "frequency_hz": curve["frequency_hz"],
+            "response": complex_of(curve["real"], curve["imag"]),
+            "settling": SettlingStudy.from_dict(data) if "thresholds" in data else None,
         }
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write the settling study as a table, else the time histories of a run, else the crossings.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        if self.settling is None and self.run is not None:
-            self.run.to_csv(path)
-            return
-        write_csv(path, self._crossing_rows() if self.settling is None else _settling_rows(self.settling))
-
-    def _crossing_rows(self) -> list[Sequence[Any]]:
-        names = list(Crossing.__dataclass_fields__)
+    def rows(self) -> Iterable[Sequence[Any]]:
+        """Return the settling study as a table, else the time histories of a run, else the crossings."""
+        if self.settling is not None:
+            return self.settling.rows()
+        if self.run is not None:
+            return self.run.rows()
+        names = tuple(Crossing.__dataclass_fields__)
         return [names, *([getattr(c, n) for n in names] for c in self.crossings)]
 
 
-def _settling_rows(study: SettlingStudy) -> list[Sequence[Any]]:
-    levels = [o.threshold for o in study.optima]
-    head = [
-        "gain",
-        *(f"settling_seconds_{t:g}" for t in levels),
-        "left",
-        "peak_deflection",
-        "peak_rate",
-        "limit_reached",
-    ]
-    rows: list[Sequence[Any]] = [head]
-    for r in study.runs:
-        settled = [r.settled[t] for t in levels]
-        rows.append([r.gain, *settled, r.left, r.peak_deflection, r.peak_rate, r.limit_reached])
-    return rows
+def _ends(pair: Sequence[float | None]) -> tuple[float, float]:
+    low, high = pair
+    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def finite(value: float) -> float | None:

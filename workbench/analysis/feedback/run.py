@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -48,8 +48,8 @@ class FeedbackRun(Record):
     watch: str
     closes_at: float
     frequency_hz: float
-    time: Floats
-    signals: Mapping[str, Floats]
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    signals: Mapping[str, Floats] = field(metadata=entry(dims=("time",)))
     units: Mapping[str, str | None]
     limit: float | None
     rate_limit: float | None
@@ -77,23 +77,16 @@ class FeedbackRun(Record):
         before = int(np.searchsorted(self.time, self.closes_at, side="right")) - 1
         return float(size[then] / size[before])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON; the time histories go to the CSV."""
+    def derived(self) -> dict[str, Any]:
+        """Return what came of it."""
         after = self.time >= self.closes_at
         rate = np.abs(np.diff(self.handed)) / np.diff(self.time)
         return {
-            "gain": self.gain,
-            "closes_at": self.closes_at,
             "stop": float(self.time[-1]),
-            "frequency_hz": self.frequency_hz,
-            "watch": self.watch,
             "left_at_end": self.left(float(self.time[-1]) - self.closes_at),
             "peak_deflection": float(np.abs(self.handed).max()),
             "peak_rate": float(rate.max(initial=0.0)),
-            "limit": self.limit,
-            "rate_limit": self.rate_limit,
             "peak_after": {n: float(np.abs(v[after]).max()) for n, v in self.signals.items()},
-            "units": dict(self.units),
         }
 
 

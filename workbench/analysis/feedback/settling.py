@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from workbench.analysis.feedback.place import Place, Wish
 from workbench.analysis.feedback.request import THRESHOLDS
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.job import Job
-from workbench.core.record import Record
+from workbench.core.record import Part, Record, entry
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats, Session
@@ -56,7 +56,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GainRun:
+class GainRun(Part):
     """The motion after the feedback closed with one gain.
 
     Attributes:
@@ -75,7 +75,7 @@ class GainRun:
     """
 
     gain: float
-    settled: Mapping[float, float | None]
+    settled: Mapping[float, float | None] = field(metadata=entry(kept=False))
     seconds: float
     left: float
     peak_deflection: float
@@ -91,12 +91,15 @@ class GainRun:
         """Whether the actuator came to a limit."""
         return bool(self.deflection_limited) or bool(self.rate_limited)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON; the curve is left out."""
-        skipped = {"time", "magnitude"}
-        plain = {k: v for k, v in vars(self).items() if k not in skipped}
+    def derived(self) -> dict[str, Any]:
+        """Return the settling times in a list."""
         settled = [{"threshold": k, "seconds": v} for k, v in self.settled.items()]
-        return {**plain, "settled": settled, "limit_reached": self.limit_reached}
+        return {"settled": settled, "limit_reached": self.limit_reached}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return threshold → time."""
+        return {**data, "settled": {s["threshold"]: s["seconds"] for s in data["settled"]}}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,10 +123,10 @@ class SettlingStudy(Record):
     target: str
     target_unit: str | None
     settings: Settings
-    start: Start
+    start: Start = field(metadata=entry(key="beginning"))
     actuator: Actuator | None
     runs: tuple[GainRun, ...]
-    optima: tuple[Optimum, ...]
+    optima: tuple[Optimum, ...] = field(metadata=entry(key="thresholds"))
 
     @property
     def gains(self) -> tuple[float, ...]:
@@ -145,27 +148,31 @@ class SettlingStudy(Record):
         """Gain at which the polynomial of the chosen threshold is smallest."""
         return self.best.gain
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the optimum and where it begins."""
+        best, start = self.best, self.start
         return {
-            "gains": list(self.gains),
-            "settling_seconds": list(self.settling_seconds),
+            "gains": self.gains,
+            "settling_seconds": self.settling_seconds,
             "optimum": self.optimum,
-            "optimum_seconds": self.best.seconds,
-            "optimum_at_end": self.best.at_end,
-            "fastest_gain": self.best.fastest_gain,
+            "optimum_seconds": best.seconds,
+            "optimum_at_end": best.at_end,
+            "fastest_gain": best.fastest_gain,
             "threshold": self.settings.threshold,
             "polynomial_order": self.settings.order,
-            "variable": self.variable,
-            "unit": self.unit,
-            "start": self.start.how,
-            "closes_at": self.start.closes,
-            "frequency_hz": self.start.frequency,
-            "magnitude": self.start.magnitude,
-            "thresholds": [o.to_dict() for o in self.optima],
-            "actuator": None if self.actuator is None else self.actuator.to_dict(),
-            "runs": [r.to_dict() for r in self.runs],
+            "start": start.how,
+            "closes_at": start.closes,
+            "frequency_hz": start.frequency,
+            "magnitude": start.magnitude,
         }
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each gain."""
+        levels = [o.threshold for o in self.optima]
+        rest = ("left", "peak_deflection", "peak_rate", "limit_reached")
+        yield ("gain", *(f"settling_seconds_{t:g}" for t in levels), *rest)
+        for run in self.runs:
+            yield (run.gain, *(run.settled[t] for t in levels), *(getattr(run, name) for name in rest))
 
 
 def settling_study(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from workbench.analysis.feedback.place import Place
 from workbench.analysis.feedback.standing import Standing
 from workbench.analysis.limit_cycle.harmonic_balance import balance, states_of
 from workbench.analysis.passes import rising_passes
+from workbench.core.record import entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.signals import Signal
@@ -34,25 +35,25 @@ class Start:
         closes: session time at which the feedback closes [s].
         values: states and inputs at `opens`, by the model's names.
         first: states and inputs at the very beginning.
-        signals: that force the model.
         frequency: of the motion at the end [Hz].
         magnitude: mean of |variable| over the last cycle before the feedback closes.
         centre: value of the variable at rest.
         how: in words.
         time, motion: the variable over the last cycles, shape (k,).
+        signals: that force the model; not written to files, and so not read from them.
     """
 
     opens: float
     closes: float
     values: Mapping[str, float]
     first: Mapping[str, float]
-    signals: Mapping[str, Signal]
     frequency: float
     magnitude: float
     centre: float
     how: str
     time: Floats
     motion: Floats
+    signals: Mapping[str, Signal] = field(default_factory=dict, metadata=entry(kept=False))
 
 
 def from_cycle(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from workbench.analysis.identified.numden import NumDen, numden, transmission_ze
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, unheld
 from workbench.core.poles import pole_keys
+from workbench.core.record import entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
     import control
 
 __all__ = ["IdentifiedModel"]
-
-_MATRICES = ("A", "B", "C", "D", "K", "covariance")
-_VECTORS = ("x0", "u0", "y0")
-_NAMES = ("input_names", "output_names", "input_units", "output_units", "notes")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,16 +42,18 @@ class IdentifiedModel(Linear):
         notes: what else should be known, one line each.
     """
 
-    K: Floats
-    x0: Floats
-    u0: Floats
-    y0: Floats
-    covariance: Floats
+    K: Floats = field(metadata=entry(dims=("state_names", "output_names")))
+    x0: Floats = field(metadata=entry(dims=("state_names",)))
+    u0: Floats = field(metadata=entry(dims=("input_names",)))
+    y0: Floats = field(metadata=entry(dims=("output_names",)))
+    covariance: Floats = field(metadata=entry(dims=("output_names", "output_names")))
     input_units: tuple[str | None, ...]
     output_units: tuple[str | None, ...]
     delay: tuple[int, ...] = ()
     name: str = "identified"
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+
+    _WHAT, _COMMAND = "an identified model", "identify"
 
     def __post_init__(self) -> None:
         """Name the states, and say all units in one place."""
@@ -218,41 +217,9 @@ class IdentifiedModel(Linear):
                 raise InputError(f"{key}: {wanted} are needed, not {len(value)}")
         return replace(self, name=self.name if name is None else name, **given)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON and `workbench export`."""
-        arrays = {key: np.asarray(getattr(self, key)).tolist() for key in (*_MATRICES, *_VECTORS)}
-        names = {key: list(getattr(self, key)) for key in _NAMES}
-        poles = [[p.real, p.imag] for p in self.poles.tolist()]
-        plain = {"name": self.name, "dt": self.dt, "delay": list(self.delay), "state_names": list(self.state_names)}
-        return {**plain, **arrays, **names, "poles": poles, **pole_keys(self.poles, self.dt)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> IdentifiedModel:
-        """Return the model that `to_dict` describes.
-
-        Args:
-            data: may hold more than the keys needed.
-
-        Raises:
-            InputError: a key is missing or holds something else.
-        """
-        try:
-            return cls._from_dict(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"this is no identified model: {type(error).__name__}: {error}") from None
-
-    @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> IdentifiedModel:
-        n, m, p = len(data["A"]), len(data["input_names"]), len(data["output_names"])
-        shapes = {
-            "A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "K": (n, p), "covariance": (p, p),
-            "x0": (n,), "u0": (m,), "y0": (p,),
-        }  # fmt: skip
-        arrays = {key: np.array(data[key], dtype=np.float64).reshape(shape) for key, shape in shapes.items()}
-        given: dict[str, Any] = {key: tuple(data[key]) for key in (*_NAMES, "delay")}
-        known = {f.name for f in fields(cls)}
-        plain = {"name": str(data["name"]), "dt": float(data["dt"])}
-        return cls(**{key: v for key, v in {**arrays, **given, **plain}.items() if key in known})
+    def derived(self) -> dict[str, Any]:
+        """Return the poles."""
+        return {"poles": self.poles, **pole_keys(self.poles, self.dt)}
 
     def _inputs(self, u: Floats) -> Floats:
         if self.dt == 0.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate import Overlay, Validation
 from workbench.core.closed_loop import ClosedLoop, between
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 
 if TYPE_CHECKING:
     import control
@@ -38,14 +38,16 @@ class IdentifyResult(Record):
         overlay: its frequency response beside those of other analyses; None where there were none.
     """
 
-    data: Experiment
+    data: Experiment = field(metadata=entry(key="experiment"))
     advice: Advice
-    estimate: SubspaceEstimate
+    estimate: SubspaceEstimate = field(metadata=entry(inline=True))
     detrend: str
     settle: float
-    own: Validation
-    other: Validation | None
+    own: Validation = field(metadata=entry(key="identification"))
+    other: Validation | None = field(metadata=entry(key="validation"))
     overlay: Overlay | None = None
+
+    _WHAT, _COMMAND = "an identification", "identify"
 
     @property
     def model(self) -> IdentifiedModel:
@@ -115,25 +117,18 @@ class IdentifyResult(Record):
         """Return the model for python-control."""
         return self.model.to_ss()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON and `workbench export`."""
+    def derived(self) -> dict[str, Any]:
+        """Return what the parts say together."""
         return {
             "model": self.data.name,
-            **self.estimate.to_dict(),
-            "detrend": self.detrend,
-            "settle": self.settle,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
             "closed_loop": self.closed_loop,
             "failed": [{"where": where, "reason": why} for where, why in self.failed.items()],
-            "fit_percent": _nullable(self.fit_percent),
-            "error_percent": _nullable(self.error_percent),
-            "residual_tests": self.validation.prediction.to_dict(),
+            "fit_percent": self.fit_percent,
+            "error_percent": self.error_percent,
+            "residual_tests": self.validation.prediction.tests,
             "validated_on": "other data" if self.other is not None else "the data of the fit",
-            "identification": self.own.to_dict(),
-            "validation": None if self.other is None else self.other.to_dict(),
-            "advice": self.advice.to_dict(),
-            "notes": list(self.notes),
-            **({} if self.overlay is None else {"overlay": self.overlay.to_dict()}),
+            "notes": self.notes,
         }
 
     def rows(self) -> Iterator[Sequence[Any]]:
@@ -169,7 +164,3 @@ class IdentifyResult(Record):
 
 def _mean(values: dict[str, float]) -> float:
     return math.fsum(values.values()) / len(values)
-
-
-def _nullable(value: float) -> float | None:
-    return value if math.isfinite(value) else None

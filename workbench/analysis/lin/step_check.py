@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.analysis.lin.result import LinResult
 from workbench.core.matrices import held
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.origin import with_origin
@@ -39,9 +39,9 @@ class StepCheck(Record):
     output: str
     height: float
     unit: str | None
-    time: Floats
-    linear: Floats
-    nonlinear: Floats
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    linear: Floats = field(metadata=entry(dims=("time",)))
+    nonlinear: Floats = field(metadata=entry(dims=("time",)))
     error: float
 
 

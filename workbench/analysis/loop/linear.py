@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +15,18 @@ from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.analysis.loop.margins import Margins, margins_of
 from workbench.analysis.loop.stability import Stability, stability_of
 from workbench.core.linear import Complex, LinearPart
+from workbench.core.poles import natural_frequency_hz
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
-__all__ = ["LinearLoop", "linear_loop"]
+__all__ = ["MANY", "LinearLoop", "linear_loop"]
 
+MANY = 200  # frequencies that show a loop
 _REST = 1e-6  # a derivative above this part of (value + 1) is motion
 
 
 @dataclass(frozen=True, eq=False)
-class LinearLoop:
+class LinearLoop(Part):
     """A loop at an operating point.
 
     Attributes:
@@ -34,10 +38,41 @@ class LinearLoop:
     """
 
     lin: LinResult
-    transfer: LinearPart
+    transfer: LinearPart = field(metadata=entry(inline=True))
     stability: Stability
     margins: Margins
     notes: tuple[str, ...]
+
+    def derived(self) -> dict[str, Any]:
+        """Return the method, and the loop with its sensitivities over frequency."""
+        f = self.frequencies()
+        response = self.response(f)
+        return {
+            "method": self.lin.method,
+            "why": self.lin.why,
+            "state_names": self.lin.state_names,
+            "frequency_hz": f,
+            "gain": np.abs(response),
+            "phase_deg": np.degrees(np.unwrap(np.angle(response))),
+            "sensitivity": np.abs(1.0 / (1.0 + response)),
+            "complementary": np.abs(response / (1.0 + response)),
+        }
+
+    def frequencies(self, count: int = MANY) -> Floats:
+        """Return frequencies that show the linear loop, shape (count,), rising [Hz].
+
+        Args:
+            count: how many.
+        """
+        transfer = self.transfer
+        poles = np.concatenate([transfer.continuous_poles, transfer.sensitivity().continuous_poles])
+        every = np.concatenate([natural_frequency_hz(poles), self.margins.crossovers_hz])
+        every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
+        if not len(every):
+            every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
+        high = min(every.max() * 10.0, transfer.highest_hz * (1.0 - 1e-6))
+        band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
+        return band
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Return L at frequencies [Hz], shape (k,)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,13 @@ from workbench.analysis.loop.crossings import gain_crossings, real_crossings
 from workbench.analysis.loop.peak import peak
 from workbench.analysis.loop.stability import BORDER, UNSTABLE, stability_of
 from workbench.core.linear import LinearPart
+from workbench.core.record import Part, entry
 
 __all__ = ["DiskMargin", "GainCrossover", "Margins", "PhaseCrossover", "disk_of", "margins_of"]
 
 
 @dataclass(frozen=True)
-class PhaseCrossover:
+class PhaseCrossover(Part):
     """A frequency at which L is real and negative: a factor on the gain alone brings the loop to the border there.
 
     Attributes:
@@ -27,9 +28,13 @@ class PhaseCrossover:
         upwards: L crosses the negative real axis from below to above as the frequency rises.
     """
 
-    frequency_hz: float
+    frequency_hz: float = field(metadata=entry(null=math.inf))
     factor: float
     upwards: bool = True
+
+    def derived(self) -> dict[str, Any]:
+        """Return the factor in decibels."""
+        return {"db": self.db}
 
     @property
     def db(self) -> float:
@@ -75,13 +80,13 @@ class DiskMargin:
 
     alpha: float
     low: float
-    high: float
+    high: float = field(metadata=entry(null=math.inf))
     phase_deg: float
     frequency_hz: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Margins:
+class Margins(Part):
     """Margins of one loop transfer. Of a closed loop that is not stable they mean nothing: single numbers are NaN then.
 
     The crossovers are facts of L and stand here whether the closed loop is stable or not.
@@ -99,11 +104,11 @@ class Margins:
         everywhere: all frequencies were looked at; else what was not found is not known: NaN in place of infinity.
     """
 
-    verdict: str
+    verdict: str = field(metadata=entry(key="closed_loop"))
     words: str
     phase_crossovers: tuple[PhaseCrossover, ...]
     gain_crossovers: tuple[GainCrossover, ...]
-    disk: DiskMargin | None
+    disk: DiskMargin | None = field(metadata=entry(key="disk_margin"))
     peak_sensitivity: float
     peak_sensitivity_hz: float
     peak_complementary: float
@@ -175,24 +180,13 @@ class Margins:
     def _if(self, value: float) -> float:
         return value if self.meaningful else math.nan
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the margins in single numbers."""
         single = (
             "gain_margin", "gain_margin_db", "gain_reduction", "gain_reduction_db", "phase_crossover_hz",
             "phase_margin_deg", "gain_crossover_hz", "delay_margin_s",
         )  # fmt: skip
-        peaks = ("peak_sensitivity", "peak_sensitivity_hz", "peak_complementary", "peak_complementary_hz")
-        return {
-            "closed_loop": self.verdict,
-            "words": self.words,
-            **{name: _plain(getattr(self, name)) for name in single},
-            "disk_margin": None if self.disk is None else {k: _plain(v) for k, v in vars(self.disk).items()},
-            **{name: _plain(getattr(self, name)) for name in peaks},
-            "phase_crossovers": [
-                {"frequency_hz": _plain(c.frequency_hz), "factor": c.factor, "db": c.db} for c in self.phase_crossovers
-            ],
-            "gain_crossovers": [vars(c) for c in self.gain_crossovers],
-        }
+        return {name: getattr(self, name) for name in single}
 
 
 def margins_of(loop: LinearPart) -> Margins:
@@ -264,7 +258,3 @@ def _size(loop: LinearPart, frequencies: Sequence[float]) -> float:
 
 def _db(factor: float) -> float:
     return 20.0 * math.log10(factor) if factor > 0.0 else -math.inf if factor == 0.0 else math.nan
-
-
-def _plain(value: float) -> float | None:
-    return value if math.isfinite(value) else None

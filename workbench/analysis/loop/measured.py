@@ -9,13 +9,14 @@ import numpy as np
 
 from workbench.analysis.loop.margins import Margins
 from workbench.core.linear import Complex
+from workbench.core.record import Part
 from workbench.session.base import Floats
 
 __all__ = ["LoopCurve", "LoopPoint"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopPoint:
+class LoopPoint(Part):
     """L at one frequency and one amplitude.
 
     Attributes:
@@ -52,19 +53,17 @@ class LoopPoint:
     def __str__(self) -> str:
         return f"{self.frequency_hz:.4g} Hz"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return gain and phase."""
         value = self.value
         return {
-            **{k: v for k, v in vars(self).items() if k not in ("value", "harmonics")},
             "gain": None if value is None else abs(value),
             "phase_deg": None if value is None else float(np.degrees(np.angle(value))),
-            "harmonics": list(self.harmonics),
         }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoopCurve:
+class LoopCurve(Part):
     """L over frequency at one amplitude.
 
     Attributes:
@@ -95,13 +94,3 @@ class LoopCurve:
     def failed(self) -> tuple[LoopPoint, ...]:
         """The points without a value."""
         return tuple(p for p in self.points if p.value is None)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "how": self.how,
-            "amplitude": self.amplitude,
-            "points": [p.to_dict() for p in self.points],
-            "margins": self.margins.to_dict(),
-            "notes": list(self.notes),
-        }

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.analysis.loop.linear import LinearLoop
+from workbench.analysis.loop.linear import MANY, LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
-from workbench.core.operating_point import OperatingPoint, point_in_json
-from workbench.core.poles import natural_frequency_hz
-from workbench.core.record import Record
+from workbench.core.operating_point import OperatingPoint
+from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -27,7 +26,6 @@ _COLUMNS = (
     "how", "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "sensitivity", "complementary", "mean",
     "thd_passed", "thd_returned", "injected", "balance", "status", "failed",
 )  # fmt: skip
-_MANY = 200
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,10 +50,12 @@ class LoopResult(Record):
     place: Place
     value: float
     linear: LinearLoop | None
-    curves: tuple[LoopCurve, ...] = ()
+    curves: tuple[LoopCurve, ...] = field(default=(), metadata=entry(key="measured"))
     why: str = ""
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
+
+    _WHAT, _COMMAND = "a loop", "loop"
 
     @property
     def margins(self) -> Margins:
@@ -107,57 +107,23 @@ class LoopResult(Record):
             raise InputError(f"curve: {'several fit' if found else 'no such one'}; measured: {known}")
         return found[0]
 
-    def frequencies(self, count: int = _MANY) -> Floats:
+    def frequencies(self, count: int = MANY) -> Floats:
         """Return frequencies that show the linear loop, shape (count,), rising [Hz].
 
         Args:
             count: how many.
         """
-        transfer = self._linear().transfer
-        poles = np.concatenate([transfer.continuous_poles, transfer.sensitivity().continuous_poles])
-        every = np.concatenate([natural_frequency_hz(poles), self._linear().margins.crossovers_hz])
-        every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
-        if not len(every):
-            every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
-        high = min(every.max() * 10.0, transfer.highest_hz * (1.0 - 1e-6))
-        band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
-        return band
+        return self._linear().frequencies(count)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the place in words."""
+        place = self.place
         return {
             "model": self.system,
-            "at": self.place.source,
-            "connections": [f"{self.place.source} -> {d}" for d in self.place.destinations],
-            "unit": self.place.unit,
-            "value": self.value,
+            "at": place.source,
+            "connections": [f"{place.source} -> {d}" for d in place.destinations],
+            "unit": place.unit,
             "convention": "negative feedback: L is minus the return ratio, the closed loop is 1/(1 + L)",
-            "linear": None if self.linear is None else self._linear_dict(self.linear),
-            "measured": [c.to_dict() for c in self.curves],
-            "why": self.why,
-            "notes": list(self.notes),
-            **point_in_json(self.operating_point),
-        }
-
-    def _linear_dict(self, linear: LinearLoop) -> dict[str, Any]:
-        f, transfer = self.frequencies(), linear.transfer
-        response = linear.response(f)
-        return {
-            "method": linear.lin.method,
-            "why": linear.lin.why,
-            "dt": transfer.dt,
-            "A": transfer.A.tolist(),
-            "B": transfer.B.tolist(),
-            "C": transfer.C.tolist(),
-            "D": transfer.D.tolist(),
-            "state_names": list(linear.lin.state_names),
-            "stability": linear.stability.to_dict(),
-            "margins": linear.margins.to_dict(),
-            "frequency_hz": f.tolist(),
-            "gain": np.abs(response).tolist(),
-            "phase_deg": np.degrees(np.unwrap(np.angle(response))).tolist(),
-            "sensitivity": np.abs(1.0 / (1.0 + response)).tolist(),
-            "complementary": np.abs(response / (1.0 + response)).tolist(),
         }
 
     def rows(self) -> Iterator[Sequence[Any]]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.poles import sides
+from workbench.core.record import Part, entry
 
 __all__ = ["Stability", "stability_of"]
 
@@ -20,7 +20,7 @@ _SAME = 1e-6  # an open and a closed pole as near as this, relative, are one
 
 
 @dataclass(frozen=True, eq=False)
-class Stability:
+class Stability(Part):
     """A loop's poles, closed and open.
 
     Attributes:
@@ -33,24 +33,14 @@ class Stability:
 
     verdict: str
     poles: Complex
-    open_unstable: int
-    unstable: int
+    open_unstable: int = field(metadata=entry(key="open_unstable_poles"))
+    unstable: int = field(metadata=entry(key="unstable_poles"))
     words: str
 
     @property
     def stable(self) -> bool:
         """Whether margins mean anything."""
         return self.verdict == STABLE
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        return {
-            "verdict": self.verdict,
-            "words": self.words,
-            "poles": [[p.real, p.imag] for p in self.poles.tolist()],
-            "unstable_poles": self.unstable,
-            "open_unstable_poles": self.open_unstable,
-        }
 
 
 def stability_of(loop: LinearPart) -> Stability:

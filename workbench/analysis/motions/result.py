@@ -9,7 +9,7 @@ from typing import Any
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.units import Shown
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.record import Record
+from workbench.core.record import Record, entry, plain
 from workbench.session.base import Floats
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
@@ -29,7 +29,7 @@ class Motion:
     system: str
     signal: str
     window: int
-    measure: Measure
+    measure: Measure = field(metadata=entry(inline=True))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,8 +43,8 @@ class MotionHistory:
     """
 
     system: str
-    time: Floats
-    values: Mapping[str, Floats]
+    time: Floats = field(metadata=entry(dims=("time",), unit="s"))
+    values: Mapping[str, Floats] = field(metadata=entry(dims=("time",)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ class MotionComparison(Record):
     windows: tuple[tuple[float, float], ...]
     units: Mapping[str, str | None]
     shown: Mapping[str, Shown]
-    motions: tuple[Motion, ...]
+    motions: tuple[Motion, ...] = field(metadata=entry(kept=False))
     histories: tuple[MotionHistory, ...]
     failed: tuple[MotionFailed, ...]
     inputs: Mapping[str, str]
@@ -118,30 +118,14 @@ class MotionComparison(Record):
         own, first = self.measure(system, signal, window), self.measure(self.systems[0], signal, window)
         return own.peak / first.peak if own is not None and first is not None and first.peak > 0.0 else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; the records are not in it."""
-        return {
-            "systems": list(self.systems),
-            "models": list(self.models),
-            "signals": list(self.signals),
-            "windows": [list(w) for w in self.windows],
-            "units": dict(self.units),
-            "shown": {s: vars(u) for s, u in self.shown.items()},
-            "inputs": dict(self.inputs),
-            "stop": self.stop,
-            "motions": [self._entry(m) for m in self.motions],
-            "failed": [dict(vars(f)) for f in self.failed],
-            "operating_points": {n: None if p is None else p.to_dict() for n, p in self.operating_points.items()},
-            "notes": list(self.notes),
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the motions in the units they are shown in, too."""
+        return {"motions": [self._entry(m) for m in self.motions]}
 
     def _entry(self, m: Motion) -> dict[str, Any]:
         factor = self.shown[m.signal].factor
         return {
-            "system": m.system,
-            "signal": m.signal,
-            "window": m.window,
-            **m.measure.to_dict(),
+            **plain(m),
             "peak_shown": factor * m.measure.peak,
             "rms_shown": factor * m.measure.rms,
             "peak_ratio": self.ratio(m.system, m.signal, m.window),

@@ -36,7 +36,7 @@ class Crossing(Part):
             the describing function supposes that it is small. None: not known.
     """
 
-    frequency_hz: float
+    frequency_hz: float = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
     real: float
     imag: float = 0.0
     gain: float
@@ -66,7 +66,7 @@ class NyquistResult(Record):
     name: str
     block: str
     frequency_hz: Floats
-    response: Complex = field(metadata=entry(kept=False))
+    response: Complex = field(metadata=entry(kept=False, dims=("frequency_hz",)))
     crossings: tuple[Crossing, ...]
     amplitude: Floats
     minus_inverse: Complex

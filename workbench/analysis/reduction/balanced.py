@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -54,10 +54,6 @@ class BalancedReduction(Record):
     def to_ss(self) -> control.StateSpace:
         """Return the reduced system for python-control."""
         return self.part.to_state_space()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON; the matrices are left out."""
-        return {k: v for k, v in vars(self).items() if k not in {"part", "hankel"}} | {"hankel": self.hankel.tolist()}
 
 
 @with_origin()

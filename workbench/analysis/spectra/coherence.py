@@ -51,7 +51,7 @@ class Coherence(Record):
     ordinary: Floats = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names"), named=True))
     multiple: Floats = field(metadata=entry(dims=("frequency_hz", "output_names"), named=True))
     response: Complex = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names")))
-    input_density: Floats
+    input_density: Floats = field(metadata=entry(dims=("frequency_hz", "input_names")))
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     settings: WindowSettings

@@ -35,7 +35,7 @@ class SpectralDensity(Record):
 
     name: str
     frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
-    matrix: Complex
+    matrix: Complex = field(metadata=entry(dims=("frequency_hz", "columns", "columns")))
     columns: tuple[str, ...]
     units: tuple[str | None, ...] = field(metadata=entry(kept=False))
     settings: WindowSettings

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.core.record import Record
+from workbench.core.record import Record, entry
 from workbench.session.base import Floats
 
 __all__ = ["SubspaceEstimate"]
@@ -36,7 +36,7 @@ class SubspaceEstimate(Record):
         notes: doubts, one line each.
     """
 
-    model: IdentifiedModel
+    model: IdentifiedModel = field(metadata=entry(inline=True))
     method: str
     basis: str
     biased: bool
@@ -48,7 +48,7 @@ class SubspaceEstimate(Record):
     floor: float
     horizon: int
     stabilised: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=(), metadata=entry(key="estimate_notes"))
 
     def with_model(self, model: IdentifiedModel) -> SubspaceEstimate:
         """Return the same with another model, e.g. one with names.
@@ -58,18 +58,12 @@ class SubspaceEstimate(Record):
         """
         return replace(self, model=model)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON: the model's keys and those of this result."""
-        own = {
-            "method": self.method,
-            "basis": self.basis,
-            "biased": self.biased,
-            "order": self.order,
-            "order_reason": self.order_reason,
-            "order_criterion": [c if math.isfinite(c) else None for c in self.order_criterion.tolist()],
-            "singular_values": self.singular_values.tolist(),
-            "principal_angles_deg": self.principal_angles_deg.tolist(),
-            "horizon": self.horizon,
-            "stabilised": self.stabilised,
-        }
-        return {**self.model.to_dict(), **own, "notes": [*self.model.notes, *self.notes]}
+    def derived(self) -> dict[str, Any]:
+        """Return all notes."""
+        notes = self.model.notes
+        return {"model_notes": notes, "notes": (*notes, *self.notes)}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the notes of the model apart from those of the estimate."""
+        return {**data, "notes": data["model_notes"]}

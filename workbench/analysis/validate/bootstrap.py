@@ -46,7 +46,7 @@ class PoleBootstrap(Record):
     """
 
     regions: tuple[PoleRegion, ...]
-    replicates: Complex = field(metadata=entry(key="replicate_poles"))
+    replicates: Complex = field(metadata=entry(key="replicate_poles", dims=("replicate", "pole")))
     confidence: float
     joint: bool
     block: int

@@ -31,9 +31,9 @@ class CrossCorrelation(Part):
     """
 
     lags: Floats
-    values: Floats = field(metadata=entry(kept=False))
-    band: Floats
-    band_all: Floats
+    values: Floats = field(metadata=entry(kept=False, dims=("lags", "output", "input")))
+    band: Floats = field(metadata=entry(dims=("output", "input")))
+    band_all: Floats = field(metadata=entry(dims=("output", "input")))
     p_negative: float
     p_positive: float
 

@@ -87,8 +87,8 @@ class Overlay(Record):
     name: str
     input: str
     output: str
-    frequency_hz: Floats
-    curves: Mapping[str, Complex] = field(metadata=entry(kept=False))
+    frequency_hz: Floats = field(metadata=entry(dims=("frequency_hz",), unit="Hz"))
+    curves: Mapping[str, Complex] = field(metadata=entry(kept=False, dims=("frequency_hz",)))
     measured: NfrResult | None
     amplitude: float
     reference: str

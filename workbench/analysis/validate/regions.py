@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.record import Part
+from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
 __all__ = ["PoleRegion", "pole_regions"]
@@ -38,7 +38,7 @@ class PoleRegion(Part):
     pole: complex
     spread: float
     bias: complex
-    shape: Floats
+    shape: Floats = field(metadata=entry(dims=(2, 2)))
     on_axis: bool
     determined: bool
 

@@ -34,8 +34,8 @@ class Residuals(Part):
     """
 
     kind: str
-    computed: Floats
-    residual: Floats
+    computed: Floats = field(metadata=entry(dims=("sample", "output")))
+    residual: Floats = field(metadata=entry(dims=("sample", "output")))
     fits: tuple[Fit, ...]
     autocorrelation: Autocorrelation | None
     cross: CrossCorrelation | None = field(metadata=entry(key="cross_correlation"))
@@ -49,6 +49,11 @@ class Residuals(Part):
             return (*(f"{self.kind}: {text}" for text in (*fits, self.remark)),)
         tests = (self.autocorrelation.words, *self.cross.words)
         return (*(f"{self.kind}: {text}" for text in (*fits, *tests)),)
+
+    @property
+    def tests(self) -> dict[str, Any]:
+        """Fits, correlations and verdicts by their keys in JSON, without the time histories."""
+        return {key: held for key, held in self.to_dict().items() if key not in ("computed", "residual")}
 
     def derived(self) -> dict[str, Any]:
         """Return the verdict."""

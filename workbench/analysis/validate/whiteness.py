@@ -32,7 +32,7 @@ class Autocorrelation(Part):
     """
 
     lags: Floats
-    values: Floats = field(metadata=entry(kept=False))
+    values: Floats = field(metadata=entry(kept=False, dims=("lags", "output")))
     band: float
     outside: tuple[int, ...]
     statistic: float
