@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tests.fakes import FakeModel, Rows, SampledSession, lag, linear
 from workbench.analysis.nfr.frequency_grid import frequency_grid, geometric_band
 from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult, follow_phase
+from workbench.analysis.nfr.result import NfrResult
+from workbench.core.response import follow_phase
 from workbench.errors import InputError, SimulationError
 from workbench.plotting.figure import save
 from workbench.session.base import Floats

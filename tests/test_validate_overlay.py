@@ -11,10 +11,11 @@ from scipy.linalg import expm
 
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import Intersample, LinResult
-from workbench.analysis.nfr.result import NfrResult, follow_phase
+from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.validate import Overlay, overlay
 from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.response import follow_phase
 from workbench.errors import InputError
 from workbench.plotting.identify import plot_order, plot_poles
 from workbench.session.base import Floats

@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
 
+from workbench.core.response import decibels
 from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.response import plain_decades
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -84,8 +86,8 @@ def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
         f, e = result.frequency_hz[known], error[known]
         style: dict[str, Any] = {"ecolor": COLOURS[i % len(COLOURS)], "fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
         # The true response is the measured one over 1 + e·exp(jφ), with any φ.
-        below = 20.0 * np.log10(1.0 + e)
-        above = -20.0 * np.log10(np.maximum(1.0 - e, _FLOOR))
+        below = decibels(1.0 + e)
+        above = -decibels(np.maximum(1.0 - e, _FLOOR))
         gain.errorbar(f, result.gain_db[i][known], yerr=np.array([below, above]), **style)
         turned = np.degrees(np.arcsin(np.minimum(e, 1.0)))
         phase.errorbar(f, result.phase_deg[i][known], yerr=np.where(e < 1.0, turned, 180.0), **style)
@@ -120,12 +122,11 @@ def _open_up(ax: Axes, values: Floats, least: float) -> None:
 
 
 def _frequency_axis(ax: Axes, frequency: Floats) -> None:
-    ax.set_xscale("log")
+    plain_decades(ax)
     low, high = float(frequency[0]), float(frequency[-1])
     margin = (high / low) ** 0.03 if high > low else 1.5
     ax.set_xlim(low / margin, high * margin)
     ax.set_xlabel("frequency [Hz]")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     if high / low < 4.0:
         # Less than a decade has no or one power of ten in it: let the minor ticks speak, too.
         ax.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0, 0.5))))

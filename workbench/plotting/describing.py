@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.core.response import degrees
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import ABOVE, panels
 
@@ -39,7 +40,7 @@ def plot_describing(result: DescribingFunction, path: str | Path | None = None) 
         style: dict[str, Any] = {"color": COLOURS[j % len(COLOURS)], "linewidth": 1.4}
         n = result.gain[:, j]
         size.semilogx(result.amplitude, np.abs(n), label=label, **style)
-        phase.semilogx(result.amplitude, np.where(n == 0.0, np.nan, np.degrees(np.angle(n))), **style)
+        phase.semilogx(result.amplitude, np.where(n == 0.0, np.nan, degrees(n)), **style)
         plane.plot(inverse[:, j].real, inverse[:, j].imag, **style)
         _ends(plane, result.amplitude, inverse[:, j])
     _harmonics(harmonics, result)

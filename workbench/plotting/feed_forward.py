@@ -11,9 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator
 
+from workbench.core.response import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.plotting.figure import COLOURS, label, save
 from workbench.plotting.panels import ABOVE, LEGEND, panels
+from workbench.plotting.response import plain_decades
 
 if TYPE_CHECKING:
     from workbench.analysis.describing.base import Complex, Floats
@@ -159,8 +161,7 @@ def _gain(ax: Axes, result: FeedForwardResult, curves: list[Curve], *, name: str
     name = name or (f"gain [dB of {out}/({into})]" if into and out else "gain [dB]")
     top = -np.inf
     for number, (text, value, dash) in enumerate(curves):
-        with np.errstate(all="ignore"):
-            db = 20.0 * np.log10(np.abs(value))
+        db = decibels(value)
         top = max(top, float(np.max(db[np.isfinite(db)], initial=-np.inf)))
         ax.plot(result.frequency_hz, np.maximum(db, top - _FLOOR_DB), dash, label=text, **_line(number, dash))
     _shade(ax, result)
@@ -173,7 +174,7 @@ def _phase(ax: Axes, result: FeedForwardResult, curves: list[Curve]) -> None:
     inside = (result.frequency_hz >= result.band[0]) & (result.frequency_hz <= result.band[1])
     first: Floats | None = None
     for number, (_, value, dash) in enumerate(curves):
-        angle = np.degrees(np.unwrap(np.angle(value)))
+        angle = unwrapped(value)
         first = angle - 360.0 * np.round(angle[0] / 360.0) if first is None else first
         angle -= 360.0 * np.round(np.median((angle - first)[inside]) / 360.0)
         ax.plot(result.frequency_hz, angle, dash, **_line(number, dash))
@@ -185,9 +186,9 @@ def _phase(ax: Axes, result: FeedForwardResult, curves: list[Curve]) -> None:
 
 def _wrapped(value: Complex) -> Floats:
     """Return the phase between −180° and 180°, broken where it jumps from one to the other."""
-    angle = np.angle(value, deg=True)
+    angle = degrees(value)
     angle[1:][np.abs(np.diff(angle)) > 270.0] = np.nan
-    return np.asarray(angle, dtype=np.float64)
+    return angle
 
 
 def _line(number: int, dash: str) -> dict[str, Any]:
@@ -200,9 +201,8 @@ def _shade(ax: Axes, result: FeedForwardResult) -> None:
 
 
 def _frequency(ax: Axes, result: FeedForwardResult) -> None:
-    ax.set_xscale("log")
+    plain_decades(ax)
     ax.set_xlim(float(result.frequency_hz[0]), float(result.frequency_hz[-1]))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.set_xlabel("frequency [Hz]; grey: outside the band of the filter")

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, rows, save
+from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.result import LinResult
 
-__all__ = ["bode_labels", "frequency_band", "plot_curves", "plot_lin", "unwrapped"]
+__all__ = ["frequency_band", "plot_curves", "plot_lin"]
 
 _POINTS = 400
-_JUMP = 100.0  # [deg], as for a nonlinear frequency response
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -47,7 +47,7 @@ def plot_lin(result: LinResult, path: str | Path | None = None) -> Figure:
     for j, source in enumerate(result.input_names):
         for i, target in enumerate(result.output_names):
             style = _style(i, j)
-            _curve(axes[0], axes[1], frequency, response[:, i, j], style)
+            draw_response(axes[0], axes[1], Response(frequency, response[:, i, j]), **style)
             draw: Any = step.step if result.dt > 0.0 else step.plot
             extra = {"where": "post"} if result.dt > 0.0 else {}
             draw(time, outputs[:, i, j], label=f"{source} → {target}", **style, **extra)
@@ -75,24 +75,13 @@ def plot_curves(named: Sequence[tuple[str, LinResult]], path: str | Path | None 
     frequency = frequency_band(results)
     for number, (label, result) in enumerate(named):
         style = {**_style(number, number // len(COLOURS)), "label": label}
-        _curve(axes[0], axes[1], frequency, result.response(frequency)[:, 0, 0], style)
+        draw_response(axes[0], axes[1], Response(frequency, result.response(frequency)[:, 0, 0]), **style)
     _finish(axes, frequency)
     if named:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
     if path is not None:
         save(figure, path)
     return figure
-
-
-def bode_labels(axes: Sequence[Axes]) -> None:
-    """Label two axes as gain and phase over a logarithmic frequency."""
-    axes[0].set_ylabel("gain [dB]")
-    axes[1].set_ylabel("phase [deg]")
-    axes[1].set_xlabel("frequency [Hz]")
-    for ax in axes[:2]:
-        ax.set_xscale("log")
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def frequency_band(results: Sequence[LinResult]) -> Floats:
@@ -113,30 +102,12 @@ def _corners(result: LinResult) -> list[float]:
     return [float(f) for f in sizes if f > 1e-6] or ([0.05 / result.dt] if result.dt > 0.0 else [])
 
 
-def unwrapped(response: np.ndarray[Any, Any]) -> Floats:
-    """Return the phase without jumps [deg]; half a turn at once counts as a fall, as in measured responses."""
-    phase = np.full(len(response), np.nan)
-    good = np.isfinite(response) & (np.abs(response) > 0.0)
-    angle = np.degrees(np.unwrap(np.angle(response[good])))
-    jumps = np.diff(angle, prepend=angle[:1]) > _JUMP
-    phase[good] = angle - 360.0 * np.cumsum(jumps)
-    return phase
-
-
 def _style(i: int, j: int) -> dict[str, Any]:
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": _DASHES[j % len(_DASHES)], "linewidth": 1.3}
 
 
-def _curve(gain: Axes, phase: Axes, frequency: Floats, response: np.ndarray[Any, Any], style: dict[str, Any]) -> None:
-    if not np.any(np.abs(response) > 0.0):
-        return
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain.plot(frequency, 20.0 * np.log10(np.abs(response)), **style)
-    phase.plot(frequency, unwrapped(response), **style)
-
-
 def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
-    bode_labels(axes)
+    bode_axes(axes)
     for ax in axes[:2]:
         ax.set_xlim(float(frequency[0]), float(frequency[-1]))
 

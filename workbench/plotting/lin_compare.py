@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, label, rows, save
-from workbench.plotting.lin import bode_labels, frequency_band, unwrapped
+from workbench.plotting.lin import frequency_band
+from workbench.plotting.response import bode_axes, draw_response
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.compare import LinComparison
@@ -41,9 +43,7 @@ def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -
             "linestyle": _DASHES[number % 4],
             "linewidth": 1.5,
         }
-        with np.errstate(divide="ignore"):
-            axes[0].plot(shown, 20.0 * np.log10(np.abs(response)), label=name, **style)
-        axes[1].plot(shown, unwrapped(response), **style)
+        draw_response(axes[0], axes[1], Response(shown, response), label=name, **style)
     if measured is not None:
         settled = f"measured, amplitude {measured.amplitude[0]:g}"
         for marker, chosen in (("o", ~measured.averaged[0]), ("^", measured.averaged[0])):
@@ -53,7 +53,7 @@ def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -
             if chosen.any():
                 axes[0].plot(at, measured.gain_db[0][chosen], marker, label=text, **style)
                 axes[1].plot(at, measured.phase_deg[0][chosen], marker, **style)
-    bode_labels(axes)
+    bode_axes(axes)
     axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
     if path is not None:
         save(figure, path)

@@ -12,10 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
+from matplotlib.ticker import MultipleLocator, NullFormatter
 
+from workbench.core.response import Response, decibels
 from workbench.plotting.figure import COLOURS, save
 from workbench.plotting.panels import LEGEND, LINE, panels
+from workbench.plotting.response import draw_response, plain_decades
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.margins import Margins
@@ -90,31 +92,18 @@ def _curve(grid: list[list[Axes]], s: _Shown) -> None:
     if not len(s.frequency):
         return
     gain, phase, nyquist, sensitivity = grid[0][0], grid[1][0], grid[0][1], grid[1][1]
-    gain.plot(s.frequency, _db(s.value), label=s.label, **s.style)
-    phase.plot(s.frequency, _phase(s.value), **s.style)
+    draw_response(gain, phase, Response(s.frequency, s.value), label=s.label, **s.style)
     nyquist.plot(s.value.real, s.value.imag, **s.style)
     plain = {**s.style, "marker": ""}
-    sensitivity.plot(s.frequency, _db(1.0 / (1.0 + s.value)), **plain)
-    sensitivity.plot(s.frequency, _db(s.value / (1.0 + s.value)), **{**plain, "linestyle": ":"})
-
-
-def _db(value: Complex) -> Floats:
-    with np.errstate(divide="ignore"):
-        db: Floats = 20.0 * np.log10(np.abs(value))
-    return db
-
-
-def _phase(value: Complex) -> Floats:
-    """Return the phase without jumps, begun in (-270°, 90°] [deg]."""
-    angle: Floats = np.degrees(np.unwrap(np.angle(value)))
-    return angle - 360.0 if len(angle) and angle[0] > 90.0 else angle
+    sensitivity.plot(s.frequency, decibels(1.0 / (1.0 + s.value)), **plain)
+    sensitivity.plot(s.frequency, decibels(s.value / (1.0 + s.value)), **{**plain, "linestyle": ":"})
 
 
 def _bode(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
     gain.set_ylabel("|L| [dB]")
     phase.set_ylabel("arg L [deg]")
     gain.axhline(0.0, color=_GREY, linewidth=0.8)
-    top, bottom = _span([_db(s.value) for s in shown])
+    top, bottom = _span([decibels(s.value) for s in shown])
     gain.set_ylim(max(bottom, _DEEPEST_DB), min(top, _HIGHEST_DB))
     phase.yaxis.set_major_locator(MultipleLocator(90.0 if np.ptp(phase.get_ylim()) > 200.0 else 45.0))
     low, high = phase.get_ylim()
@@ -144,17 +133,16 @@ def _span(curves: list[Floats]) -> tuple[float, float]:
 def _sensitivities(ax: Axes, shown: list[_Shown]) -> None:
     ax.set_ylabel("|S|, dotted |T| [dB]")
     ax.axhline(0.0, color=_GREY, linewidth=0.8)
-    curves = [_db(1.0 / (1.0 + s.value)) for s in shown]
-    top, _ = _span([*curves, *(_db(s.value / (1.0 + s.value)) for s in shown)])
+    curves = [decibels(1.0 / (1.0 + s.value)) for s in shown]
+    top, _ = _span([*curves, *(decibels(s.value / (1.0 + s.value)) for s in shown)])
     ax.set_ylim(-40.0, min(top, _HIGHEST_DB))
     _frequency(ax, shown)
 
 
 def _frequency(ax: Axes, shown: list[_Shown]) -> None:
     """Show where |L| is not far from 1: three decades around the crossovers at most."""
-    ax.set_xscale("log")
+    plain_decades(ax)
     ax.set_xlabel("frequency [Hz]")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ends = [x for s in shown if len(s.frequency) for x in (s.frequency[0], s.frequency[-1])]
     crossed = [f for s in shown for f in s.margins.crossovers_hz]

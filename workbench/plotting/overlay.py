@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.analysis.nfr.result import follow_phase
+from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, save
-from workbench.plotting.lin import bode_labels
 from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.response import bode_axes, draw_response
 
 if TYPE_CHECKING:
     from workbench.analysis.nfr.result import NfrResult
@@ -40,9 +40,7 @@ def plot_overlay(result: Overlay, path: str | Path | None = None) -> Figure:
     colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(result.curves)}
     for number, (name, response) in enumerate(result.curves.items()):
         style: dict[str, Any] = {"color": colours[name], "linestyle": _DASHES[number % 3], "linewidth": 1.6}
-        with np.errstate(divide="ignore"):
-            axes[0].plot(result.frequency_hz, 20.0 * np.log10(np.abs(response)), label=name, **style)
-        axes[1].plot(result.frequency_hz, follow_phase(response), **style)
+        draw_response(axes[0], axes[1], Response(result.frequency_hz, response), label=name, **style)
     if result.measured is not None:
         _measured(axes, result, result.measured)
     for number, d in enumerate(result.differences):
@@ -71,7 +69,7 @@ def _measured(axes: list[Axes], result: Overlay, nfr: NfrResult) -> None:
 
 
 def _finish(axes: list[Axes], result: Overlay) -> None:
-    bode_labels(axes[:2])
+    bode_axes(axes[:2])
     axes[1].set_xlabel("")
     axes[2].set_ylabel("difference [dB]")
     axes[3].set_ylabel("difference [deg]")

@@ -9,6 +9,7 @@ from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.core.response import degrees
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number, sampled_rows
 from workbench.report.tones import Verdict
@@ -234,7 +235,7 @@ def _frequencies(result: DescribingFunction) -> str:
 
 def _describing_values(result: DescribingFunction) -> Section:
     rows = [
-        (f"{a:.5g}", f"{f:.5g}", f"{abs(n):.6g}", f"{np.degrees(np.angle(n)):.2f}", number(float(h), ".3g"))
+        (f"{a:.5g}", f"{f:.5g}", f"{abs(n):.6g}", f"{float(degrees(n)):.2f}", number(float(h), ".3g"))
         for a, row, harmonics in zip(result.amplitude, result.gain, result.harmonics, strict=True)
         for f, n, h in zip(result.frequency_hz, row, 100.0 * np.max(harmonics[:, 2:], axis=-1), strict=True)
     ]

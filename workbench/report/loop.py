@@ -7,6 +7,7 @@ import math
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.result import LoopResult
+from workbench.core.response import decibels, degrees
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, number, pole_table
 from workbench.report.tones import Verdict
@@ -58,7 +59,7 @@ def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
 def _verdict(where: str, margins: Margins) -> Verdict:
     words = {"stable": "stable", "unstable": "unstable"}
     found = [
-        f"gain margin {20.0 * math.log10(margins.gain_margin):.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
+        f"gain margin {margins.gain_margin_db:.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
         f"phase margin {margins.phase_margin_deg:.3g}°" if math.isfinite(margins.phase_margin_deg) else "",
         f"delay margin {1e3 * margins.delay_margin_s:.3g} ms" if math.isfinite(margins.delay_margin_s) else "",
     ]
@@ -120,7 +121,7 @@ def _crossovers(m: Margins) -> list[Table]:
 def _db(factor: float) -> str:
     if not math.isfinite(factor):
         return _unbounded(factor)
-    return "no lower limit" if factor <= 0.0 else f"{20.0 * math.log10(factor):.4f} dB (factor {factor:.5g})"
+    return "no lower limit" if factor <= 0.0 else f"{float(decibels(factor)):.4f} dB (factor {factor:.5g})"
 
 
 def _unit(value: float, unit: str) -> str:
@@ -145,5 +146,5 @@ def _point(p: LoopPoint) -> tuple[str, ...]:
 
 def _polar(value: complex) -> tuple[str, str, str]:
     size = abs(value)
-    db = f"{20.0 * math.log10(size):.3f}" if size > 0.0 else "–"
-    return f"{size:.5g}", db, f"{math.degrees(math.atan2(value.imag, value.real)):.2f}"
+    db = f"{float(decibels(size)):.3f}" if size > 0.0 else "–"
+    return f"{size:.5g}", db, f"{float(degrees(value)):.2f}"

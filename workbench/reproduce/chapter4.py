@@ -13,10 +13,12 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
+from workbench.core.response import decibels, degrees
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
+from workbench.plotting.response import plain_decades
 from workbench.plotting.time_history import time_history
-from workbench.reproduce.drawings import plain_decades, titled
+from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
 from workbench.reproduce.published_rule import largest_jump, published_response
 from workbench.signals import Sine
@@ -44,7 +46,7 @@ def _truth(linear: LinResult, frequency: Floats) -> Complex:
 def _errors(result: NfrResult, linear: LinResult) -> tuple[float, float]:
     """Return the largest errors of gain [%] and phase [deg]; NaN where a point failed."""
     quotient = result.response[0] / _truth(linear, result.frequency_hz)
-    return 100.0 * float(np.max(np.abs(np.abs(quotient) - 1.0))), float(np.max(np.abs(np.degrees(np.angle(quotient)))))
+    return 100.0 * float(np.max(np.abs(np.abs(quotient) - 1.0))), float(np.max(np.abs(degrees(quotient))))
 
 
 def _lag() -> Measurement:
@@ -53,7 +55,7 @@ def _lag() -> Measurement:
         found = {e: nfr(model, "u", "y", amplitudes=1.0, band=BAND, errcrit=e, workers=HERE) for e in (0.1, 0.001)}
         carried = nfr(model, "u", "y", found[0.1].frequency_hz[::-1], 1.0, carry=True, workers=HERE)
     (gain, phase), (fine_gain, fine_phase) = (_errors(r, linear) for r in found.values())
-    apart = np.degrees(np.angle(carried.response / found[0.1].response))
+    apart = degrees(carried.response / found[0.1].response)
     return Measurement(
         {
             "lag-gain-default": gain,
@@ -72,7 +74,7 @@ def _lag_by_the_rule() -> Measurement:
         truth = _truth(lin(model).result, frequency)
         found = {e: published_response(model, "u", "y", frequency, errcrit=e) for e in (0.1, 0.01, 0.001)}
         ours = nfr(model, "u", "y", frequency, 1.0, workers=HERE)
-    error = {e: np.degrees(np.angle(h / truth)) for e, h in found.items()}
+    error = {e: degrees(h / truth) for e, h in found.items()}
     where, height = largest_jump(frequency, error[0.1])
     return Measurement(
         {"lag-rule-jump": where, "lag-rule-fine": float(np.max(np.abs(error[0.001])))},
@@ -91,8 +93,8 @@ def _lag_by_the_rule() -> Measurement:
 def _draw_rule(frequency: Floats, truth: Complex, found: dict[float, Complex], ours: NfrResult) -> Figure:
     figure, (gain, phase, error) = rows(3, title="Figures 18 and 19: transfer function, settling by the published rule")
     curves = {f"published rule, errcrit {e:g}": h for e, h in found.items()} | {"workbench nfr": ours.response[0]}
-    gain.plot(frequency, _db(truth), color="#222222", linewidth=1.8, label="theory")
-    phase.plot(frequency, np.degrees(np.angle(truth)), color="#222222", linewidth=1.8)
+    gain.plot(frequency, decibels(truth), color="#222222", linewidth=1.8, label="theory")
+    phase.plot(frequency, degrees(truth), color="#222222", linewidth=1.8)
     for number, (name, h) in enumerate(curves.items()):
         style: dict[str, Any] = {
             "color": COLOURS[number],
@@ -100,20 +102,15 @@ def _draw_rule(frequency: Floats, truth: Complex, found: dict[float, Complex], o
             "markersize": 3.5,
             "linewidth": 0.9,
         }
-        gain.plot(frequency, _db(h), label=name, **style)
-        phase.plot(frequency, np.degrees(np.angle(h)), **style)
-        error.plot(frequency, np.degrees(np.angle(h / truth)), **style)
+        gain.plot(frequency, decibels(h), label=name, **style)
+        phase.plot(frequency, degrees(h), **style)
+        error.plot(frequency, degrees(h / truth), **style)
     gain.set_ylabel("gain [dB]")
     phase.set_ylabel("phase [deg]")
     error.set(ylabel="error of the phase [deg]", xlabel="frequency [Hz]")
     plain_decades(error)
     gain.legend(**{**LEGEND, "loc": "lower left"})
     return figure
-
-
-def _db(response: Complex) -> Floats:
-    decibels: Floats = 20.0 * np.log10(np.abs(response))
-    return decibels
 
 
 # ── Example 4-2 ──────────────────────────────────────────────────────────────────────────────────────────────────

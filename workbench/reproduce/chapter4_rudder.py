@@ -9,6 +9,7 @@ from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.response import degrees
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
@@ -89,7 +90,7 @@ def _sweeps() -> Measurement:
 
 def _apart(one: NfrResult, other: NfrResult) -> tuple[float, float]:
     """Return the largest differences of gain [dB] and phase [deg]; NaN where a point failed."""
-    phase = np.degrees(np.angle(one.response / other.response))
+    phase = degrees(one.response / other.response)
     return float(np.max(np.abs(one.gain_db - other.gain_db))), float(np.max(np.abs(phase)))
 
 

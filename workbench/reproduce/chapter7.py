@@ -19,6 +19,7 @@ from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
 from workbench.analysis.validate import Overlay, overlay
+from workbench.core.response import difference
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
@@ -71,8 +72,7 @@ def _linear(frequency: NDArray[np.float64]) -> _Linear:
 
 def _worst(model: LinResult, measured: NfrResult) -> tuple[float, float]:
     """Return the largest differences in gain [dB] and phase [deg] between a linear model and what was measured."""
-    quotient = model.response(measured.frequency_hz)[:, 0, 0] / measured.response[0]
-    gain, phase = 20.0 * np.log10(np.abs(quotient)), np.degrees(np.angle(quotient))
+    gain, phase = difference(model.response(measured.frequency_hz)[:, 0, 0], measured.response[0])
     return float(np.max(np.abs(gain))), float(np.max(np.abs(phase)))
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 
-__all__ = ["draw_loop", "draw_secants", "draw_steps", "plain_decades", "titled"]
+__all__ = ["draw_loop", "draw_secants", "draw_steps", "titled"]
 
 Floats = NDArray[np.float64]
 
@@ -31,16 +29,6 @@ def titled(figure: Figure, title: str) -> Figure:
         figure.axes[0].set_title("")
         figure.axes[0].set_title(title, loc="left", fontweight="bold", fontsize=11.0)
     return figure
-
-
-def plain_decades(ax: Axes) -> None:
-    """Make the horizontal axis logarithmic, its labels plain numbers.
-
-    Args:
-        ax: the axes.
-    """
-    ax.set_xscale("log")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def draw_secants(

@@ -13,6 +13,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
+from workbench.core.response import degrees
 from workbench.model import Model
 from workbench.signals import Sine
 from workbench.system.load import load
@@ -84,7 +85,7 @@ class Trial:
     @property
     def phase_shift(self) -> float:
         """Phase of the linear model less that of the law [deg]."""
-        return float(np.degrees(np.angle(self.linear.fundamental / self.law.fundamental)))
+        return float(degrees(self.linear.fundamental / self.law.fundamental))
 
     @property
     def gain_ratio(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.core.record import Part
+from workbench.core.response import difference
 
 __all__ = ["FilterStep", "Judge"]
 
@@ -69,9 +70,7 @@ class Judge:
         """
         inside = (self.frequency >= self.band[0]) & (self.frequency <= self.band[1])
         f = self.frequency[inside]
-        with np.errstate(all="ignore"):
-            ratio = (response * self.g / self.h)[inside]
-            gain, phase = np.abs(20.0 * np.log10(np.abs(ratio))), np.abs(np.angle(ratio, deg=True))
+        gain, phase = (np.abs(d) for d in difference((response * self.g)[inside], self.h[inside]))
         i, j = _peak(gain), _peak(phase)
         left = np.abs(self.g * response - self.h)[inside]
         return FilterStep(

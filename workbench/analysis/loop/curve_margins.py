@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
 
 from workbench.analysis.loop.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.analysis.loop.stability import BORDER, STABLE, UNKNOWN, UNSTABLE, Stability
 from workbench.core.linear import Complex
+from workbench.core.response import Response
 from workbench.session.base import Floats
 
 __all__ = ["curve_margins"]
@@ -33,10 +30,10 @@ def curve_margins(
         linear: margins of the linear loop at the operating point, if known.
         stability: of that loop.
     """
-    curve = _Curve(frequency_hz, value)
-    phase = tuple(curve.phase_crossovers())
+    curve = Response(frequency_hz, value)
+    phase = tuple(PhaseCrossover(f, 1.0 / abs(complex(curve.between(f))), up) for f, up in curve.phase_crossings())
     verdict, words = _verdict(phase, frequency_hz, linear, stability)
-    grid, fine = curve.fine()
+    grid, fine = (finer := curve.finer(_FINE)).frequency_hz, finer.value
     s, difference, t = (np.abs(x) for x in (1.0 / (1.0 + fine), (1.0 - fine) / (1.0 + fine), fine / (1.0 + fine)))
     at = {name: _top(grid, x) for name, x in (("s", s), ("d", difference), ("t", t))}
     stable = verdict in (STABLE, UNKNOWN) and len(grid) > 0
@@ -44,7 +41,7 @@ def curve_margins(
         verdict=verdict,
         words=words,
         phase_crossovers=phase,
-        gain_crossovers=tuple(curve.gain_crossovers()),
+        gain_crossovers=tuple(GainCrossover.of(f, complex(curve.between(f))) for f in curve.gain_crossings()),
         disk=disk_of(*at["d"]) if stable else None,
         peak_sensitivity=at["s"][0],
         peak_sensitivity_hz=at["s"][1],
@@ -52,59 +49,6 @@ def curve_margins(
         peak_complementary_hz=at["t"][1],
         everywhere=False,
     )
-
-
-class _Curve:
-    """Log gain and unwrapped phase over log frequency, monotone between the points (no overshoot of its own)."""
-
-    def __init__(self, frequency_hz: Floats, value: Complex) -> None:
-        good = np.isfinite(value) & (np.abs(value) > 0.0)
-        self.x = np.log(frequency_hz[good])
-        self.gain = np.log(np.abs(value[good]))
-        self.phase = np.unwrap(np.angle(value[good]))
-
-    def _interpolant(self, y: Floats) -> Callable[[float], float]:
-        made = PchipInterpolator(self.x, y)
-        return lambda x: float(made(x))
-
-    def _roots(self, y: Floats, level: float) -> list[float]:
-        """Return where y crosses a level: x."""
-        if len(self.x) < 2:
-            return []
-        between = self._interpolant(y - level)
-        v = y - level
-        crossed = np.flatnonzero((v[:-1] < 0.0) != (v[1:] < 0.0))
-        return [self._root(between, float(self.x[i]), float(self.x[i + 1])) for i in crossed]
-
-    def _root(self, between: Callable[[float], float], a: float, b: float) -> float:
-        # A value of exactly 0 at an end is no change of sign there.
-        if between(a) == 0.0 or between(b) == 0.0:
-            return a if between(a) == 0.0 else b
-        return float(brentq(between, a, b, xtol=1e-12))
-
-    def at(self, x: float) -> complex:
-        return complex(np.exp(self._interpolant(self.gain)(x) + 1j * self._interpolant(self.phase)(x)))
-
-    def gain_crossovers(self) -> list[GainCrossover]:
-        return [GainCrossover.of(float(np.exp(x)), self.at(x)) for x in self._roots(self.gain, 0.0)]
-
-    def phase_crossovers(self) -> list[PhaseCrossover]:
-        found = []
-        low, high = self.phase.min(initial=0.0), self.phase.max(initial=0.0)
-        for k in range(int(np.floor(low / np.pi)) - 1, int(np.ceil(high / np.pi)) + 1):
-            for x in self._roots(self.phase, np.pi * k) if k % 2 else ():
-                slope = self._interpolant(self.phase)(x + 1e-6) - self._interpolant(self.phase)(x - 1e-6)
-                # Seen from -180° a rising angle leads below the axis.
-                found.append(PhaseCrossover(float(np.exp(x)), 1.0 / abs(self.at(x)), slope < 0.0))
-        return sorted(found, key=lambda c: c.frequency_hz)
-
-    def fine(self) -> tuple[Floats, Complex]:
-        if len(self.x) < 2:
-            return np.exp(self.x), np.exp(self.gain + 1j * self.phase).astype(np.complex128)
-        parts = np.arange(_FINE) / _FINE
-        x = np.append((self.x[:-1, None] + np.diff(self.x)[:, None] * parts).ravel(), self.x[-1])
-        log = PchipInterpolator(self.x, self.gain)(x) + 1j * PchipInterpolator(self.x, self.phase)(x)
-        return np.exp(x), np.exp(log)
 
 
 def _top(grid: Floats, values: Floats) -> tuple[float, float]:

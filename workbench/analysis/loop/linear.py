@@ -17,6 +17,7 @@ from workbench.analysis.loop.stability import Stability, stability_of
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part, entry
+from workbench.core.response import unwrapped
 from workbench.session.base import Floats
 
 __all__ = ["MANY", "LinearLoop", "linear_loop"]
@@ -53,7 +54,7 @@ class LinearLoop(Part):
             "state_names": self.lin.state_names,
             "frequency_hz": f,
             "gain": np.abs(response),
-            "phase_deg": np.degrees(np.unwrap(np.angle(response))),
+            "phase_deg": unwrapped(response),
             "sensitivity": np.abs(1.0 / (1.0 + response)),
             "complementary": np.abs(response / (1.0 + response)),
         }

@@ -14,6 +14,7 @@ from workbench.analysis.loop.peak import peak
 from workbench.analysis.loop.stability import BORDER, UNSTABLE, stability_of
 from workbench.core.linear import LinearPart
 from workbench.core.record import Part, entry
+from workbench.core.response import decibels
 
 __all__ = ["DiskMargin", "GainCrossover", "Margins", "PhaseCrossover", "disk_of", "margins_of"]
 
@@ -39,7 +40,7 @@ class PhaseCrossover(Part):
     @property
     def db(self) -> float:
         """20·log10 of the factor [dB]."""
-        return 20.0 * math.log10(self.factor)
+        return float(decibels(self.factor))
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class Margins(Part):
     @property
     def gain_margin_db(self) -> float:
         """The same in dB."""
-        return _db(self.gain_margin)
+        return float(decibels(self.gain_margin))
 
     @property
     def gain_reduction(self) -> float:
@@ -146,7 +147,7 @@ class Margins(Part):
     @property
     def gain_reduction_db(self) -> float:
         """The same in dB."""
-        return _db(self.gain_reduction)
+        return float(decibels(self.gain_reduction))
 
     @property
     def phase_margin_deg(self) -> float:
@@ -254,7 +255,3 @@ def _upwards(loop: LinearPart, frequency: float) -> bool:
 
 def _size(loop: LinearPart, frequencies: Sequence[float]) -> float:
     return max((abs(loop.at(f)) for f in frequencies), default=1.0)
-
-
-def _db(factor: float) -> float:
-    return 20.0 * math.log10(factor) if factor > 0.0 else -math.inf if factor == 0.0 else math.nan

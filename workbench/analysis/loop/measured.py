@@ -10,6 +10,7 @@ import numpy as np
 from workbench.analysis.loop.margins import Margins
 from workbench.core.linear import Complex
 from workbench.core.record import Part
+from workbench.core.response import degrees
 from workbench.session.base import Floats
 
 __all__ = ["LoopCurve", "LoopPoint"]
@@ -58,7 +59,7 @@ class LoopPoint(Part):
         value = self.value
         return {
             "gain": None if value is None else abs(value),
-            "phase_deg": None if value is None else float(np.degrees(np.angle(value))),
+            "phase_deg": None if value is None else float(degrees(value)),
         }
 
 

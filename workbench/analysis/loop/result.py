@@ -14,6 +14,7 @@ from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Place
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, entry
+from workbench.core.response import decibels, degrees
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -144,6 +145,5 @@ def _numbers(value: complex | None) -> list[Any]:
     if value is None:
         return [""] * 5
     with np.errstate(divide="ignore"):
-        db = float(20.0 * np.log10(abs(value)))
         s = float(abs(np.divide(1.0, 1.0 + value)))
-    return [abs(value), db, float(np.degrees(np.angle(value))), s, s * abs(value)]
+    return [abs(value), float(decibels(value)), float(degrees(value)), s, s * abs(value)]

@@ -19,6 +19,7 @@ from workbench.analysis.nfr.settling import NO_EFFECT
 from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, entry
+from workbench.core.response import decibels, follow_phase
 from workbench.errors import InputError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats
@@ -30,9 +31,6 @@ if TYPE_CHECKING:
 __all__ = ["MISSING", "FailedPoint", "NfrResult", "assemble"]
 
 MISSING = "not measured: the sweep was interrupted"
-
-# A jump of the phase by more than this upwards is a turn of −360° (1.74533 rad in the source report).
-_JUMP_DEG = 100.0
 
 # Fields of the certificate that are columns of the CSV; the harmonics follow.
 _CSV_FIELDS = (
@@ -148,8 +146,7 @@ class NfrResult(Record):
     @property
     def gain_db(self) -> Floats:
         """20·log10 of the gain, shape (n_a, n_f), [dB]; −inf where the gain is 0."""
-        with np.errstate(divide="ignore"):
-            return 20.0 * np.log10(self.gain)
+        return decibels(self.response)
 
     def derived(self) -> dict[str, Any]:
         """Return gain, what the points are worth, and the signals with their units."""
@@ -329,25 +326,6 @@ def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:
     if why == NO_EFFECT:
         return f"{where}: no effect of {path} at this amplitude, or none that is more than rounding; the gain is 0"
     return f"{where}: not settled ({', '.join(errors)}): {why}"
-
-
-def follow_phase(response: NDArray[np.complex128]) -> Floats:
-    """Return the phase [deg] followed along rising frequency.
-
-    Of all angles φ + k·360° the one in (last − 260°, last + 100°] is taken, last being the phase
-    of the point before, 0 at first. That is the published rule, an upward jump of more than 100° means
-    one turn down, carried on over several turns and made single-valued in the other direction.
-
-    Args:
-        response: shape (n,), complex; NaN and 0 have no phase and are passed over.
-    """
-    phase = np.full(response.shape, np.nan)
-    last = 0.0
-    for i, g in enumerate(response):
-        if np.isfinite(g) and g != 0.0:
-            angle = float(np.degrees(np.angle(g)))
-            last = phase[i] = angle - 360.0 * np.ceil((angle - last - _JUMP_DEG) / 360.0)
-    return phase
 
 
 def _unit(variables: Sequence[Variable], name: str) -> str | None:

@@ -13,6 +13,7 @@ from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
 from workbench.core.record import Record, entry
+from workbench.core.response import decibels, degrees, difference
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -124,7 +125,9 @@ class Overlay(Record):
 
     def derived(self) -> dict[str, Any]:
         """Return the curves by gain and phase, and the comparison in sentences."""
-        curves = {name: {"gain_db": _db(curve), "phase_deg": _deg(curve)} for name, curve in self.curves.items()}
+        curves = {
+            name: {"gain_db": decibels(curve), "phase_deg": degrees(curve)} for name, curve in self.curves.items()
+        }
         return {"curves": curves, "words": self.words}
 
     @classmethod
@@ -204,7 +207,9 @@ def overlay(
         measured=nfr,
         amplitude=level,
         reference=reference,
-        differences=tuple(_difference(n, at, shape(at), truth) for n, shape in shapes.items() if n != reference),
+        differences=tuple(
+            Difference(n, at, *difference(shape(at), truth)) for n, shape in shapes.items() if n != reference
+        ),
         nyquist_hz=0.5 / model.dt,
         notes=notes,
     )
@@ -325,25 +330,6 @@ def _truth(
         return grid, shapes[LINEAR](grid)
     row = int(np.argmin(np.abs(nfr.amplitude - level)))
     return nfr.frequency_hz, nfr.response[row]
-
-
-def _difference(curve: str, frequency: Floats, response: Complex, truth: Complex) -> Difference:
-    with np.errstate(all="ignore"):
-        ratio = response / truth
-    good = np.isfinite(ratio) & (np.abs(ratio) > 0.0)
-    ratio = np.where(good, ratio, np.nan)
-    return Difference(curve, frequency, _db(ratio), np.degrees(np.angle(ratio)))
-
-
-def _db(response: Complex) -> Floats:
-    with np.errstate(divide="ignore"):
-        gain: Floats = 20.0 * np.log10(np.abs(response))
-    return gain
-
-
-def _deg(response: Complex) -> Floats:
-    angle: Floats = np.degrees(np.angle(response))
-    return angle
 
 
 def _response(gain_db: Sequence[float | None], phase_deg: Sequence[float | None]) -> Complex:
