@@ -43,18 +43,18 @@ LIES = {
     "clock": Lie("start-time", "watch", evidence="s later . is"),
     "random": Lie("determinism", "broken", evidence="in a second run . is"),
     "shared": Lie("instances", "broken", evidence="beside a second instance . is"),
-    "single": Lie("instances", "broken", evidence="two at once fail: .*refuses to be instantiated"),
+    "single": Lie("instances", "broken", evidence="two instances at once fail: .*refuses to be instantiated"),
     "sticky-reset": Lie("reset", "broken", evidence="after a reset . is"),
     "refused-reset": Lie("reset", "watch", evidence="fmi2Reset returns status 3"),
     "euler": Lie("step", "watch", _CS, r"first order \((1\.0|0\.9).*error .* % at its own step 0\.01 s"),
     "diverging": Lie("step", "broken", _CS, r"first order .*diverging at its own step 0\.01 s"),
     "counter": Lie("step", "watch", _CS, "no convergence"),
-    "deaf": Lie("inputs", "broken", _ME, "u, w: declared continuous, but only an event lets it act"),
+    "deaf": Lie("inputs", "broken", _ME, "u, w: declared continuous, but it acts only at events"),
     "refused-slopes": Lie(
-        "inputs", "broken", _CS, "canInterpolateInputs is claimed, but input derivatives are refused"
+        "inputs", "broken", _CS, "canInterpolateInputs is claimed, but input derivatives are rejected"
     ),
-    "ignored-slopes": Lie("inputs", "watch", _CS, "they change nothing"),
-    "wrong-slopes": Lie("inputs", "broken", _CS, "input derivatives lead away"),
+    "ignored-slopes": Lie("inputs", "watch", _CS, "have no effect"),
+    "wrong-slopes": Lie("inputs", "broken", _CS, "input derivatives make the result worse"),
     "late-inputs": Lie(
         "jumps", "watch", _CS, r"the answer of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
     ),
@@ -63,7 +63,7 @@ LIES = {
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),
     "large-leak": Lie("memory", "broken", evidence="kB per session"),
-    "nameless": Lie("validation", "watch", ("file",), "'der.*' .* is no structured name"),
+    "nameless": Lie("validation", "watch", ("file",), "'der.*' .* is not a structured name"),
 }
 
 # What is wrong in the description alone: the library is told to be honest.

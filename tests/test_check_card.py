@@ -164,7 +164,7 @@ def test_openmodelica_cosimulation_is_first_order(name: str) -> None:
     card = wb.check(gemseo_fmu(name), skip=NO_MEMORY, workers=HERE)
     assert card.line("step", "cs").numbers["order"] == pytest.approx(1.0, abs=0.05)
     assert card.line("step", "cs").verdict == "watch"
-    assert card.line("snapshots", "me").consequence.startswith("falls back to replay")
+    assert card.line("snapshots", "me").consequence.startswith("replay is used instead")
     assert card.passed
 
 
@@ -215,7 +215,7 @@ def test_an_fmu_that_dies_at_once_is_given_up(tmp_path: Path) -> None:
     verdicts = [c.verdict for c in card.checks]
     assert verdicts[:3] == ["broken"] * 3
     assert set(verdicts[3:]) == {"not applicable"}
-    assert card.checks[3].evidence == "given up after 3 crashes or hangs"
+    assert card.checks[3].evidence == "stopped after 3 crashes or hangs"
 
 
 def test_a_failing_run_leaves_the_other_checks_a_shorter_one(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ def test_structured_names_are_those_of_fmpys_grammar(name: str) -> None:
 
 
 def test_unknown_checks_are_refused_with_near_names() -> None:
-    with pytest.raises(wb.InputError, match="'determinsm' is no check; did you mean determinism"):
+    with pytest.raises(wb.InputError, match="'determinsm' is not a check; did you mean determinism"):
         wb.check("fmu:FirstOrderLag", only=["determinsm"])
     with pytest.raises(wb.InputError, match="no check is left"):
         wb.check("fmu:FirstOrderLag", only=["runs"], skip=["runs"])
@@ -326,7 +326,7 @@ def test_the_command_ends_with_0_where_no_promise_is_broken(capsys: pytest.Captu
     [
         (["check", "nosuch.fmu"], "nosuch.fmu"),
         (["check", "fmu:Ruder"], "did you mean"),
-        (["check", "fmu:Rudder", "--only", "stpe"], "'stpe' is no check; did you mean step?"),
+        (["check", "fmu:Rudder", "--only", "stpe"], "'stpe' is not a check; did you mean step?"),
         (["check", "fmu:Rudder", "--skip", "drfit"], "did you mean drift?"),
         (["check", "fmu:Rudder", "--timeout", "0"], "timeout: 0 s is not a positive number"),
         (["check", "fmu:Rudder", "--set", "nosuch=1"], "'nosuch' is not a variable"),

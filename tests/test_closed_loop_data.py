@@ -96,5 +96,5 @@ def test_one_model_has_no_loop_and_a_broken_remark_is_refused(tmp_path: Path) ->
         assert model.closed_loops(["u", "y"], until=1.0) == ()
     text = '# closed loop {"system": 3\ntime [s],u,y\n' + "".join(f"{k},{k % 2},{k % 3}\n" for k in range(50))
     (tmp_path / "broken.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"broken\.csv: cannot read the remark"):
+    with pytest.raises(InputError, match=r"broken\.csv: cannot read the comment"):
         read_experiment(tmp_path / "broken.csv", inputs=["u"], outputs=["y"])

@@ -33,7 +33,7 @@ def test_a_run_begins_and_ends_where_the_experiment_does(full: Path, interface: 
         result = simulate(model)
         assert "start: 3 s, from the FMU's default experiment; --start changes it" in model.notes
         assert "tolerance: 0.0001, from the FMU's default experiment; --tolerance changes it" in model.notes
-    assert "stop: 5 s, the default experiment's; --stop sets it" in result.notes
+    assert "stop: 5 s, from the FMU's default experiment; --stop changes it" in result.notes
     assert (result.time[0], result.time[-1]) == (3.0, 5.0)
     np.testing.assert_allclose(result.signals["clock"], result.time, rtol=1e-12)
     np.testing.assert_allclose(result.signals["y[1,2]"], 1.0 - np.exp(3.0 - result.time), atol=1e-3)
@@ -66,7 +66,7 @@ def test_every_analysis_begins_there(full: Path) -> None:
 
 
 def test_without_a_stop_time_one_line_asks_for_it(tmp_path: Path) -> None:
-    with load(build_foreign(tmp_path)) as model, pytest.raises(InputError, match="names no stop time of its own"):
+    with load(build_foreign(tmp_path)) as model, pytest.raises(InputError, match="has no default stop time"):
         simulate(model)
     with pytest.raises(InputError, match="start: nan is not a finite number"):
         load(build_foreign(tmp_path), start=math.nan)

@@ -111,7 +111,7 @@ def test_an_interval_off_the_models_own_is_told() -> None:
     with load("fmu:ElevatorLaw") as model:
         result = excite(model, "side_stick", "elevator", samples=50, validation_samples=0, dt=0.03)
         double = excite(model, "side_stick", "elevator", samples=50, validation_samples=0, dt=0.044)
-    assert "no multiple of the model's own period 0.022 s" in result.notes[0]
+    assert "not a multiple of the model's own period 0.022 s" in result.notes[0]
     assert (double.notes, result.validation) == ((), None)
 
 
@@ -155,7 +155,7 @@ def test_offset_is_the_middle_and_bias_is_added_once() -> None:
     assert set(around.identification.u[:, 0]) == {1.0, 3.0}
     assert set(shifted.identification.u[:, 0]) == {2.0, 4.0}
     assert (shifted.u0["u"], set(led.identification.u[:, 0])) == (3.0, {1.0, 3.0})
-    assert "let it settle first" in shifted.notes[0]
+    assert "let the model settle first" in shifted.notes[0]
 
 
 def test_a_multisine_is_recorded_when_the_response_is_periodic() -> None:
@@ -243,7 +243,7 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
     result = job.partial()
     assert isinstance(result, ExciteResult)
     assert result.identification.n_samples == 200
-    assert (result.validation, result.notes) == (None, ("ended early: 200 of 600 samples were run",))
+    assert (result.validation, result.notes) == (None, ("ended early: 200 of 600 samples were recorded",))
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
         ({"inputs": "uu"}, "'uu' is not an input of the model; did you mean u"),
         ({"outputs": "yy"}, "'yy' is not a variable of the model"),
         ({"outputs": "u"}, "both an input and an output"),
-        ({"outputs": []}, "an output to record are needed"),
+        ({"outputs": []}, "name an input to force and an output to record"),
         ({"dt": None}, "has no sampling period of its own"),
         ({"dt": -1.0}, "dt: -1 is not a positive number [s]"),
         ({"samples": 1}, "samples: 1 is too small; take at least 2"),

@@ -148,7 +148,7 @@ def bad_files(folder: Path) -> dict[str, tuple[Callable[[], object], str]]:
 
     return {
         "missing": (lambda: read_experiment(folder / "none.csv"), "cannot be read"),
-        "a picture": (of("\0\0\1PNG"), "is no text"),
+        "a picture": (of("\0\0\1PNG"), "is not text"),
         "empty": (of(""), "no row of numbers"),
         "words": (of("a,b\nc,d\n"), "no row of numbers"),
         "a word among numbers": (of("time,u,y\n0,1,2\n1,x,3\n"), "line 3, column 2: 'x' is not a number"),
@@ -158,7 +158,7 @@ def bad_files(folder: Path) -> dict[str, tuple[Callable[[], object], str]]:
         "wrong column": (of("time,stick,y\n0,1,2\n1,2,3\n", inputs=["stik"]), "did you mean stick"),
         "both": (of("time,u,y\n0,1,2\n1,2,3\n", inputs=["u"], outputs=["u"]), "named twice"),
         "which": (of("time,a,b,c\n0,1,2,3\n1,2,3,4\n"), "which columns are inputs"),
-        "twice": (of("time,u,u\n0,1,2\n1,2,3\n"), "column 'u' is there twice"),
+        "twice": (of("time,u,u\n0,1,2\n1,2,3\n"), "column 'u' appears twice"),
         "one sample": (of("time,u,y\n0,1,2\n"), "too few"),
         "back": (of("time,u,y\n0,1,2\n2,1,2\n1,1,2\n"), "does not rise at sample 2"),
         "unit of time": (of("time [deg],u,y\n0,1,2\n1,2,3\n"), "time is in 'deg'"),
@@ -190,10 +190,10 @@ def test_a_bad_file_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
         (lambda: make_experiment(0.1, np.ones((2, 2, 2)), [1.0, 2.0]), "shape (samples, columns)"),
         (lambda: make_experiment(0.1, ["a", "b"], [1.0, 2.0]), "array of numbers"),
         (lambda: sample().part(5, 99), "no part 5 … 99 of 10"),
-        (lambda: sample().part(5, 6), "two samples at least"),
+        (lambda: sample().part(5, 6), "at least two samples"),
         (lambda: sample().select(["stik"], ["elevator"]), "did you mean stick"),
         (lambda: sample().select([], ["elevator"]), "no input is named"),
-        (lambda: sample().with_data(y=np.ones(3)), "they must be equally many"),
+        (lambda: sample().with_data(y=np.ones(3)), "the numbers must be equal"),
     ],
 )
 def test_bad_data_are_refused_in_one_line(make: Callable[[], object], words: str) -> None:

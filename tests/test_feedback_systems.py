@@ -209,7 +209,7 @@ def test_limits_of_deflection_are_respected_and_told() -> None:
     assert run.deflection_limited > 5.0
     assert run.peak_deflection == pytest.approx(1.0, rel=1e-6)
     assert run.rate_limited is None
-    assert any("deflection came to its limit" in n for n in result.notes)
+    assert any("deflection reached its limit" in n for n in result.notes)
 
 
 def test_van_der_pol_keeps_a_cycle_below_the_stable_gain() -> None:
@@ -233,7 +233,7 @@ def test_what_large_motions_do_is_told() -> None:
         assert cycle.amplitude == pytest.approx(2.0 * math.sqrt(-1.0 - left.gain), rel=1e-9)
         assert not cycle.stable
         assert (left.unstable_small, left.unstable_large) == (0, 2)
-        assert "not from all above" in left.words
+        assert "not from all larger ones" in left.words
 
 
 def test_a_motion_excited_by_a_signal_is_settled_too() -> None:
@@ -349,7 +349,7 @@ def test_wrong_names_say_what_to_do(aircraft: DescribedModel, source: str, targe
 
 
 def test_a_block_that_holds_the_target_is_none(aircraft: DescribedModel) -> None:
-    with pytest.raises(InputError, match="block aircraft holds the feedback's source"):
+    with pytest.raises(InputError, match="block aircraft contains the feedback's source"):
         feedback(aircraft, source=POSITION, target=INNER, block="aircraft")
 
 

@@ -68,7 +68,7 @@ def test_first_order_of_a_slow_input_can_be_simulated_by_default_and_n4sid_says_
         result = wb.identify(data, order=1)
         assert result.fit_percent > 90.0
         told = wb.identify(data, order=1, method="n4sid").notes
-        assert any("noise counts" in note and "take moesp" in note for note in told)
+        assert any("noise counts" in note and "use moesp" in note for note in told)
 
 
 def test_a_gain_is_chosen_where_there_is_nothing_else() -> None:
@@ -144,7 +144,7 @@ def test_an_output_that_rests_in_the_validation_is_said_to(tmp_path: Path, capsy
     wb.make_experiment(DT, u, np.ones(300), **names).to_csv(tmp_path / "rest.csv")
     columns = ["identify", str(tmp_path / "data.csv"), "--input", "u", "--output", "y"]
     assert run([*columns, "--validate", str(tmp_path / "rest.csv")]) == 1
-    assert "NO FIT on rest.csv, y: the measured output does not move" in capsys.readouterr().out
+    assert "NO FIT on rest.csv, y: the measured output is constant" in capsys.readouterr().out
 
 
 def test_a_gain_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,14 +216,14 @@ def test_an_open_loop_is_not_suspected(direct: float) -> None:
     [
         ("u,y\nfoo,bar\n{rows}", ["--dt", "0.1"], "line 2: 'foo' is neither a number nor a known unit"),
         ("u,y\n", ["--dt", "0.1"], "no row of numbers"),
-        ("u,y\n1,2\n", ["--dt", "0.1"], "1 sample is too few; two are the least"),
+        ("u,y\n1,2\n", ["--dt", "0.1"], "1 sample is too few; at least two are needed"),
         ("u,y\n{still}", ["--dt", "0.1"], "input 'u' is constant (1): it excites nothing"),
         ("y,u\n{still}", ["--dt", "0.1"], "output 'y' is constant (1): there is nothing to identify"),
         ("u,y\n1,nan\n{rows}", ["--dt", "0.1"], "output 'y' is nan at sample 0"),
         ("u,y\n{rows}", ["--dt", "0.1", "--order", "-1"], "--order: '-1' is neither auto"),
         ("u,y\n{rows}", ["--dt", "0.1", "--order", "²"], "--order: '²' is neither auto"),
         ("u,y\n{rows}", ["--dt", "0.1", "--method", "n4sdi"], "did you mean n4sid"),
-        ("u,y\n{rows}", ["--dt", "0.1", "--amplitude", "2"], "--amplitude: it chooses one of nfr, which is not given"),
+        ("u,y\n{rows}", ["--dt", "0.1", "--amplitude", "2"], "--amplitude: it selects one of nfr, which is missing"),
     ],
 )
 def test_wrong_input_is_told_in_one_line(
@@ -253,5 +253,5 @@ def test_an_order_at_the_limit_is_a_doubt() -> None:
     y = plant.output(u) + 0.01 * random.standard_normal((1500, 1))
     few, enough = (estimate(u, y, DT, max_order=most) for most in (2, 6))
     assert (few.order, enough.order) == (2, 3)
-    assert "order 2 is the largest considered: allow more, or doubt the data" in few.notes
+    assert "order 2 is the largest considered: allow more, or check the data" in few.notes
     assert not any("largest considered" in note for note in enough.notes)

@@ -141,7 +141,7 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         (["--at", "nosuch.json"], "cannot be read"),
         (["--dx", "p1"], "'p1' is not a number"),
-        (["--over", "nosuch=1,2"], "no parameter, input or state"),
+        (["--over", "nosuch=1,2"], "not a parameter, input or state"),
         (["--compare"], "one input and one output"),
         (["--over", "mH=1", "--compare"], "only one of them"),
         (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),
@@ -185,7 +185,7 @@ def test_no_linear_effect_is_told_with_the_measured_gain() -> None:
     assert found.compared
     assert not small.compared
     assert {v.word for v in small.verdicts} == {"no effect"}
-    assert "a sine of amplitude 0.5 at u does not move y; take a larger amplitude" in small.words[0]
+    assert "a sine of amplitude 0.5 at u does not move y; use a larger amplitude" in small.words[0]
 
 
 def test_nothing_to_compare_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

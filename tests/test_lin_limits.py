@@ -53,7 +53,7 @@ end Sampled;
 
 
 def _moving(notes: tuple[str, ...]) -> list[str]:
-    return [note for note in notes if note.startswith("the point is moving")]
+    return [note for note in notes if note.startswith("the point is not at rest")]
 
 
 @pytest.mark.parametrize(("share", "told"), [(2e-3, True), (5e-4, False)])

@@ -194,10 +194,10 @@ def test_inputs_of_the_call_are_left_alone() -> None:
         ({"u0": {"del": 1.0}}, "no 'del'"),
         ({"dx": [1.0]}, "1 widths for 8 variables; give one for all"),
         ({"du": -1.0}, "must be positive"),
-        ({"method": "exact", "du": 1.0}, "takes no widths"),
+        ({"method": "exact", "du": 1.0}, "has no widths"),
         ({"method": "kalman-bertram"}, "no time events"),
         ({"method": "response"}, "give period"),
-        ({"method": "response", "dx": 1.0, "period": 0.01}, "inputs only"),
+        ({"method": "response", "dx": 1.0, "period": 0.01}, "only inputs"),
         ({"inputs": ["delc"]}, "did you mean delC"),
     ],
 )

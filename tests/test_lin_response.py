@@ -41,7 +41,7 @@ def test_a_realisation_is_what_it_was_made_of() -> None:
     )
     assert found.error < 1e-9
     assert realise(markov(A, B, C, D, 80), noise=1e-13, order=1).error > 1e-3
-    with pytest.raises(InputError, match="order must lie"):
+    with pytest.raises(InputError, match="order must be"):
         realise(markov(A, B, C, D, 9), noise=1e-13, order=9)
 
 
@@ -108,7 +108,7 @@ def test_inputs_that_act_late_give_no_linear_model(lies: Path, time: float) -> N
     """The pulse is lost at 0 s and drawn out from 10 to 37 ms at 0.28 s; either way it was "reproduced"."""
     with (
         load(build_lying(lies, "late-inputs"), "cs") as model,
-        pytest.raises(SimulationError, match="y answers to u differently at other times"),
+        pytest.raises(SimulationError, match="y responds to u differently at other times"),
     ):
         lin(model, inputs=["u"], outputs=["y"], time=time)
 
@@ -130,7 +130,7 @@ def test_the_same_fmu_without_the_lie_is_predicted_and_right(lies: Path) -> None
     off = np.abs(result.fundamental(s.imag / (2.0 * np.pi))[:, 0, 0] / truth - 1.0)
     assert np.all(off < 1.01 * line)
     assert not result.doubts
-    (said,) = [n for n in result.notes if "which it was not made from" in n]
+    (said,) = [n for n in result.notes if "not used for the fit" in n]
     assert float(said.split()[-2]) < 1e-6  # percent
 
 
@@ -263,7 +263,7 @@ def test_a_period_too_long_says_how_far_its_samples_hold() -> None:
     assert "moves between the samples" in doubt.reason
     assert f"{limit:.3g} Hz" in doubt.reason
     assert LinResult.from_dict(result.to_dict()).holds_to_hz == limit
-    assert any(note.startswith("the point is moving: y changes by") for note in result.notes)
+    assert any(note.startswith("the point is not at rest: y changes by") for note in result.notes)
 
 
 def _realised(result: LinResult) -> Realisation:
@@ -319,7 +319,7 @@ def test_an_input_without_a_linear_model_is_left_out_with_the_reason(lies: Path)
     with connect({"late": late, "good": honest}, inputs=inputs, outputs=outputs, step=0.01) as both:
         result = lin(both, period=0.01).result
         alone = lin(both, period=0.01, inputs=["b"]).result
-        with pytest.raises(SimulationError, match="answers to a differently"):
+        with pytest.raises(SimulationError, match="responds to a differently"):
             lin(both, period=0.01, inputs=["a"])
     assert result.input_names == ("b",)
     assert list(result.refused) == ["a"]

@@ -158,7 +158,7 @@ def test_sensitivities_of_a_lag(direct: float) -> None:
 
 
 def test_a_loop_without_solution_is_refused() -> None:
-    with pytest.raises(InputError, match="closed, the loop has no solution"):
+    with pytest.raises(InputError, match="the closed loop has no solution"):
         LinearPart(lag().A, lag().B, lag().C, -1.0).sensitivity()
     with pytest.raises(InputError, match="the direct path through the plant makes it infinite"):
         LinearPart(lag().A, lag().B, lag().C, 0.5).with_feedback(2.0)

@@ -62,7 +62,7 @@ def test_an_unstable_loop_is_told_before_its_crossovers(system: str, capsys: pyt
     assert run(["loop", system, "--open", "y"]) == 0
     out = capsys.readouterr().out
     assert "the closed loop is unstable" in out
-    assert "margins mean nothing" in out
+    assert "margins are then meaningless" in out
     assert "gain margin " not in out
     crossover = next(line for line in out.splitlines() if line.startswith("phase crossover"))
     assert crossover.split()[2:] == ["0.27566", "-7.959", "dB"]
@@ -89,4 +89,4 @@ def test_bad_input_gets_one_line(
 
 def test_one_fmu_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["loop", "fmu:Rudder", "--open", "del"]) == 2
-    assert "is one model and has no connection to open" in capsys.readouterr().err
+    assert "is a single model and has no connection to open" in capsys.readouterr().err

@@ -243,7 +243,7 @@ def test_a_transient_larger_than_the_response_is_named_and_in_the_error(f: float
     true = abs(found.response[0, 0] / truth - 1.0)
     assert found.status == (("averaged",),)
     assert 10.0 < true <= found.error[0, 0]
-    assert "the transient that the sine begins with is larger than the response" in found.warnings[0]
+    assert "the initial transient is larger than the response" in found.warnings[0]
 
 
 def test_an_output_that_moves_at_other_frequencies_only_is_not_dead() -> None:

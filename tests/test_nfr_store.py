@@ -161,7 +161,7 @@ def test_two_sweeps_share_a_store(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--redo", "averaged"], "redo: which points?"),
+        (["--redo", "averaged"], "redo: give the store"),
         (["--redo", "avg", "--store", "{}"], "known: averaged, failed, settled"),
         (["--store", "{}/file"], "cannot be made"),
         (["--store", "{}/bad"], "damaged or no store"),

@@ -154,7 +154,7 @@ def test_resampling_keeps_slow_signals_and_removes_what_would_be_folded() -> Non
 
 @pytest.mark.parametrize(
     ("dt", "message"),
-    [(0.005, "shorter"), (0.0, "positive"), (DT * np.pi, "no simple ratio"), (DT * 90, "would be left")],
+    [(0.005, "shorter"), (0.0, "positive"), (DT * np.pi, "not a simple ratio"), (DT * 90, "would be left")],
 )
 def test_awkward_intervals_are_refused(dt: float, message: str) -> None:
     with pytest.raises(InputError, match=message):

@@ -191,7 +191,7 @@ def test_a_poor_input_shortens_the_horizon_and_a_sine_is_refused() -> None:
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"method": "n4sdi"}, "did you mean n4sid"),
     ({"basis": "combind"}, "did you mean combined"),
-    ({"method": "cva", "basis": "unscaled"}, "take moesp"),
+    ({"method": "cva", "basis": "unscaled"}, "use moesp"),
     ({"order": "best"}, "neither a number nor 'auto'"),
     ({"order": -1}, "0 .a gain. or more"),
     ({"order": 60}, "too high: 200 samples"),
@@ -225,7 +225,7 @@ def test_bad_data_are_named() -> None:
     hole[17] = np.nan
     with pytest.raises(InputError, match="y: column 1 holds nan at sample 17"):
         estimate(u, hole, 0.1)
-    with pytest.raises(InputError, match="u: column 1 is zero throughout"):
+    with pytest.raises(InputError, match="u: column 1 is always zero"):
         estimate(0.0 * u, y, 0.1)
     with pytest.raises(InputError, match="too few samples"):
         estimate(u[:5], y[:5], 0.1)

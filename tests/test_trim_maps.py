@@ -197,7 +197,7 @@ def ending() -> Plant:
 
 @pytest.mark.parametrize("begins", [0.0, 4.0])
 def test_a_run_that_the_model_ends_is_named_in_one_line(begins: float) -> None:
-    words = rf"ended its run \(at t = 9 s\) before it was seen at rest; longest below {9.0 - begins:g} s"
+    words = rf"ended its run \(at t = 9 s\) before it came to rest; longest below {9.0 - begins:g} s"
     with pytest.raises(SimulationError, match=words):
         trim(ending(), step=0.2, time=begins)
 
@@ -210,7 +210,7 @@ def test_a_fixed_point_whose_run_the_model_ends_is_not_said_to_move() -> None:
     )  # fmt: skip
     assert not result.converged
     assert "a run from there does not confirm it" in result.message
-    assert "whether the model stays there cannot be told from a run: the FMU ended its run (at t = 9 s)" in result.notes
+    assert "a run cannot show whether the model stays there: the FMU ended its run (at t = 9 s)" in result.notes
 
 
 def test_a_model_at_rest_is_seen_at_rest_before_it_ends_its_run() -> None:

@@ -37,7 +37,7 @@ def test_random_trims_with_a_known_answer(case: Case) -> None:
 def test_a_run_away_is_not_an_equilibrium(f: Function, interface: str) -> None:
     result = scalar(f, 0.5, interface=interface)
     assert not result.converged
-    assert result.message.startswith("no equilibrium found; the search ran away: x → ")
+    assert result.message.startswith("no equilibrium found; the search diverged: x → ")
 
 
 @pytest.mark.parametrize("start", [1.0, 1e-2, 1e-6])

@@ -33,7 +33,7 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
         InputError: fewer than three events, or they follow no constant rates.
     """
     if len(times) < 3:
-        raise InputError("too few time events to find sample periods; give periods")
+        raise InputError("too few time events to find the sample periods; give periods")
     tolerance = _AGREE * float(np.diff(times).min())
     left, found = times, list[float]()
     while len(left):
@@ -52,7 +52,7 @@ def _period(left: Floats, times: Floats, tolerance: float) -> float:
         grid = left[0] + period * np.arange(count + 1)
         if count >= 2 and all(np.abs(times - t).min() <= tolerance for t in grid):
             return float(grid_fit(times, grid))
-    raise InputError("the time events follow no constant rates; give periods, or use method difference or response")
+    raise InputError("the time events have no constant rates; give periods, or use method difference or response")
 
 
 def grid_fit(times: Floats, grid: Floats) -> float:
@@ -79,7 +79,7 @@ def basic_period(periods: Sequence[float], btptol: float) -> float:
     if not periods or not all(p > 0.0 and math.isfinite(p) for p in periods):
         raise InputError("periods must be positive")
     if not 0.0 < btptol < 1.0:
-        raise InputError(f"btptol must lie between 0 and 1, not at {btptol:g}")
+        raise InputError(f"btptol must be between 0 and 1, not {btptol:g}")
     shortest = min(periods)
     ratios = [_simplest(p / shortest, btptol) for p in periods]
     multiple = Fraction(1)

@@ -34,7 +34,7 @@ def rest_of(model: DescribedModel, *, time: float, what: str) -> tuple[Operating
         return start, [f"trim failed ({error}); {what} the start values, which are not at rest"]
     if found.converged:
         return found.point, [f"the start is not at rest; {what} the point that trim finds"]
-    return start, [f"neither the start nor what trim finds is at rest; {what} the start values"]
+    return start, [f"neither the start nor the point that trim finds is at rest; {what} the start values"]
 
 
 def _start(model: DescribedModel, time: float) -> OperatingPoint:

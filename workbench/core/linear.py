@@ -253,7 +253,9 @@ class LinearPart(Linear):
         if found.dt > 0.0:
             raise InputError(f"{named}the linear part is sampled ({found.dt:g} s), but must be continuous")
         if found.D.shape != (1, 1):
-            raise InputError(f"{named}{found.D.shape[1]} inputs and {found.D.shape[0]} outputs; one of each is needed")
+            raise InputError(
+                f"{named}{found.D.shape[1]} inputs and {found.D.shape[0]} outputs, but there must be one of each"
+            )
         return found.part(sign=sign)
 
     @property
@@ -364,7 +366,7 @@ class LinearPart(Linear):
             InputError: 1 + D is 0, so that the closed loop has no solution.
         """
         if not self.solvable(-1.0):
-            raise InputError("the loop gain is -1 at once (without any dynamics): closed, the loop has no solution")
+            raise InputError("the loop gain is -1 without any dynamics: the closed loop has no solution")
         return self.with_feedback(-1.0).part()
 
     def sensitivity(self) -> LinearPart:

@@ -44,17 +44,19 @@ def judge_delay(study: Study) -> Finding:
     known = {pair: r.delay for pair, r in every.items() if r.delay is not None}
     deaf = [pair for pair, r in every.items() if not r.answers]
     if len(deaf) == len(every):
-        return Finding("delay", "poor", "no output answers to any input", "check the columns and the amplitude", values)
+        return Finding(
+            "delay", "poor", "no output responds to any input", "check the columns and the amplitude", values
+        )
     if not known:
-        evidence = "cannot be seen: noise, or an input that its past foretells"
+        evidence = "cannot be seen: noise, or an input that can be predicted from its past"
         return Finding("delay", "unknown", evidence, "a PRBS shows it best", values)
     evidence = ", ".join(f"{u} → {y} {_words(d, study.dt)}" for (u, y), d in known.items())
     if deaf:
-        evidence += f"; {deaf[0][1]} does not answer to {deaf[0][0]}"
+        evidence += f"; {deaf[0][1]} does not respond to {deaf[0][0]}"
     least = min(known.values())
     if least >= 2 and len(known) + len(deaf) == len(every):
         return Finding(
-            "delay", "watch", evidence, f"give delay={least - 1} to the fit: it saves as many states", values
+            "delay", "watch", evidence, f"give delay={least - 1}  to the fit: it saves that many states", values
         )
     return Finding("delay", "good", evidence, "" if least == 0 else "no feedthrough is needed", values)
 

@@ -62,7 +62,7 @@ def judge_disturbance(study: Study) -> Finding:
         f"{name} has a line at {frequency:.4g} Hz that the inputs do not explain ({100 * share:.0f} % of the rest)"
     )
     if _periodic(study.u):
-        advice = "the inputs repeat: it may be a harmonic that a nonlinear system makes of them"
+        advice = "the inputs are periodic: it may be a harmonic of them, made by a nonlinearity"
         return Finding("disturbance", "unknown", evidence, advice, values)
     return Finding("disturbance", "watch", evidence, "find its source, or filter inputs and outputs alike", values)
 

@@ -65,10 +65,10 @@ def judge_excitation(study: Study) -> Finding:
         )
     rare = [n for j, n in enumerate(names) if _changes(study.u[:, j]) <= _FEW_CHANGES]
     if rare:
-        evidence = f"{rare[0]} changes {_FEW_CHANGES} times at most: only the transient is informative"
+        evidence = f"{rare[0]} changes at most {_FEW_CHANGES} times: only the transient is informative"
         return Finding("excitation", "watch", evidence, "use a PRBS or a multisine", values)
     if orders is None:
-        return Finding("excitation", "good", f"persistent of order {_HIGHEST} at least", "", values)
+        return Finding("excitation", "good", f"persistent of order {_HIGHEST} or more", "", values)
     return _few_lines(orders, study.order, values)
 
 

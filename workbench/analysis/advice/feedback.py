@@ -89,7 +89,7 @@ def _judge_at_once(study: Study, values: dict[str, Any]) -> Finding:
         evidence = "inputs and outputs move together within a sample, and the plant has no direct feedthrough"
         return Finding("feedback", "poor", evidence, _ADVICE, values)
     if all(from_shift_register(study.u[:, j]) for j in study.varying_inputs):
-        evidence = "the inputs are pseudo-random binary sequences, which react to nothing"
+        evidence = "the inputs are pseudo-random binary sequences, which do not react to anything"
         return Finding("feedback", "good", evidence, "", values)
     evidence = (
         "inputs and outputs move together within a sample: a direct feedthrough of the plant, or a controller that "

@@ -63,8 +63,8 @@ def judge_linearity(study: Study) -> Finding:
         evidence = f"a linear model leaves {level:.0f} dB less than it explains; {seen}{tail}"
         return Finding("linearity", "good", evidence, "", values)
     if low > _MUCH:
-        evidence = f"{seen}; no nonlinear distortion is seen: noise, or another input"
-        advice = "raise the amplitude, record what else acts"
+        evidence = f"{seen}; no nonlinear distortion is seen: the cause is noise, or another input"
+        advice = "raise the amplitude, or record the other inputs"
         return Finding("linearity", "watch" if level < _NOISY_DB else "good", evidence, advice, values)
     return Finding("linearity", "good", f"{seen}; no nonlinear distortion is seen", "", values)
 

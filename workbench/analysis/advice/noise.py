@@ -39,8 +39,8 @@ def judge_noise(study: Study) -> Finding:
     values = {name: float(v) for name, v in zip(names, level, strict=True)}
     worst = min(study.varying_outputs, key=lambda i: level[i])
     if level[worst] >= 80.0:
-        return Finding("noise", "good", "a linear model explains the outputs all but completely", "", values)
-    evidence = f"explained over unexplained, {names[worst]}: {level[worst]:.1f} dB"
+        return Finding("noise", "good", "a linear model explains the outputs almost completely", "", values)
+    evidence = f"ratio of explained to unexplained, {names[worst]}: {level[worst]:.1f} dB"
     if level[worst] >= _GOOD_DB:
         return Finding("noise", "good", evidence, "", values)
     advice = "raise the amplitude or record longer where it is noise, lower the amplitude where it is distortion"

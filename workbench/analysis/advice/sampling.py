@@ -36,8 +36,8 @@ def judge_sampling(study: Study) -> Finding:
         evidence = f"the outputs change at every {_ordinal(hold)} sample only: the model works at {hold * study.dt:g} s"
         return Finding("sampling", "watch", evidence, f"record at its own interval, {hold * study.dt:g} s", values)
     if memory <= _SHORT_MEMORY:
-        evidence = f"the response is over within {memory} sample{'s' if memory > 1 else ''}: no dynamics is seen"
-        return Finding("sampling", "watch", evidence, "a gain will do, or sample faster", values)
+        evidence = f"the response ends within {memory} sample{'s' if memory > 1 else ''}: no dynamics is seen"
+        return Finding("sampling", "watch", evidence, "a gain is enough, or sample faster", values)
     if band < _TOO_FAST * nyquist:
         better = 1.0 / (6.0 * max(band, 1e-12))
         evidence = (

@@ -88,13 +88,15 @@ def judge_saturation(study: Study) -> Finding:
         return Finding("saturation", "watch", f"{_text(study, inputs)}: it is clipped", advice, values, marks)
     again = [r for r in found if r.flat.stretches >= _AGAIN]
     if again and np.min(signal_to_rest_db(study)[study.varying_outputs]) < _LINEAR_DB:
-        evidence = f"{_text(study, again)}, the input resting as well: a limit, or the settled response"
-        advice = "such an input cannot tell; repeat with a smaller amplitude or a moving input, or name the limits"
+        evidence = f"{_text(study, again)}, and the input rests as well: a limit, or the settled response"
+        advice = (
+            "such an input cannot tell which; repeat with a smaller amplitude or a moving input, or name the limits"
+        )
         return Finding("saturation", "watch", evidence, advice, values, marks)
     return Finding("saturation", "good", "no signal rests at a limit", "", values)
 
 
-_ADVICE = "lower the amplitude or move the operating point; a linear model takes a limit for a smaller gain"
+_ADVICE = "lower the amplitude or move the operating point; a linear model mistakes a limit for a smaller gain"
 
 
 def _text(study: Study, some: list[Rest]) -> str:

@@ -13,6 +13,6 @@ def judge_settling(study: Study) -> Finding:
     count = study.settling
     if not count:
         return Finding("settling", "good", "the record begins settled, or nearly so", "", {"samples": 0})
-    evidence = f"the first {count} samples ({count * study.dt:.3g} s) still settle from what was before the record"
+    evidence = f"the first {count} samples ({count * study.dt:.3g} s) still contain a transient from before the record"
     advice = f"cut them off: cut_settling(samples={count})"
     return Finding("settling", "watch", evidence, advice, {"samples": count})

@@ -44,10 +44,10 @@ def judge_trend(study: Study) -> Finding:
     if real:
         worst = max(real, key=lambda i: relative[i])
         evidence = f"{data.output_names[worst]} drifts by {size[worst]:.3g} over the record, whatever the inputs do"
-        return Finding("trend", "watch", evidence, "take it out with detrend(kind='linear')", values)
+        return Finding("trend", "watch", evidence, "remove it with detrend(kind='linear')", values)
     if off:
         return Finding(
-            "trend", "good", f"no drift; {', '.join(off)} with an offset, taken out before fitting", "", values
+            "trend", "good", f"no drift; {', '.join(off)} with an offset, which is removed before fitting", "", values
         )
     return Finding("trend", "good", "no drift, no offset", "", values)
 

@@ -36,7 +36,7 @@ def dependencies(subject: Subject) -> Finding:
         return Finding("not applicable", "no dependencies are declared: everything may depend on everything")
     answers, strength = _measure(subject)
     if answers is None or strength is None:
-        return Finding("not applicable", "nothing could be moved")
+        return Finding("not applicable", "no variable responded")
     return _judge(answers, strength)
 
 

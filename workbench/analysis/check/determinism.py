@@ -29,6 +29,6 @@ def determinism(subject: Subject) -> Finding:
     return Finding(
         verdict,
         f"in a second run {gap.words}",
-        "no result can be repeated; snapshots by replay lead elsewhere, and periods may never settle",
+        "no result is repeatable; snapshots by replay go wrong, and periods may never settle",
         {**count, "relative": gap.relative},
     )

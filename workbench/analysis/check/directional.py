@@ -21,7 +21,7 @@ _WIDER = 8.0
 _SMOOTH = 1e-3  # both widths and both sides must agree so far, or there is a kink or a jump
 _AGREE = 1e-2
 _ROUNDING = 256.0 * float(np.finfo(float).eps)
-_DIFFERENCES = "lin compares and tells; use --method difference; trim takes differences by itself"
+_DIFFERENCES = "lin compares and reports this; use --method difference; trim uses differences by itself"
 
 
 @dataclass
@@ -125,7 +125,10 @@ def _count(place: Place, j: int, column: _Column, tally: _Tally) -> None:
 def _judge(tally: _Tally) -> Finding:
     numbers = {"judged": tally.judged, "skipped": tally.skipped, "wrong": tally.wrong}
     if not tally.judged:
-        return Finding("not applicable", "no entry could be judged: nothing to differentiate, or nowhere smooth")
+        return Finding(
+            "not applicable",
+            "no entry could be judged: there is nothing to differentiate, or the model is nowhere smooth",
+        )
     if not tally.wrong:
         aside = f", {tally.skipped} at kinks or steps set aside" if tally.skipped else ""
         return Finding("good", f"{tally.judged} entries at 3 points agree with differences{aside}", numbers=numbers)

@@ -14,7 +14,8 @@ _NOTHING = 1e-9
 _DECAY = 0.7  # of the movement in the first quarter: more in the last quarter is no settling
 _GROWTH = 100.0
 _MOVES = (
-    "own movement is added to every response: begin at rest (workbench trim), or use amplitudes far above it; nfr tells"
+    "this movement is added to every response: begin at rest (workbench trim), or use much larger amplitudes; nfr "
+    "reports it"
 )
 
 
@@ -36,7 +37,7 @@ def drift(subject: Subject) -> Finding:
     lasting = moving & (last > _DECAY * first)
     numbers = {"moving": int(moving.sum()), "lasting": int(lasting.sum())}
     if not lasting.any():
-        return Finding("good", f"{numbers['moving']} variables move by themselves, and settle", numbers=numbers)
+        return Finding("good", f"{numbers['moving']} variables move by themselves and then settle", numbers=numbers)
     worst = int(np.argmax(np.where(lasting, np.ptp(found.values, axis=0) / np.maximum(size, 1e-300), -1.0)))
     kind = _kind(found.time, found.values[:, worst], float(first[worst]), float(last[worst]))
     return Finding("watch", f"{subject.names[worst]} {kind}", _MOVES, numbers)

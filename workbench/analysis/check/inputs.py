@@ -47,7 +47,7 @@ def inputs(subject: Subject) -> Finding:
 
 def _idle(subject: Subject) -> Finding:
     names = ", ".join(subject.inputs)
-    return Finding("watch", f"no observed variable answers to {names} in {subject.span:.4g} s", _DEAF)
+    return Finding("watch", f"no observed variable responds to {names} in {subject.span:.4g} s", _DEAF)
 
 
 _DEAF = "responses from here are zero; another operating point, a larger amplitude or a longer run may show more"
@@ -79,8 +79,10 @@ def _model_exchange(subject: Subject, share: float | None) -> Finding:
             (answered if quick else deaf if slow else silent).append(name)
     numbers = {"answered": answered, "silent": silent, "deaf": deaf}
     if deaf:
-        text = f"{', '.join(deaf)}: declared continuous, but only an event lets it act"
-        return Finding("broken", text, "responses see a staircase: declare it discrete, or force it by steps", numbers)
+        text = f"{', '.join(deaf)}: declared continuous, but it acts only at events"
+        return Finding(
+            "broken", text, "responses contain a staircase: declare it discrete, or force it by steps", numbers
+        )
     if share is None and not answered:
         return _idle(subject)
     rest = f"; nothing answers to {len(silent)} between events" if silent else ""
@@ -128,7 +130,7 @@ def _co_simulation(subject: Subject, share: float) -> Finding:
     if not subject.model.description.interfaces["cs"].interpolates_inputs:
         return Finding("good", "inputs act; interpolation is not claimed", cost, {"interpolates": False})
     if not _takes_slopes(subject):
-        text = "canInterpolateInputs is claimed, but input derivatives are refused"
+        text = "canInterpolateInputs is claimed, but input derivatives are rejected"
         return Finding("broken", text, cost, {"interpolates": False})
     return _slopes(subject, cost, share)
 
@@ -150,12 +152,14 @@ def _slopes(subject: Subject, cost: str, share: float) -> Finding:
         held = replace(subject, model=model).run(signals, step=h, points=points)
     reference = subject.run(signals, step=h / _FINE, points=points)
     if same_bits(with_slopes, held):
-        text = "canInterpolateInputs is claimed and input derivatives are taken, but they change nothing"
+        text = "canInterpolateInputs is claimed and input derivatives are accepted, but have no effect"
         return Finding("watch", text, f"taken as linear here, but {cost}", {"interpolates": False})
     near, far = (float(relative_gaps(run, reference).max(initial=0.0)) for run in (with_slopes, held))
     numbers = {"interpolates": True, "error_slopes": near, "error_held": far}
     if near > _WORSE * far:
         gap = largest_gap(with_slopes, reference, subject.names)
-        text = f"input derivatives lead away: {gap.words} beside a run with {_FINE} times shorter steps"
+        text = (
+            f"input derivatives make the result worse: {gap.words} compared with a run with {_FINE} times shorter steps"
+        )
         return Finding("broken", text, cost, numbers)
     return Finding("good", f"interpolated: error {near:.2g} of the range, {far:.2g} with held inputs", numbers=numbers)

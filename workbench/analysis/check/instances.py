@@ -16,7 +16,7 @@ from workbench.signals import Signal
 __all__ = ["instances"]
 
 _TURNS = 8
-_ALONE = "one session at a time only: replayed snapshots, lin by response and systems that hold it twice go wrong"
+_ALONE = "use one session at a time: replayed snapshots, lin by response and systems that contain it twice go wrong"
 
 
 def instances(subject: Subject) -> Finding:
@@ -31,16 +31,19 @@ def instances(subject: Subject) -> Finding:
     signals = (subject.sines(), subject.sines(-1.0))
     alone = [_alone(subject, s) for s in signals]
     if not same_bits(alone[0], _alone(subject, signals[0])):
-        return Finding("not applicable", "not even the same run alone gives the same values (see determinism)")
+        return Finding("not applicable", "even the same run alone does not give the same values (see determinism)")
     try:
         together = _together(subject, signals)
     except (FmuError, SimulationError) as error:
-        return Finding("broken", f"two at once fail: {error}", _ALONE)
+        return Finding("broken", f"two instances at once fail: {error}", _ALONE)
     for one, other in zip(alone, together, strict=True):
         if not same_bits(one, other):
             gap = largest_gap(one, other, subject.names)
             return Finding("broken", f"beside a second instance {gap.words}", _ALONE, {"relative": gap.relative})
-    return Finding("good", f"2 instances turn by turn, {2 * alone[0].values.size} values as alone, to the last bit")
+    return Finding(
+        "good",
+        f"2 instances in turn, {2 * alone[0].values.size} values identical to those of one alone, to the last bit",
+    )
 
 
 def _turns(subject: Subject) -> list[np.ndarray]:

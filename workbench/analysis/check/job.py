@@ -59,7 +59,7 @@ class CheckJob(Job):
         try:
             opened = replace(model.recipe, interface=self.interface, solver=solver).open()
         except WorkbenchError as error:
-            yield from (Done(name, Finding("broken", f"it cannot be opened: {error}"), 0.0) for name in self.names)
+            yield from (Done(name, Finding("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names)
             return
         with opened:
             yield from self._all(Subject(opened, self.shorten))

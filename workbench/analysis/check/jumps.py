@@ -82,9 +82,9 @@ def jumps(subject: Subject) -> Finding:
     except SimulationError as error:
         return Finding("not applicable", f"the run with a jump of the inputs fails: {error}")
     if found is None:
-        return Finding("not applicable", f"nothing answers within {_WINDOW} steps")
+        return Finding("not applicable", f"nothing responds within {_WINDOW} steps")
     if not found.clear.any():
-        return Finding("not applicable", "rising and falling inputs give different answers: not linear, or noise")
+        return Finding("not applicable", "rising and falling inputs give different responses: not linear, or noise")
     return _verdict(subject, found)
 
 
@@ -94,14 +94,16 @@ def _verdict(subject: Subject, found: _Answers) -> Finding:
     late = found.late(worst)
     numbers = {"gap": gap, "output": name, "steps_late": late.tolist(), "step": subject.step}
     if gap <= _GAP:
-        text = f"a jump acts in the same way at {_PLACES} instants (within {100.0 * gap:.2g} %)"
+        text = f"a jump has the same effect at {_PLACES} instants (within {100.0 * gap:.2g} %)"
         return Finding("good", text, numbers=numbers)
     spread = int(np.ptp(late))
     when = f", up to {spread} steps ({spread * subject.step:.3g} s) later" if spread else ""
-    text = f"the answer of {name} to the same jump differs by {100.0 * gap:.3g} % between {_PLACES} neighbouring steps"
+    text = (
+        f"the response of {name} to the same jump differs by {100.0 * gap:.3g} % between {_PLACES} neighbouring steps"
+    )
     samplers = [v.name for v in subject.model.description.variables if _is_sampled(v)]
     if samplers:
-        why = f"as it may where a model samples: it declares {samplers[0]} to be discrete"
+        why = f"as it may in a sampled model: it declares {samplers[0]} to be discrete"
         return Finding("not applicable", f"{text}{when}, {why}", numbers=numbers)
     return Finding(
         "watch",

@@ -40,7 +40,7 @@ def memory(subject: Subject) -> Finding:
     Source: Sen, Estimates of the regression coefficient based on Kendall's tau, J. Am. Stat. Assoc. 63 (1968).
     """
     if resident() is None:
-        return Finding("not applicable", f"resident memory is not known on {sys.platform}")
+        return Finding("not applicable", f"resident memory cannot be measured on {sys.platform}")
     looks = _looks(subject)
     slope = max(0.0, _slope(looks))
     numbers = {
@@ -51,7 +51,7 @@ def memory(subject: Subject) -> Finding:
     text = f"{slope / 1e3:.3g} kB per session over {looks[-1][0]} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
     if slope <= _WATCH:
         return Finding("good", text, numbers=numbers)
-    advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: cut sweeps into parts, or use --store and go on"
+    advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: split sweeps, or use --store and continue"
     return Finding("broken" if slope > _BROKEN else "watch", text, advice, numbers)
 
 

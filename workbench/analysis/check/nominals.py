@@ -38,7 +38,7 @@ def nominals(subject: Subject) -> Finding:
             text = (
                 f"nominal value of {names[first]} is {nominal[first]:g}; {len(bad)} of {instance.nx} are not positive"
             )
-            return Finding("broken", text, "1 is taken in its place; accuracy of these states is a guess")
+            return Finding("broken", text, "1 is used instead; the accuracy of these states is unknown")
         largest, moves = _seen(subject, session)
     return _judge(subject, names, nominal, largest, moves)
 
@@ -76,5 +76,5 @@ def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats,
     worst = int(off[np.argmax(np.abs(np.log10(np.maximum(ratio[off], 1e-300))))])
     text = f"{names[worst]} reaches {largest[worst]:.3g}, its nominal value is {nominal[worst]:.3g}"
     more = f" (and {len(off) - 1} more)" if len(off) > 1 else ""
-    advice = "integration errors are allowed in the wrong size: set --tolerance tighter, and compare"
+    advice = "integration errors are scaled wrongly: use a tighter --tolerance and compare"
     return Finding("watch", text + more, advice, numbers)

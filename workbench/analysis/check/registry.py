@@ -48,21 +48,21 @@ _ME, _CS = ("me",), ("cs",)
 # In the order of the card: `runs` decides how long the others may run, `step` with which step; `memory` comes last,
 # it ages the process.
 CHECKS: Mapping[str, Check] = {
-    VALIDATION: Check("Does the description keep the rules of FMI?", None, (FILE,)),
+    VALIDATION: Check("Does the description conform to the FMI standard?", None, (FILE,)),
     "runs": Check("Does it instantiate, initialise and run?", runs),
     "step": Check("Does it converge with the communication step?", step, _CS),
-    "reset": Check("Does a reset bring it back to where it began?", reset),
+    "reset": Check("Does a reset restore the initial state?", reset),
     "determinism": Check("Does the same run give the same numbers?", determinism),
-    "instances": Check("Can two instances live at once?", instances),
-    "snapshots": Check("Does its saved state really bring it back?", snapshots),
-    "directional": Check("Are its directional derivatives the derivatives?", directional, _ME),
-    "dependencies": Check("Does anything depend on what is not declared?", dependencies, _ME),
-    "drift": Check("What does it do by itself?", drift),
-    "start-time": Check("Does it matter when a run begins?", start_time),
-    "nominals": Check("Are nominal values of the size of the states?", nominals, _ME),
-    "inputs": Check("Are continuous inputs taken as continuous?", inputs),
-    "jumps": Check("Does its own solver see at once that an input changes?", jumps, _CS),
-    "memory": Check("Do closed instances leave memory behind?", memory),
+    "instances": Check("Can two instances exist at once?", instances),
+    "snapshots": Check("Does restoring a saved state work?", snapshots),
+    "directional": Check("Are its directional derivatives correct?", directional, _ME),
+    "dependencies": Check("Are all dependencies declared?", dependencies, _ME),
+    "drift": Check("Does it move without being forced?", drift),
+    "start-time": Check("Does the result depend on the start time?", start_time),
+    "nominals": Check("Do nominal values match the size of the states?", nominals, _ME),
+    "inputs": Check("Do continuous inputs act continuously?", inputs),
+    "jumps": Check("Does its own solver react at once to a change of input?", jumps, _CS),
+    "memory": Check("Do closed instances leak memory?", memory),
 }
 
 
@@ -80,8 +80,8 @@ def choose(only: Iterable[str] | None, skip: Iterable[str] | None) -> tuple[str,
     unwanted = list(skip or ())
     for name in (*wanted, *unwanted):
         if name not in CHECKS:
-            raise InputError(f"'{name}' is no check; {suggest(name, CHECKS)}")
+            raise InputError(f"'{name}' is not a check; {suggest(name, CHECKS)}")
     chosen = tuple(name for name in CHECKS if name in wanted and name not in unwanted)
     if not chosen:
-        raise InputError("no check is left; take fewer names out")
+        raise InputError("no check is left; skip fewer")
     return chosen

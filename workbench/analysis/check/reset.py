@@ -19,7 +19,7 @@ _FUNCTIONS: Mapping[int, Mapping[str, str]] = {
     2: {"me": "fmi2Reset", "cs": "fmi2Reset"},
     3: {"me": "fmi3Reset", "cs": "fmi3Reset"},
 }
-_ELSEWHERE = "none here: sessions begin with a new instance; tools that reset get other results"
+_ELSEWHERE = "none here: sessions use a new instance; tools that reset get other results"
 _ROUNDING = 1e-12
 
 
@@ -32,7 +32,7 @@ def reset(subject: Subject) -> Finding:
     """
     name = _FUNCTIONS[subject.model.description.major].get(subject.model.interface)
     if name is None:
-        return Finding("not applicable", "FMI 1.0 model exchange knows no reset")
+        return Finding("not applicable", "FMI 1.0 model exchange has no reset")
     instance = subject.model.new_instance()
     with ExitStack() as stack:
         stack.callback(instance.close)
@@ -47,7 +47,7 @@ def reset(subject: Subject) -> Finding:
         except (FmuError, SimulationError) as error:
             return Finding("broken", f"after a reset it fails: {error}", _ELSEWHERE)
     if not same_bits(first, second) and not same_bits(first, subject.run(subject.sines())):
-        return Finding("not applicable", "not even a new instance repeats its run (see determinism)")
+        return Finding("not applicable", "even a new instance does not repeat its run (see determinism)")
     return _judge(subject, first, second)
 
 

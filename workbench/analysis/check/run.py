@@ -32,8 +32,8 @@ __all__ = ["run"]
 
 _V = TypeVar("_V")
 
-_HANG = "such points are lost after --timeout; chattering or a solver in trouble shows in simulate, too"
-_CRASH = "it takes its process with it: leave the worker processes on (never --in-process); such points are lost"
+_HANG = "such points are lost after --timeout; simulate also shows chattering or a solver in trouble"
+_CRASH = "it ends its process: keep the worker processes (never --in-process); such points are lost"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,7 @@ def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> li
     """Return each FMU of a system; the interface that the system names, unless the user names one."""
     found = [c for c in system.components if isinstance(c, FmuComponent)]
     if not found:
-        raise InputError(f"{path}: the system has no FMU that could be checked")
+        raise InputError(f"{path}: the system contains no FMU to check")
     return [
         _Part(
             component=c.name,
@@ -154,7 +154,7 @@ def _runs_here(model: FmuModel, identifier: str) -> bool:
 
 def _notes(about: Description, interfaces: list[str]) -> tuple[str, ...]:
     missing = [i for i in about.interfaces if i not in interfaces]
-    return tuple(f"interface {i} is offered but was not checked" for i in missing)
+    return tuple(f"interface {i} is available but was not checked" for i in missing)
 
 
 def _validated(model: FmuModel) -> HealthLine:
@@ -197,7 +197,7 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
     if not again.hopeless:
         jobs.append(again)
         return
-    reason = f"given up after {again.crashes} crashes or hangs"
+    reason = f"stopped after {again.crashes} crashes or hangs"
     while names:
         yield _line(job.interface, Done(names.pop(0), Finding("not applicable", reason), 0.0))
 

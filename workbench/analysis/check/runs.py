@@ -35,6 +35,6 @@ def _still(subject: Subject, failure: str) -> Finding:
         except (FmuError, SimulationError):
             pass
         else:
-            evidence = f"with its inputs moved by a twentieth of their size it fails: {failure}"
-            return Finding("watch", evidence, "start from a trim point, with amplitudes that the model is made for")
-    return Finding("broken", failure, "no analysis gets beyond this point; the other checks look at a shorter run")
+            evidence = f"with inputs changed by a twentieth of their size it fails: {failure}"
+            return Finding("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
+    return Finding("broken", failure, "no analysis gets beyond this point; the other checks use a shorter run")

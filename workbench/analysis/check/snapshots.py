@@ -9,7 +9,7 @@ from workbench.errors import FmuError, SimulationError
 
 __all__ = ["snapshots"]
 
-_REPLAY = "falls back to replay: every restore repeats the run from its start; slower, with the same results"
+_REPLAY = "replay is used instead: each restore repeats the run from its start; slower, with the same results"
 
 
 def snapshots(subject: Subject) -> Finding:
@@ -53,4 +53,7 @@ def _far(subject: Subject) -> Finding:
     return Finding("broken", evidence, _TRUSTED, {**numbers, "relative": gap.relative})
 
 
-_TRUSTED = "the quick probe trusts it, so restores lead astray: lin by response and masters that repeat steps are wrong"
+_TRUSTED = (
+    "the quick probe does not detect this, so restores go wrong: lin by response and masters that repeat steps are "
+    "wrong"
+)

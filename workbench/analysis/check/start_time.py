@@ -1,4 +1,4 @@
-"""Does it matter when a run begins?"""
+"""Does the result depend on the start time?"""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SAME = 1e-9
 _TOLERANCE = 100.0  # times the integration's own: two runs may step differently by rounding
 _BESIDE = 0.1
 _TIGHTER, _SHRINKS = 1e-3, 0.3
-_NUMERICAL = "none: with a tighter tolerance the gap shrinks, so it is the integration's"
+_NUMERICAL = "none: the difference shrinks with a tighter tolerance, so it comes from the integration"
 _OFF = 0.9371  # of the natural step: no communication point falls on a sampling instant
-_AT_ZERO = "what is begun later than at 0 is wrong; co-simulation at a later operating point, too"
+_AT_ZERO = "runs that begin later than at 0 are wrong, also co-simulation at a later operating point"
 _CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
 
 
@@ -59,7 +59,7 @@ def start_time(subject: Subject) -> Finding:
     if found.verdict == "good":
         return found
     if not same_bits(first, _run(subject, subject.start, h)):
-        return Finding("not applicable", "not even the same run at the same time repeats itself (see determinism)")
+        return Finding("not applicable", "even the same run at the same time does not repeat itself (see determinism)")
     return found if _remains(subject, found, shift, h) else replace(found, verdict="good", consequence=_NUMERICAL)
 
 

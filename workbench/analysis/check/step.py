@@ -93,7 +93,7 @@ def _verdict(subject: Subject, near: _Convergence, far: float, reached: float) -
 
 def _order_words(near: _Convergence) -> str:
     if near.error <= _ROUNDING or (not near.order >= _NO_ORDER and near.error <= _EXACT):
-        return "the step changes next to nothing"
+        return "the step has almost no effect"
     if not near.order >= _NO_ORDER:
         return "no convergence" if math.isnan(near.order) else f"no convergence (order {round(near.order, 1) + 0.0:g})"
     names = {1: "first", 2: "second", 3: "third", 4: "fourth"}

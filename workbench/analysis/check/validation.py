@@ -1,4 +1,4 @@
-"""Does the description keep the rules of FMI?"""
+"""Does the description conform to the FMI standard?"""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def validation(folder: Path, description: Description) -> Finding:
     """
     problems = [*_problems(folder), *_names(folder)]
     if not problems:
-        text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule broken"
+        text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
         return Finding("good", text, numbers={"problems": []})
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    read = "; ".join(description.notes) or "read nevertheless; nothing is lost"
+    read = "; ".join(description.notes) or "it is read nevertheless; nothing is lost"
     return Finding("watch", problems[0] + more, read, {"problems": problems[:100]})
 
 
@@ -59,7 +59,7 @@ def _names(folder: Path) -> list[str]:
     if raw.variableNamingConvention != "structured":
         return []
     wrong = [v for v in raw.modelVariables if not structured_name(v.name)]
-    return [f"'{v.name}' (line {v.sourceline}) is no structured name" for v in wrong]
+    return [f"'{v.name}' (line {v.sourceline}) is not a structured name" for v in wrong]
 
 
 def structured_name(name: str) -> bool:

@@ -122,8 +122,8 @@ class DelayReport(Record):
         orders = [o.order for o in self.outputs if o.order is not None]
         if not late and orders and min(orders) < 1.5:
             found.append(
-                "no connection is late on average, and still the error falls only as the step does: an FMU makes one "
-                "simple step of its own (explicit Euler) in each communication step, or ignores its inputs' slopes"
+                "no connection is delayed on average, but the error only falls in proportion to the step: an FMU makes "
+                "one explicit Euler step in each communication step, or ignores the slopes of its inputs"
             )
         worst = max(self.outputs, key=lambda o: o.error / o.span if o.span else 0.0, default=None)
         if worst is not None and worst.error > _SMALL * worst.span:
@@ -152,7 +152,7 @@ def _loop_words(loop: LoopDelay, frequency: float | None) -> str:
 def _output_words(o: Halving, step: float) -> str:
     if o.change == 0.0:
         return f"{o.name}: the same with half the step"
-    order = "unevenly, the error is a guess" if o.order is None else f"with order {o.order:.2f}"
+    order = "unevenly, so the error is a guess" if o.order is None else f"with order {o.order:.2f}"
     return (
         f"{o.name}: changes by {o.change:.3g} when the step of {1e3 * step:.6g} ms is halved, falling {order}; "
         f"estimated error {o.error:.3g}, of a range of {o.span:.3g}"
@@ -174,7 +174,7 @@ class NoDelays(Record):
     @property
     def words(self) -> str:
         """Why there is no delay."""
-        return "all parts are of model exchange: one set of equations, no connection carries a delay"
+        return "all parts are model exchange, one set of equations: no connection carries a delay"
 
     def derived(self) -> dict[str, Any]:
         """Return what other systems have here."""

@@ -32,7 +32,7 @@ def run(model: Model, asked: Delays, job: Job) -> DelayReport | NoDelays:
     if not isinstance(model, MasterModel):
         if model.interface == "me":
             return NoDelays(model=model.name, interface=model.interface, solver=model.solver)
-        raise InputError(f"{model.name}: one co-simulation FMU has no connections; connect it to a system first")
+        raise InputError(f"{model.name}: a single co-simulation FMU has no connections; connect it into a system first")
     system, remarks = start_at(model, asked.at)
     return _report(system, asked, signals_of(asked.inputs), remarks, job)
 

@@ -181,7 +181,7 @@ def _method(block: Block) -> str:
 def _rising(what: str, values: Sequence[float] | Floats) -> Floats:
     found = np.unique(np.asarray(values, dtype=np.float64))
     if not len(found) or not (np.isfinite(found).all() and found[0] > 0.0):
-        raise InputError(f"{what}: one or more positive numbers are needed")
+        raise InputError(f"{what}: give one or more positive numbers")
     return found
 
 

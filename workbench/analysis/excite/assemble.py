@@ -94,8 +94,8 @@ def _doubts(facts: SignalFacts) -> list[str]:
     if facts.cross_correlation is None or facts.cross_correlation <= CORRELATED:
         return []
     where = f"{facts.cross_correlation:.2g} at a lag of {facts.cross_correlation_lag:.4g} s"
-    return [f"two inputs are correlated ({where}): record longer, or take a higher rate"]
+    return [f"two inputs are correlated ({where}): record longer, or use a higher rate"]
 
 
 def _missing(begin: Begin, u: Floats) -> list[str]:
-    return [] if len(u) == begin.total else [f"ended early: {len(u)} of {begin.total} samples were run"]
+    return [] if len(u) == begin.total else [f"ended early: {len(u)} of {begin.total} samples were recorded"]

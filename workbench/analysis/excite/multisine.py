@@ -106,7 +106,7 @@ class MultisineDesign(Design):
         if len(every) < inputs:
             raise InputError(
                 f"multisine: the band {low:g}:{high:g} Hz holds {len(every)} lines {spacing / (length * dt):.4g} Hz "
-                f"apart, too few for {inputs} inputs; widen it, or take fewer periods or more samples"
+                f"apart, too few for {inputs} inputs; widen the band, or use fewer periods or more samples"
             )
         return [every[i::inputs] for i in range(inputs)]
 

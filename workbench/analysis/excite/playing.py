@@ -101,7 +101,7 @@ def measure(
         if asked.settle > 0.0 and design.offset is None:
             notes += _misses(session, at)
         if asked.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
-            notes.append("the signal's middle is not the operating point's input: let it settle first")
+            notes.append("the mean of the signal differs from the operating point's input: let the model settle first")
         y0 = np.array(list(session.values(asked.outputs).values()))
         played = _Played.of(asked, sampling, sequences, middle=middle, time=time)
         total = len(played.reads)
@@ -111,7 +111,7 @@ def measure(
 
 def _check(model: Model, asked: Excite) -> None:
     if not asked.inputs or not asked.outputs:
-        raise InputError("an input to force and an output to record are needed; name them")
+        raise InputError("name an input to force and an output to record")
     known = [v.name for v in model.inputs]
     for name in asked.inputs:
         if name not in known:

@@ -102,16 +102,16 @@ class PrbsDesign(Design):
     def _notes(self, dt: float, rate: float, samples: int, inputs: int, length: int, bits: int) -> list[str]:  # noqa: PLR0917
         notes = []
         if self.rate is not None and self.rate > (1.0 + _ON_TIME) / dt:
-            notes.append(f"prbs: the rate {self.rate:g} Hz is above the sampling rate; one bit a sample is played")
+            notes.append(f"prbs: the rate {self.rate:g} Hz is above the sampling rate; one bit per sample is used")
         if bits > length:
             notes.append(
                 f"prbs: the sequence repeats after {length / rate:.4g} s, within the record of {samples * dt:.4g} s; "
-                "validation then sees known input: raise order"
+                "the validation part then repeats known input: raise order"
             )
         elif inputs > 1 and bits > length // inputs:
             notes.append(
-                f"prbs: the inputs are one sequence, {length // inputs / rate:.4g} s apart, within the record; "
-                "raise order"
+                f"prbs: the inputs are one sequence, shifted by {length // inputs / rate:.4g} s, which is less than "
+                "the record; raise order"
             )
         return notes
 

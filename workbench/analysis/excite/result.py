@@ -78,7 +78,7 @@ class ExciteResult(Record):
         """What `to_csv` leaves out where it writes to a stream; empty: nothing."""
         if self.validation is None:
             return ""
-        return "the validation data are not written; name a file, or take --validation 0"
+        return "the validation data are not written; name a file, or use --validation 0"
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Return the samples of the identification part."""
@@ -130,5 +130,5 @@ def validation_path(path: Path) -> Path:
     """
     second = path.with_name(f"{path.stem}_validation{path.suffix}")
     if second.is_dir():
-        raise InputError(f"{second}: is a folder, but the validation data are written there; take another name")
+        raise InputError(f"{second}: is a folder, but the validation data are written there; use another name")
     return second

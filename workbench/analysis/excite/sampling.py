@@ -81,8 +81,8 @@ def _remarks(dt: float, period: float, rates: Sequence[float], *, chosen: bool) 
         return (f"sampled every {period:.6g} s, the model's own period{several}",)
     ratio = dt / period
     if ratio < 1.0 - _MULTIPLE or abs(ratio - round(ratio)) > _MULTIPLE * ratio:
-        what = f"the sampling interval {dt:.6g} s is no multiple of the model's own period {period:.6g} s{several}"
-        return (f"{what}: its samples come at changing times within the interval; take a multiple",)
+        what = f"the sampling interval {dt:.6g} s is not a multiple of the model's own period {period:.6g} s{several}"
+        return (f"{what}: its samples fall at changing times within the interval; use a multiple",)
     return ()
 
 

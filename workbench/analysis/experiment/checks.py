@@ -75,7 +75,7 @@ def times(name: str, given: ArrayLike | float, count: int) -> tuple[Floats, tupl
             raise InputError(f"{name}: the sampling interval must be positive, not {dt:g} s")
         return np.asarray(dt * np.arange(count), dtype=np.float64), ()
     if time.shape != (count,):
-        raise InputError(f"{name}: {time.size} times and {count} samples; they must be equally many")
+        raise InputError(f"{name}: {time.size} times and {count} samples; the numbers must be equal")
     return _equidistant(name, time)
 
 

@@ -65,7 +65,7 @@ def read_table(path: str | Path) -> DataTable:
     rows = [(number, _cells(line, separator)) for number, line in lines if not _is_remark(line)]
     start = _first_numbers(rows, separator)
     if start is None:
-        raise InputError(f"{path}: holds no row of numbers; a table with one column per signal is needed")
+        raise InputError(f"{path}: contains no row of numbers; a table with one column per signal is needed")
     headings = rows[:start]
     values = _numbers(path, rows[start:], separator)
     if not headings:
@@ -80,7 +80,7 @@ def _text(path: Path) -> tuple[str, list[str]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     if b"\0" in raw[:4096]:
-        raise InputError(f"{path}: is no text; export the data as CSV")
+        raise InputError(f"{path}: is not text; export the data as CSV")
     try:
         return raw.decode("utf-8-sig"), []
     except UnicodeDecodeError:
@@ -153,7 +153,7 @@ def _heading(
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
     fitting = [(number, cells) for number, cells in headings if len(cells) == width]
     if not fitting:
-        notes.append(f"{path}: names no columns; they are called column1, column2, …")
+        notes.append(f"{path}: does not name its columns; they are called column1, column2, …")
         return tuple(f"column{i + 1}" for i in range(width)), (None,) * width
     split = [_with_unit(cell) for cell in fitting[0][1]]
     names = tuple(name or f"column{i + 1}" for i, (name, _) in enumerate(split))
@@ -163,7 +163,7 @@ def _heading(
         notes.append(f"{path}: the units are those of the second line")
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(f"{path}: column '{twice[0]}' is there twice; give every column a name of its own")
+        raise InputError(f"{path}: column '{twice[0]}' appears twice; give every column a unique name")
     return names, units
 
 

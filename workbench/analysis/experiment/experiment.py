@@ -110,7 +110,7 @@ class Experiment(Part):
         if not 0 <= first < end <= self.n_samples:
             raise InputError(f"{self.name}: there is no part {first} … {end} of {self.n_samples} samples")
         if end - first < 2:
-            raise InputError(f"{self.name}: a part needs two samples at least, not {end - first}")
+            raise InputError(f"{self.name}: a part needs at least two samples, not {end - first}")
         chosen = slice(first, end)
         return replace(self, time=self.time[chosen], u=self.u[chosen], y=self.y[chosen])
 
@@ -235,10 +235,10 @@ def make_experiment(
     """
     inputs, outputs = columns("u", u), columns("y", y)
     if len(inputs) != len(outputs):
-        raise InputError(f"{name}: u has {len(inputs)} samples and y {len(outputs)}; they must be equally many")
+        raise InputError(f"{name}: u has {len(inputs)} samples and y {len(outputs)}; the numbers must be equal")
     if len(inputs) < 2:
         few = "1 sample is" if len(inputs) == 1 else f"{len(inputs)} samples are"
-        raise InputError(f"{name}: {few} too few; two are the least")
+        raise InputError(f"{name}: {few} too few; at least two are needed")
     u_names = names_of("u", input_names, inputs.shape[1])
     y_names = names_of("y", output_names, outputs.shape[1])
     twice = sorted({n for n in (*u_names, *y_names) if (*u_names, *y_names).count(n) > 1})
@@ -322,7 +322,9 @@ def _loop(name: str, remark: str) -> ClosedLoop:
     try:
         return ClosedLoop.from_dict(json.loads(remark.removeprefix(_LOOP)))
     except (ValueError, InputError):
-        raise InputError(f"{name}: cannot read the remark '{remark}'; take the line out, or record anew") from None
+        raise InputError(
+            f"{name}: cannot read the comment '{remark}'; remove the line, or record the data again"
+        ) from None
 
 
 def _choose(
@@ -360,7 +362,7 @@ def _clock(name: str, table: DataTable, clock: int | None, notes: list[str]) -> 
     time = factor * table.values[:, clock]
     keep = np.flatnonzero(np.append(np.diff(time) != 0.0, True))
     if len(keep) < len(time):
-        notes.append(f"{name}: {len(time) - len(keep)} times stand there twice (events); the later rows count")
+        notes.append(f"{name}: {len(time) - len(keep)} times appear twice (events); the later rows are used")
     return time[keep], keep
 
 

@@ -133,7 +133,8 @@ def _notes(on_axis: Complex, cancelled: Complex, mirrored: Complex) -> tuple[str
     if len(mirrored):
         listed = ", ".join(f"{float(natural_frequency_hz(p)):.3g}" for p in mirrored[mirrored.imag >= 0.0].tolist())
         notes.append(
-            f"poles were mirrored at {listed} Hz; around these frequencies the filter has another phase than H/G"
+            f"poles were mirrored at {listed} Hz; near these frequencies the phase of the filter differs from that "
+            "of H/G"
         )
     if len(on_axis):
         notes.append(

@@ -171,7 +171,7 @@ class _Work:
         name = two.loop.ports.component
         result = _changed(result, block=name)
         if two.block is None:
-            return _noted(result, f"{name} has a memory of its own: the cycles left are not predicted")
+            return _noted(result, f"{name} has a memory of its own: the remaining cycles are not predicted")
         gains = [g for pair in result.stable_gains for g in _spread(_finite(pair), self.count)]
         cycles = tuple(two.left(g, band=band, amplitudes=amplitudes) for g in gains)
         return _changed(result, cycles=cycles)
@@ -183,7 +183,8 @@ class _Work:
             return tuple(np.linspace(*wanted, self.count).tolist())
         if not result.stable_gains:
             raise InputError(
-                f"{result.model}: {result.words}; there is nothing to settle with (without settle: the crossings)"
+                f"{result.model}: {result.words}; there is no gain to settle with (without settle the crossings are "
+                "shown)"
             )
         nearest = min(result.stable_gains, key=lambda p: 0.0 if p[0] <= 0.0 <= p[1] else min(abs(p[0]), abs(p[1])))
         return _spread(_finite(nearest), self.count)
@@ -199,7 +200,7 @@ class _Work:
             )  # fmt: skip
         if two is None:
             raise InputError(
-                f"{self.place.model.name}: no nonlinear block is known, so that no limit cycle is predicted; name it "
+                f"{self.place.model.name}: no nonlinear block is known, so no limit cycle is predicted; name it "
                 "(block), or excite a motion (pulse, start_after)"
             )
         return from_cycle(self.place, self.where, two, watch, centre=centre, time=self.time, tolerance=tolerance)
@@ -308,23 +309,24 @@ def _study_notes(study: SettlingStudy) -> list[str]:
     best, notes = study.best, []
     if best.at_end and best.gain is not None:
         notes.append(
-            f"settling to {100.0 * best.threshold:g} %: the polynomial falls to the end of the gains measured, and the "
-            f"optimum is that end, {best.gain:.4g}"
+            f"settling to {100.0 * best.threshold:g} %: the polynomial still falls at the end of the measured gains, "
+            "so "
+            f"the optimum is that end, {best.gain:.4g}"
         )
     optima = [o for o in study.optima if o.gain is not None]
     moved = [o.gain for o in optima if o.gain is not None]
     if moved and max(moved) - min(moved) > _MOVES * (study.gains[-1] - study.gains[0]):
         notes.append(
-            f"the optimum moves with the threshold: {moved[0]:.4g} at {100.0 * optima[0].threshold:g} %, "
+            f"the optimum depends on the threshold: {moved[0]:.4g} at {100.0 * optima[0].threshold:g} %, "
             f"{moved[-1]:.4g} at {100.0 * optima[-1].threshold:g} %"
         )
     if best.unsettled:
         notes.append(f"{best.unsettled} of {len(study.runs)} gains did not settle to {100.0 * best.threshold:g} %")
     hit = [r.gain for r in study.runs if r.deflection_limited]
     if hit:
-        notes.append(f"the deflection came to its limit with gains {', '.join(f'{g:.4g}' for g in hit)}")
+        notes.append(f"the deflection reached its limit with gains {', '.join(f'{g:.4g}' for g in hit)}")
     slow = [r for r in study.runs if r.rate_limited]
     if slow:
         longest = max(r.rate_limited or 0.0 for r in slow)
-        notes.append(f"the rate came to its limit with {len(slow)} gains, for at most {longest:.3g} s")
+        notes.append(f"the rate reached its limit with {len(slow)} gains, for at most {longest:.3g} s")
     return notes

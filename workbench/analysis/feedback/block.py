@@ -67,7 +67,7 @@ class CyclesLeft(Part):
             return "unstable at small amplitudes"
         if self.cycles:
             least = min(c.amplitude or 0.0 for c in self.cycles)
-            return f"settles from amplitudes below {least:.4g}; not from all above"
+            return f"settles from amplitudes below {least:.4g}; not from all larger ones"
         if self.unstable_large:
             return "small motions settle, large ones grow; no cycle lies between"
         return "no cycle predicted: small and large motions settle"
@@ -167,15 +167,15 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
         model: a system; of one FMU there is no block.
     """
     if not isinstance(model, SystemModel):
-        return None, "no system of model exchange parts, and so no block to look for limit cycles with"
+        return None, "the system has no model exchange parts, so there is no block that could make limit cycles"
     connected = [c for c in model.system.components if _connected(model, c)]
     found = [c.name for c in connected if not _has_states(model, c)]
     found = found or [c.name for c in connected if _is_static(model, c)]
     if len(found) == 1:
         return found[0], ""
     if not found:
-        return None, "no component looks like a static nonlinear block: limit cycles are not looked for"
-    return None, f"{', '.join(found)} may each be the nonlinear block; name one to look for limit cycles (block)"
+        return None, "no component looks like a static nonlinear block, so no limit cycles are searched for"
+    return None, f"{', '.join(found)} may be the nonlinear block; name one (block) to search for limit cycles"
 
 
 def _connected(model: SystemModel, component: Component) -> bool:
@@ -219,7 +219,9 @@ def cut_at(
     """
     for role, name in (("source", place.source), ("target", place.target)):
         if name.startswith(f"{component}."):
-            raise InputError(f"{place.model.name}: block {component} holds the feedback's {role} {name}; name another")
+            raise InputError(
+                f"{place.model.name}: block {component} contains the feedback's {role} {name}; name another"
+            )
     ports = find_ports(place.model, component)
     loop = cut(place.model, component, at=where.point, time=time, keep=keep)
     with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:

@@ -81,20 +81,18 @@ def from_cycle(
         place, where, watch, centre=centre, values=values, signals={}, begin=time, closes=time + length,
         guess=frequency, tolerance=tolerance,
     )  # fmt: skip
-    return Start(**{**vars(start), "how": f"from the predicted limit cycle, simulated for {_PERIODS} periods"})
+    return Start(**{**vars(start), "how": f"starting from the predicted limit cycle, simulated for {_PERIODS} periods"})
 
 
 def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
     name = place.model.name
     block = two.block
     if block is None:
-        raise InputError(
-            f"{name}: the block has a memory, so that no cycle is predicted; excite one (pulse, start_after)"
-        )
+        raise InputError(f"{name}: the block has a memory, so no cycle is predicted; excite one (pulse, start_after)")
     found = [c for c in two.loop_cycles() if c.stable and c.amplitude is not None]
     if not found:
         raise InputError(
-            f"{name}: no stable limit cycle is predicted without feedback, nothing is there to settle; excite a motion "
+            f"{name}: no stable limit cycle is predicted without feedback, so nothing settles; excite a motion "
             "(pulse, start_after)"
         )
     first = max(found, key=lambda c: c.amplitude or 0.0)
@@ -166,8 +164,8 @@ def _simulated(
     with model.open_at(time=begin, values=values, tolerance=tolerance) as session:
         if guess is not None and where.hidden:
             raise InputError(
-                f"{model.name}: its sessions do not begin where they are told, so that a predicted cycle cannot be "
-                "started; excite a motion (pulse, start_after)"
+                f"{model.name}: its sessions cannot start at a given point, so a predicted cycle cannot be started; "
+                "excite a motion (pulse, start_after)"
             )
         record = session.advance(closes, signals=signals, record=[watch], points=points)
         end = {} if where.hidden else session.values([v.name for v in (*model.states, *model.inputs) if v.is_number])

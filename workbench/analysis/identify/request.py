@@ -202,7 +202,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.amplitude is not None and self.nfr is None:
-            raise InputError("amplitude: it chooses one of nfr, which is not given")
+            raise InputError("amplitude: it selects one of nfr, which is missing")
 
     def went_well(self, record: IdentifyResult) -> bool:
         """Return whether the model has a simulation on all data.

@@ -106,7 +106,11 @@ class IdentifyResult(Record):
     @property
     def notes(self) -> tuple[str, ...]:
         """Choices and doubts, one line each."""
-        alone = () if self.other is not None else ("validated on the data of the fit, which flatters: give other data",)
+        alone = (
+            ()
+            if self.other is not None
+            else ("validated on the data of the fit, which makes the model look too good: give other data",)
+        )
         evidence = self.advice.finding("feedback").evidence
         unknown = f"whether the data come from a closed loop is unknown: {evidence}"
         loop = (unknown,) if self.closed_loop is None else ()

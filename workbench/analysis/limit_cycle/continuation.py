@@ -64,7 +64,7 @@ def follow(
     track = _Track(family, start, limits, cycle)
     first = track.begin(cycle)
     if first is None:
-        why = "harmonic balance does not hold at the start"
+        why = "harmonic balance has no solution at the start"
         return Branch(parameter=parameter, points=(), folds=(), ends=(why, why))
     backward, folds_back, why_back = track.walk(_Place(first.y, -first.direction), most)
     forward, folds, why = track.walk(first, most)
@@ -165,7 +165,7 @@ class _Track:
             if y is None or y[1] < _SHRINKS * place.y[1]:
                 length *= 0.5
                 if length < _SHORTEST:
-                    return points, folds, "the equations of harmonic balance could not be solved any further"
+                    return points, folds, "the equations of harmonic balance could not be solved beyond this point"
                 continue
             following = _Place(y, self._tangent(y, place.direction))
             if length > _STRAIGHT and float(following.direction @ place.direction) < _TURNS:
@@ -181,7 +181,7 @@ class _Track:
                 return points, folds, "the cycle shrinks to a point"
             crawled = crawled + 1 if length < _CRAWL else 0
             if crawled > _PATIENCE:
-                return points, folds, "the equations of harmonic balance can hardly be solved any further"
+                return points, folds, "the equations of harmonic balance can hardly be solved beyond this point"
             place, length = following, min(1.3 * length, _LONGEST)
         return points, folds, f"{most} points"
 

@@ -50,7 +50,7 @@ class Observation(Part):
         ends = {
             "rest": f"comes to rest within {self.seconds:.3g} s",
             "oscillation": f"keeps oscillating at {self.frequency_hz or 0.0:.4g} Hz",
-            "divergence": f"goes away without end{f' ({self.reason})' if self.reason else ''}",
+            "divergence": f"grows without bound{f' ({self.reason})' if self.reason else ''}",
             "undecided": f"has neither come to rest nor settled on an oscillation after {self.seconds:.3g} s",
         }
         return f"a run with the block's input moved by {self.push:.3g} {ends[self.outcome]}"

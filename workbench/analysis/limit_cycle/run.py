@@ -170,7 +170,7 @@ class _Work:
         self.found.append(first)
         if c.distortion is not None and c.distortion > 0.05:
             self.notes.append(
-                f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % comes back to the block; "
+                f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % returns to the block; "
                 "the describing function is a rough estimate there"
             )
         block = self.loop.block if self.loop.block is not None else self._driven(number)
@@ -294,7 +294,7 @@ class _Work:
         if not self.band[0] / _OUTSIDE <= cycle.frequency <= self.band[1] * _OUTSIDE:
             self.notes.append(
                 f"crossing {number + 1}: harmonic balance leads out of the band, to {cycle.frequency:.3g} Hz; "
-                "that is not taken for a cycle"
+                "that is not accepted as a cycle"
             )
             return self._sine(first)
         for other in self.found:
@@ -310,7 +310,7 @@ class _Work:
             )
         driven = isinstance(block, DrivenBlock)
         if isinstance(block, DrivenBlock) and not block.settled:
-            self.notes.append(f"block {block.name}: it did not repeat itself under a periodic input")
+            self.notes.append(f"block {block.name}: its response to a periodic input is not periodic")
         if not driven:
             self.cycles.append(cycle)
         floquet, doubt = (None, 0.0) if driven else others(multipliers(part, block, cycle))

@@ -23,13 +23,13 @@ def choose(task: LinTask) -> tuple[str, str]:
         InputError, SimulationError: the model cannot be evaluated at the point.
     """
     if task.model.interface == "cs":
-        return "response", "auto: a co-simulation interface shows neither states nor derivatives"
+        return "response", "auto: a co-simulation interface provides neither states nor derivatives"
     try:
         point = open_base(task)
     except InputError:
         if task.model.states:
             raise
-        return "response", "auto: the model shows no states"
+        return "response", "auto: the model provides no states"
     with point:
         if len(point.ticks(1, np.inf)) and (point.memory or not point.states):
             return "kalman-bertram", "auto: the model has time events and discrete states"

@@ -103,8 +103,8 @@ def held(result: LinResult, joined: LinResult) -> Held:
             result.input_names[j],
             float(real[0, i, j]),
             None,
-            f"it moves between the samples: joined by straight lines, they are 5 % off above {to[i, j]:.3g} Hz; "
-            f"poles beyond {0.5 / result.dt:.3g} Hz appear at lower frequencies; take a shorter period",
+            f"it moves between the samples: joined by straight lines, they are wrong by 5 % above {to[i, j]:.3g} Hz; "
+            f"poles beyond {0.5 / result.dt:.3g} Hz appear at lower frequencies; use a shorter period",
         )
         for i, j in np.argwhere(to < least)
     )

@@ -213,7 +213,7 @@ def _methods(task: LinTask, results: dict[str, LinResult], failed: dict[str, str
 def _why_not(task: LinTask, method: str) -> str:
     """Return why a method would answer another question; empty if it applies as far as one can tell before."""
     if task.model.interface == "cs":
-        return "" if method == "response" else "a co-simulation interface shows neither states nor derivatives"
+        return "" if method == "response" else "a co-simulation interface provides neither states nor derivatives"
     with open_base(task) as point:
         sampled = len(point.ticks(1, np.inf)) > 0 and bool(point.memory)
     if sampled and method in ("exact", "difference"):
@@ -269,7 +269,7 @@ def _measure(
     except (InputError, SimulationError, FmuError) as error:
         return None, [f"nothing was measured: {error}"]
     if not np.any(np.where(np.isnan(measured.response), 1.0, measured.response)):
-        why = f"a sine of amplitude {small:.3g} at {source} does not move {target}; take a larger amplitude"
+        why = f"a sine of amplitude {small:.3g} at {source} does not move {target}; use a larger amplitude"
         return measured, [f"nothing to compare with: {why}"]
     unsettled = int(measured.averaged.sum()) + len(measured.failed)
     reason = (

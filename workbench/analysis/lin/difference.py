@@ -182,7 +182,7 @@ class Columns:
         return found
 
     def _latches(self, jacobian: Floats, j: int) -> list[Doubt]:
-        why = "a discrete state would be set within the perturbation; it is kept"
+        why = "a discrete state would change within the perturbation; it is held"
         rows = np.flatnonzero(jacobian[:, j])
         return [Doubt(self.rows[i], self.names[j], float(jacobian[i, j]), None, why) for i in rows]
 

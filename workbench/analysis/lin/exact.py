@@ -39,7 +39,7 @@ def exact(task: LinTask) -> LinResult:
     Source: the source report, chapter 3.1.1; FMI 2.0.4, section 2.1.9.
     """
     if task.dx is not None or task.du is not None:
-        raise InputError("method exact: it takes no widths; leave dx and du out, or use method difference")
+        raise InputError("method exact: it has no widths; leave out dx and du, or use method difference")
     with open_base(task) as point:
         why = point.why_not_exact()
         if why:

@@ -13,8 +13,8 @@ from workbench.analysis.lin.result import LinResult, Zero
 __all__ = ["DECLARED", "ELSEWHERE", "NOT_CONNECTED", "Reach", "zeros_of"]
 
 Flags = NDArray[np.bool_]
-NOWHERE = "nothing depends on it here"
-ELSEWHERE = "no effect at this point, but it has one near it: what it is multiplied by is 0 here"
+NOWHERE = "nothing depends on it at this point"
+ELSEWHERE = "no effect at this point, but an effect nearby: its factor is 0 here"
 DECLARED = "no effect found at this point; the FMU declares that {} depends on it"
 NOT_CONNECTED = "not connected: the FMU declares that nothing depends on it"
 

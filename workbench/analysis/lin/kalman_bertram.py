@@ -244,6 +244,6 @@ def _check(setting: PeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
     scale = np.abs(slopes.all) @ np.abs(shift)
     noise = 1e-9 * np.abs(slopes.values) * (setting.continuous > 0) + 1e-13
     rows = [*(v.name for v in setting.states), *setting.task.outputs]
-    why = "with everything perturbed at once it goes elsewhere: not linear over the widths"
+    why = "with everything perturbed at once the result differs: not linear over the widths"
     bad = np.flatnonzero(np.abs(real - expected) > 2.0 * AGREE * scale + noise)
     return tuple(Doubt(rows[i], "all", float(expected[i]), float(real[i]), why) for i in bad)

@@ -22,7 +22,9 @@ def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
     """Linearise a model; see `Lin`."""
     task = make_task(model, asked)
     if not task.inputs:
-        raise InputError(f"{task.model.name}: a linear model needs an input, and there is none; poles: workbench modes")
+        raise InputError(
+            f"{task.model.name}: a linear model needs an input, and there is none; for poles use workbench modes"
+        )
     return run(task, asked.method)
 
 
@@ -39,6 +41,6 @@ def run(task: LinTask, method: str) -> LinResult:
     result = replace(result, notes=notes, point=named(task.model, result.point))
     if task.continuous and result.dt > 0.0:
         A, B = unheld(result.A, result.B, result.dt)
-        note = f"made continuous from a period of {result.dt:.6g} s, the input held over it"
+        note = f"converted to continuous time from a period of {result.dt:.6g} s, the input held over it"
         result = replace(result, A=A, B=B, dt=0.0, intersample=None, notes=(*result.notes, note))
     return result

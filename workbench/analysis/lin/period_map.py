@@ -63,7 +63,7 @@ class PeriodMap:
         states = (*point.states, *point.memory)
         for state in point.states:
             if state.start is None:
-                raise InputError(f"method kalman-bertram: state {state.name} cannot be started elsewhere; use response")
+                raise InputError(f"method kalman-bertram: state {state.name} cannot be set; use response")
         chosen = [point.inputs[i] for i in columns_of(task, point)]
         inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
         # Discrete states begin at their own start values: those after the first event are already the next ones.

@@ -89,7 +89,7 @@ def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) 
     chosen = int((values > floor).sum()) if order is None else order
     most = min(LARGEST_ORDER, size * min(q, m), len(values))
     if order is not None and not 0 < order <= most:
-        raise InputError(f"order must lie between 1 and {most} for {k} points, not at {order}")
+        raise InputError(f"order must be between 1 and {most} for {k} points, not {order}")
     chosen = min(chosen, most)
     if chosen == 0:
         return _static(markov)

@@ -73,7 +73,7 @@ def response(task: LinTask) -> LinResult:
     Source: J.-N. Juang and R. S. Pappa, J. Guidance 8 (1985).
     """
     if task.dx is not None:
-        raise InputError("method response: it perturbs inputs only; leave dx out, or use another method")
+        raise InputError("method response: it perturbs only inputs; leave out dx, or use another method")
     if not task.inputs or not task.outputs:
         raise InputError("method response: it needs an input and an output")
     if task.points < 8:
@@ -100,7 +100,9 @@ def response(task: LinTask) -> LinResult:
         limit = held(result, joined)
         result = replace(result, holds_to_hz=limit.to_hz)
         doubts += limit.doubts
-        notes.append(f"the samples, joined by straight lines, hold within 5 % for sines up to {limit.to_hz:.3g} Hz")
+        notes.append(
+            f"the samples, joined by straight lines, are valid within 5 % for sines up to {limit.to_hz:.3g} Hz"
+        )
     runs = {"runs": pulses.runs + len(task.inputs) + (0 if answers is None else 1 + len(trials))}
     return replace(result, notes=tuple(notes), doubts=tuple(doubts), refused=refused, calls=runs)
 
@@ -125,7 +127,7 @@ def _period(task: LinTask) -> float:
         step = step or experiment.step
         span = (experiment.stop_time or 0.0) - (experiment.start_time or 0.0)
     if step is None and span <= 0.0:
-        raise InputError("method response: the model names neither step nor default experiment; give period")
+        raise InputError("method response: the model has neither a step nor a default experiment; give period")
     return step or span / 500.0
 
 
@@ -455,11 +457,17 @@ def _notes(found: Realisation, largest: Realisation, pulses: _Pulses, trials: Se
     notes = [f"order {len(found.A)} (singular values above the noise, {relative.max(initial=0.0):.1e} of the response)"]
     if len(found.A) < len(largest.A):
         more = f"singular values above the noise would give {len(largest.A)}"
-        notes = [f"order {len(found.A)}, the smallest that predicts other pulses and a step as well as any; {more}"]
+        notes = [
+            (
+                f"order {len(found.A)}, the smallest that predicts other pulses and a step as well as any larger one; "
+                f"{more}"
+            )
+        ]
     error = max((t.error(found) for t in trials), default=0.0)
-    notes.append(f"other pulses and a step, which it was not made from, are predicted within {100.0 * error:.2g} %")
+    notes.append(f"other pulses and a step, not used for the fit, are predicted within {100.0 * error:.2g} %")
     notes += [
-        f"{n}: moved by {0.5 * pulses.widths[n]:.3g} up and down; less is lost in the noise of the integration"
+        f"{n}: moved by {0.5 * pulses.widths[n]:.3g} up and down; smaller pulses would be lost in the noise of the "
+        "integration"
         for n in pulses.widened
     ]
     return notes

@@ -74,7 +74,7 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
         if name not in known:
             raise InputError(f"{what}: the linear model has no '{name}'; {suggest(name, known)}")
     if not height or not stop > 0.0:
-        raise InputError(f"a step needs a height other than 0 and a time above 0, not {height:g} and {stop:g} s")
+        raise InputError(f"a step needs a height other than 0 and a stop time above 0, not {height:g} and {stop:g} s")
     count = POINTS if linear.dt == 0.0 else max(1, round(stop / linear.dt))
     dt = linear.dt or stop / count
     time: Floats = dt * np.arange(count + 1.0)

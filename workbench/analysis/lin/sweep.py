@@ -156,9 +156,9 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
         raise InputError("over: nothing to vary; give NAME=value,value,…")
     for name in grid:
         if name not in known:
-            raise InputError(f"over: '{name}' is no parameter, input or state; {suggest(name, known)}")
+            raise InputError(f"over: '{name}' is not a parameter, input or state; {suggest(name, known)}")
     if model.recipe is None and any(n in {p.name for p in model.parameters} for n in grid):
-        raise InputError(f"over: the parameters of {model.name} cannot be set, it is not a file")
+        raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
 
 
 def _job(model: Model, varied: dict[str, float], common: Lin) -> _Job:
@@ -221,7 +221,7 @@ def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | n
     if store is None:
         return nullcontext()
     if model.recipe is None:
-        raise InputError(f"store: {model.name} is not a file; its results cannot be told from another model's")
+        raise InputError(f"store: {model.name} is not a file; its results cannot be distinguished from another model's")
     subject = {
         "analysis": "lin",
         "algorithm": _ALGORITHM,

@@ -140,7 +140,7 @@ def sampled_note(point: Point) -> tuple[str, ...]:
     """Return a remark where derivatives are half the truth: the model has samplers, which hold."""
     if not (len(point.ticks(1, np.inf)) and point.memory):
         return ()
-    return ("the model is sampled: its discrete states are held here; kalman-bertram takes them along",)
+    return ("the model is sampled: its discrete states are held here; kalman-bertram includes them",)
 
 
 def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
@@ -153,7 +153,12 @@ def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
         return ()
     more = f" and {len(moves) - 3} more" if len(moves) > 3 else ""
     shown = f"{', '.join(moves[:3])}{more}"
-    return (f"the point is moving: {shown}; the linear model is about that motion, trim finds a point at rest",)
+    return (
+        (
+            f"the point is not at rest: {shown}; the linear model describes small deviations from that motion; trim "
+            "finds a point at rest"
+        ),
+    )
 
 
 def columns_of(task: LinTask, point: Point) -> list[int]:

@@ -66,11 +66,11 @@ class Trial:
         if shifted[worst] <= _REFUSED:
             return ""
         return (
-            f"there is no linear model: {self.outputs[worst]} answers to {self.input} differently "
+            f"there is no linear model: {self.outputs[worst]} responds to {self.input} differently "
             f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). Either the "
             f"model moves at this point (trim it, or leave {self.input} out of the inputs), or the FMU's own "
             "solver does not restart where inputs change (check tells), or the model samples its inputs or has "
-            "events; then interface me, a longer period or nfr help"
+            "events; then use interface me, a longer period, or nfr"
         )
 
     def refuse(self, found: Realisation) -> None:

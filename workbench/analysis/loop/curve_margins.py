@@ -68,11 +68,11 @@ def _verdict(
         else stability.unstable + 2 * (_turns(phase) - _turns(linear.phase_crossovers))
     )
     if count < 0:
-        why = "its open loop is not the linear one's"
+        why = "its open loop differs from the linear one"
     if why:
         return UNKNOWN, f"whether the quasi-linear loop is stable is not known: {why}"
     if count:
-        return UNSTABLE, f"the quasi-linear loop has {count} unstable poles; margins mean nothing then"
+        return UNSTABLE, f"the quasi-linear loop has {count} unstable poles; the margins are then meaningless"
     return STABLE, "the quasi-linear loop is stable, by Nyquist's criterion from the linear one"
 
 
@@ -81,7 +81,7 @@ def _why_unknown(frequency_hz: Floats, linear: Margins | None, stability: Stabil
     if len(frequency_hz) < 2:
         return "fewer than two points have a value"
     if linear is None or stability is None:
-        return "there is no linear loop to count from"
+        return "there is no linear loop to start from"
     if stability.verdict == BORDER:
         return stability.words
     left = [c.frequency_hz for c in linear.phase_crossovers if c.factor < 1.0]

@@ -111,7 +111,9 @@ def _checked(model: Model) -> SystemModel:
             f"loop: {model.name} has co-simulation parts, whose loop cannot be opened (their steps are part of it); "
             'give these components interface "me" if their FMUs offer it'
         )
-    raise InputError(f"loop: {model.name} is one model and has no connection to open; connect it to a system first")
+    raise InputError(
+        f"loop: {model.name} is a single model and has no connection to open; connect it into a system first"
+    )
 
 
 def _resolved(model: SystemModel) -> Resolved:

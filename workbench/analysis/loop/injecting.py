@@ -106,7 +106,9 @@ def injected(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, flo
 def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
     z = tried.passed
     if z is None or not z.response or y.response is None:
-        reason = next((p.reason for p in (z, y) if p is not None and p.reason), "nothing was passed on")
+        reason = next(
+            (p.reason for p in (z, y) if p is not None and p.reason), "the signal at the opened connection is zero"
+        )
         return _failed(tried, reason, 0 if z is None else z.periods)
     if not tried.hit:
         why = "it jumps past it as the injected sine grows" if tried.jumps else "the search for it came to no end"

@@ -123,7 +123,7 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
     notes = [f"doubtful: {d.row} by {d.column}: {d.reason}" for d in result.doubts]
     if not _returns(result):
         notes.append(
-            f"L is 0: what {cut.place.label} hands over does not come back at this point (a limit is reached, or a "
+            f"L is 0: what {cut.place.label} passes on does not return at this point (a limit is reached, or a "
             "path is open)"
         )
     moving = _moving(result.point.dx, result.point.x) if result.dt == 0.0 else []

@@ -60,7 +60,7 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
     if how in MEASUREMENTS:
         return (how,), f"{how} was asked for"
     if linear is None:
-        return ("inject",), "auto: nothing is known of the open loop"
+        return ("inject",), "auto: nothing is known about the open loop"
     poles = linear.transfer.poles
     edge = np.abs(poles) - 1.0 if linear.transfer.dt > 0.0 else poles.real
     if np.any(edge > -1e-9):
@@ -155,8 +155,8 @@ def _doubts(found: Sequence[LoopPoint], amplitude: float, value: float) -> list[
         _worst(
             [(p.thd_passed or 0.0, p) for p in found],
             0.05,
-            "the signal passed on is no sine at {n} points (distortion up to {worst:.3g} % at {hz:.4g} Hz): a "
-            "describing function says little there",
+            "the signal passed on is not a sine at {n} points (distortion up to {worst:.3g} % at {hz:.4g} Hz): a "
+            "describing function is not reliable there",
         ),
         _worst(
             [(abs((value if p.mean is None else p.mean) - value) / amplitude, p) for p in found],

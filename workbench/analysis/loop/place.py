@@ -80,7 +80,7 @@ def _split(at: Open) -> tuple[str, str | None]:
     """Return source and destination; None: all."""
     if not isinstance(at, str):
         if len(at) != 2:
-            raise InputError(f'at: {at!r} is no connection; write "plant.y", or ("plant.y", "controller.u")')
+            raise InputError(f'at: {at!r} is not a connection; write "plant.y", or ("plant.y", "controller.u")')
         return at[0], at[1]
     for arrow in _ARROWS:
         source, found, target = (part.strip() for part in at.partition(arrow))
@@ -122,7 +122,7 @@ def _check_loop(place: Place, cut: Sequence[Wire], wires: Sequence[Wire], names:
         return
     ends = ", ".join(sorted(names[k] for k in reached))
     raise InputError(
-        f"open: {place.label} is in no loop: from there one comes to {ends}, and nothing leads back to {names[home]}"
+        f"open: {place.label} is not in a loop: it leads to {ends}, and nothing leads back to {names[home]}"
     )
 
 

@@ -114,6 +114,6 @@ def _linear(
 def _own_band(linear: LinearLoop | None) -> tuple[float, float]:
     inner = () if linear is None else linear.margins.crossovers_hz
     if not inner:
-        raise InputError("band: none given, and the linear loop has no crossover to lay one around; give LO:HI [Hz]")
+        raise InputError("band: none given, and the linear loop has no crossover to choose one around; give LO:HI [Hz]")
     top = max(inner) * _BESIDE if linear is None else min(max(inner) * _BESIDE, _SAMPLED * linear.transfer.highest_hz)
     return min(min(inner) / _BESIDE, top), top

@@ -77,10 +77,12 @@ def _words(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: floa
         return f"the closed loop is stable: its pole nearest to the border is {_number(nearest)}{unit}"
     listed = ", ".join(dict.fromkeys(_number(p) for p in bad[:4]))
     what = "unstable" if verdict == UNSTABLE else "at the border of stability"
-    text = f"the closed loop is {what}: pole{'s' if len(bad) > 1 else ''} {listed}{unit}; margins mean nothing then"
+    text = (
+        f"the closed loop is {what}: pole{'s' if len(bad) > 1 else ''} {listed}{unit}; the margins are then meaningless"
+    )
     kept = [p for p in bad if len(before) and np.abs(before - p).min() <= _SAME * (1.0 + abs(p))]
     if kept:
-        text += f"; {_number(kept[0])} is there with the loop open too: this loop does not move it"
+        text += f"; {_number(kept[0])} is there with the loop open too: this loop does not affect it"
     return text
 
 

@@ -35,7 +35,7 @@ Settings = Mapping[str, Value]
 def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     """Follow modes over a parameter; see `Modes`."""
     if not isinstance(model, DescribedModel):
-        raise InputError(f"modes: {model.name} is not a file; what it consists of cannot be varied")
+        raise InputError(f"modes: {model.name} is not a file; its parts cannot be varied")
     vary, limits = varied(asked.vary)
     against = list(asked.against)
     grid = _values(asked, limits)
@@ -263,8 +263,8 @@ def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:
             if m.kind == "unclear":
                 numbers = ", ".join(map(str, m.modes))
                 notes.append(
-                    f"{who}modes {numbers} meet at {parameter} = {m.value:.6g} (step {m.width:.2g}); which goes on as "
-                    "which is not certain from there on"
+                    f"{who}modes {numbers} meet at {parameter} = {m.value:.6g} (step {m.width:.2g}); which is which "
+                    "is uncertain from there on"
                 )
         if s.failed:
             first, why = next(iter(s.failed.items()))

@@ -54,7 +54,7 @@ def check_parameter(model: Model, name: str) -> None:
     """
     known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number] + _gains(model)
     if name not in known:
-        raise InputError(f"modes: '{name}' is no parameter, input or state of {model.name}; {suggest(name, known)}")
+        raise InputError(f"modes: '{name}' is not a parameter, input or state of {model.name}; {suggest(name, known)}")
 
 
 def _gains(model: Model) -> list[str]:

@@ -127,7 +127,7 @@ class _Tracking:
             else:
                 self._step(self._frames[-1], value, poles)
         if len(self._frames) < 2:
-            raise InputError("modes: there is a linear model at fewer than two values; nothing can be followed")
+            raise InputError("modes: there is a linear model at fewer than two values; modes cannot be followed")
         return Track(tuple(self._frames), tuple(self._meetings), self._count)
 
     def _begin(self, value: float, poles: Poles) -> None:

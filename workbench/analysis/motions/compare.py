@@ -135,7 +135,7 @@ def _check(
     inputs: Mapping[str, Signal],
 ) -> None:
     if not systems or not signals or not windows:
-        raise InputError("compare: at least one system, one signal and one window are needed")
+        raise InputError("compare: give at least one system, one signal and one window")
     for begin, end in windows:
         if not (np.isfinite([begin, end]).all() and 0.0 <= begin < end):
             raise InputError(f"compare: the window {begin:g}:{end:g} s must rise, from 0 on")

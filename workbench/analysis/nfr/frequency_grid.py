@@ -45,7 +45,7 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     """
     positive_values("band limit", (low, high), unit="Hz", distinct=False)
     if not (math.isfinite(ratio) and ratio > 1.0):
-        raise InputError(f"ratio: {ratio:g} does not lead from one frequency to the next; it must be above 1")
+        raise InputError(f"ratio: {ratio:g} must be above 1")
     if low == high:
         return (low,)
     if low > high and not falling:
@@ -54,7 +54,7 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     # One step that would end within rounding of the last point is the last point.
     steps = math.ceil(math.log(max(low, high) / min(low, high)) / math.log(ratio) - 1e-9)
     if steps > 100_000:
-        raise InputError(f"ratio: {ratio:g} makes {steps} frequencies of the band; take a larger one")
+        raise InputError(f"ratio: {ratio:g} makes {steps} frequencies in the band; use a larger one")
     return (*(low * factor**i for i in range(steps)), high)
 
 

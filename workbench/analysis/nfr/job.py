@@ -114,7 +114,7 @@ class PointsJob(Job):
     def _verified(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
         points = list(self._pass(model, tasks))
         if model.recipe is None:
-            raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
+            raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
         with model.recipe.tighter(_TIGHTER).open() as exact:
             finer = list(self._pass(exact, tasks))
         for point, other in zip(points, finer, strict=True):

@@ -62,7 +62,7 @@ class Sweep:
         _check_name("input", asked.input, model.inputs, model)
         _check_name("output", asked.output, (*model.outputs, *model.states), model)
         if asked.verify and model.recipe is None:
-            raise InputError(f"verify: the tolerance of {model.name}, which is no file, cannot be changed")
+            raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
         placed, remarks = start_at(model, asked.at)
         self._model, self._asked = placed, asked
         self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
@@ -102,7 +102,7 @@ class Sweep:
     def _recall(self, previous: NfrResult | None) -> None:
         """Take over what an earlier run measured, as far as it is asked for and need not be done again."""
         if self._redo and previous is None and self._store is None:
-            raise InputError("redo: which points? Give the store (or the result) of the earlier run")
+            raise InputError("redo: give the store or the result of the earlier run")
         known: dict[Key, NfrPoint] = {}
         if previous is not None:
             self._check_previous(previous)
@@ -169,7 +169,7 @@ class Sweep:
         job = SurroundingsJob(input=self._asked.input, output=self._asked.output)
         for event in runner.run(perform, deque([job])):
             if isinstance(event, Lost):
-                self.notes.append(f"the linear model could not be found, so errors are wider: {event.reason}")
+                self.notes.append(f"the linear model could not be found, so errors are larger: {event.reason}")
             else:
                 self._surroundings = event.value
 

@@ -36,25 +36,25 @@ _NOISE = 1e-4
 _MOST_BEYOND = 2.0
 
 _RESONANT = (
-    "it has not reached its amplitude: near a lightly damped resonance it still grows, to more than twice what was "
-    "reached"
+    "it has not reached its amplitude: near a lightly damped resonance it still grows, to more than twice its value"
 )
 _BURIED = (
-    "the transient that the sine begins with is larger than the response and dies away slowly: wait longer "
+    "the initial transient is larger than the response and decays slowly: wait longer "
     "(--max-periods), for some of the model's slowest time constants"
 )
-_SLOW = "a transient dies away slowly"
+_SLOW = "a transient decays slowly"
 _RESTLESS = (
-    "irregular: its periods differ, tend to none and do not repeat every 2 to 8 either (sampling beats, noise, "
+    "irregular: its periods differ, do not converge and do not repeat every 2 to 8 either (sampling beats, noise, "
     "a motion of the model's own, chaos)"
 )
-_UNCLEAR = (
-    "irregular, or a light mode that dies away slowly: its periods go to and fro and become only a little more alike"
-)
+_UNCLEAR = "irregular, or a lightly damped mode that decays slowly: its periods alternate and converge only slowly"
 NO_EFFECT = "no effect"
 _ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"
-_SAMPLED = "sampling and forcing beat: each period sees other samples"
-_BEATS = "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than was waited for"
+_SAMPLED = "sampling and forcing beat: the samples differ from period to period"
+_BEATS = (
+    "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than the measurement "
+    "lasted"
+)
 
 # What a response at rest leaves of a change, in allowed defects.
 _AT_REST = 3.0

@@ -31,8 +31,10 @@ _FEWEST_ROWS = 4
 
 # Why a point that settled by itself is not called so.
 _DEPENDS = {
-    "step": "half the communication step gives another answer; take a smaller --step, or --interface me if it has one",
-    "tolerance": "0.01 of the tolerance gives another answer; take a smaller --tolerance",
+    "step": (
+        "half the communication step gives a different result; use a smaller --step, or --interface me if available"
+    ),
+    "tolerance": "0.01 of the tolerance gives a different result; use a smaller --tolerance",
 }
 
 Run = Callable[[Sequence[PointTask]], list[NfrPoint]]
@@ -153,7 +155,7 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
         return point
     warning = (
         f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "
-        f"the answer depends on --{by}"
+        f"the result depends on --{by}"
     )
     return replace(point, warning=warning)
 
@@ -193,8 +195,8 @@ def rows_of_step(frequency: float, step: float) -> int:
     if rows < _FEWEST_ROWS:
         longest = 1.0 / (_FEWEST_ROWS * frequency)
         raise InputError(
-            f"step: {step:g} s is too long for {frequency:g} Hz; at least {_FEWEST_ROWS} steps must make a "
-            f"period, so take at most {longest:.3g} s"
+            f"step: {step:g} s is too long for {frequency:g} Hz; a period needs at least {_FEWEST_ROWS} "
+            f"steps, so use at most {longest:.3g} s"
         )
     return rows
 
@@ -216,13 +218,13 @@ def _asked(errcrit: float) -> float:
 def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:
     step = f"communication step {new.step or 0.0:.3g} s"
     if new.reason is not None:
-        why = f"{new.reason}, still at a {step}; take --interface me or a smaller --step"
+        why = f"{new.reason}, still at a {step}; use --interface me or a smaller --step"
     elif old.reason is not None:
-        why = f"only a {step} gave an answer and nothing confirms it; take --interface me or a smaller --step"
+        why = f"only a {step} gave a result, and nothing confirms it; use --interface me or a smaller --step"
     else:
         gain, phase_deg = change(old, new)
         why = (
             f"depends on the communication step: at a {step} halving it still changed the gain by "
-            f"{100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; take --interface me or a smaller --step"
+            f"{100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; use --interface me or a smaller --step"
         )
     return replace(new, response=None, offset=None, averaged=False, resolved=False, reason=why)

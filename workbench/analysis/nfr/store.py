@@ -68,7 +68,9 @@ class NfrStore:
             InputError: the model is not a file, the folder cannot be used, its file is no store.
         """
         if model.recipe is None:
-            raise InputError(f"store: {model.name} is not a file; its results cannot be told from another model's")
+            raise InputError(
+                f"store: {model.name} is not a file; its results cannot be distinguished from another model's"
+            )
         subject = {
             "analysis": "nfr",
             "algorithm": _ALGORITHM,
@@ -135,7 +137,7 @@ def check_redo(redo: Collection[str]) -> frozenset[str]:
     """
     for status in redo:
         if status not in STATUSES:
-            raise InputError(f"redo: '{status}' is no status of a point; {suggest(status, STATUSES)}")
+            raise InputError(f"redo: '{status}' is not a status of a point; {suggest(status, STATUSES)}")
     return frozenset(redo)
 
 

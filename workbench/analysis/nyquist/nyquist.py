@@ -112,14 +112,14 @@ def _part(loop: LinearPart | LinearModel | control.StateSpace) -> LinearPart:
 
 def _checked(band: tuple[float, float]) -> tuple[float, float]:
     if not (0.0 < band[0] < band[1] < np.inf):
-        raise InputError(f"band {band[0]:g}:{band[1]:g} Hz: it must rise and be positive")
+        raise InputError(f"band {band[0]:g}:{band[1]:g} Hz: both must be positive, the lower first")
     return band
 
 
 def _grid(amplitudes: tuple[float, float] | Sequence[float] | Floats) -> Floats:
     a = np.asarray(amplitudes, dtype=np.float64)
     if len(a) < 2 or not (a[0] > 0.0 and np.all(np.diff(a) > 0.0) and np.isfinite(a).all()):
-        raise InputError("amplitudes: two or more positive rising numbers are needed")
+        raise InputError("amplitudes: give two or more positive rising numbers")
     if len(a) > 2:
         return a
     count = int(np.ceil(np.log10(a[1] / a[0]) * _PER_DECADE)) + 1

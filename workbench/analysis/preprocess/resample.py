@@ -61,9 +61,13 @@ def resample(experiment: Experiment, *, dt: float, antialias: bool = True) -> Re
         raise InputError(f"the new sampling interval must be positive, not {dt:g} s")
     ratio = Fraction(dt / experiment.dt).limit_denominator(_LARGEST)
     if abs(float(ratio) * experiment.dt / dt - 1.0) > 1e-6 or ratio.numerator > 1000:
-        raise InputError(f"{dt:g} s is no simple ratio of the sampling interval, {experiment.dt:g} s; take a multiple")
+        raise InputError(
+            f"{dt:g} s is not a simple ratio of the sampling interval, {experiment.dt:g} s; use a multiple"
+        )
     if ratio < 1:
-        raise InputError(f"{dt:g} s is shorter than the sampling interval, {experiment.dt:g} s: record it so instead")
+        raise InputError(
+            f"{dt:g} s is shorter than the sampling interval, {experiment.dt:g} s: record at that interval instead"
+        )
     if not antialias and ratio.denominator != 1:
         raise InputError(f"without a filter {dt:g} s must be a multiple of the sampling interval, {experiment.dt:g} s")
     if experiment.n_samples / ratio < _FEWEST:

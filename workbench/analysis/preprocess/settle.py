@@ -77,7 +77,7 @@ def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Cut:
     if not 0 <= count <= (1.0 - _LEFT) * experiment.n_samples:
         raise InputError(f"{experiment.name}: {count} of {experiment.n_samples} samples cannot be cut off")
     if not count:
-        return Cut(experiment, "nothing cut off: it does not settle visibly", 0)
+        return Cut(experiment, "nothing cut off: no settling can be seen", 0)
     what = f"first {count} samples ({count * experiment.dt:.3g} s) cut off: settling"
     rest = experiment.part(count)
     return Cut(rest.with_data(note=what), what, count)

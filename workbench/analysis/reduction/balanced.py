@@ -122,9 +122,9 @@ def _check(n: int, unstable: int, order: int | None, tolerance: float | None, me
     if method not in METHODS:
         raise InputError(f"method: '{method}' is unknown; {suggest(method, METHODS)}")
     if order is not None and tolerance is not None:
-        raise InputError("order and tolerance are both given; one of them says how much is kept")
+        raise InputError("order and tolerance are both given; give only one of them")
     if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise InputError(f"tolerance must lie between 0 and 1, not at {tolerance:g}: a part of the largest value")
+        raise InputError(f"tolerance must be between 0 and 1, not {tolerance:g}: a part of the largest value")
     if order is not None and not max(1, unstable) <= order <= n:
         why = f" ({unstable} unstable poles stay)" if unstable else ""
         least = max(1, unstable)

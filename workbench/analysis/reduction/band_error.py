@@ -51,7 +51,7 @@ def band_error(exact: LinearPart, reduced: LinearPart, band: tuple[float, float]
         InputError: a band out of order.
     """
     if not 0.0 < band[0] < band[1] < float("inf"):
-        raise InputError(f"band: {band[0]:g}:{band[1]:g} Hz is no band; write the lower frequency first, above 0")
+        raise InputError(f"band: {band[0]:g}:{band[1]:g} Hz is not a band; write the lower frequency first, above 0")
     f = dense_grid(exact, reduced, *band)
     value = exact.response(f)
     apart = np.abs(value - reduced.response(f))

@@ -48,7 +48,7 @@ def cancel(found: Factored, *, tolerance: float = 1e-5, keep_unstable: bool = Fa
         InputError: a tolerance that is negative or 1 and more.
     """
     if not 0.0 <= tolerance < 1.0:
-        raise InputError(f"the tolerance of cancellation must lie between 0 and 1, not at {tolerance:g}")
+        raise InputError(f"the tolerance of cancellation must be between 0 and 1, not {tolerance:g}")
     pairs = [(p, z) for d, p, z in _pairs(found) if d <= tolerance and not (keep_unstable and p.real > 0.0)]
     poles, zeros = list(found.poles.tolist()), list(found.zeros.tolist())
     gone_poles, gone_zeros, gain = [], [], found.gain

@@ -27,7 +27,7 @@ def low_pass(frequency_hz: float, *, order: int = 1) -> Factored:
     if not 0.0 < frequency_hz < float("inf"):
         raise InputError(f"the low-pass frequency must be positive, not {frequency_hz:g} Hz")
     if not 1 <= order <= 8:
-        raise InputError(f"the order of the low-pass must lie between 1 and 8, not at {order}")
+        raise InputError(f"the order of the low-pass must be between 1 and 8, not {order}")
     omega = 2.0 * np.pi * frequency_hz
     angles = np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order)
     poles = omega * np.exp(1j * angles)

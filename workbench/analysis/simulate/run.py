@@ -79,8 +79,8 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
     if stop is not None:
         return stop, ()
     if model.stop_time is None:
-        raise InputError(f"{model.name} names no stop time of its own; say how long to simulate (stop, --stop)")
-    return model.stop_time, (f"stop: {model.stop_time:g} s, the default experiment's; --stop sets it",)
+        raise InputError(f"{model.name} has no default stop time; give the end of the run (stop, --stop)")
+    return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; --stop changes it",)
 
 
 def _usual_interval(model: Model, span: float) -> float | None:
@@ -237,7 +237,9 @@ def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tupl
         if names and kind == "outputs":
             return names, ()
         if names:
-            return names, (f"no outputs are declared: the {kind} are recorded ({_some(names)}); --output names others",)
+            return names, (
+                f"no outputs are declared: the {kind} are recorded ({_some(names)}); --output selects others",
+            )
     return [], ("nothing is recorded: no outputs, states or local variables are declared",)
 
 
@@ -255,7 +257,7 @@ def _points(
 ) -> Floats:
     """Return where values are recorded [s]; where nothing is asked for, on the `grid` of communication points."""
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
-        raise InputError(f"stop must lie after the start at {start:g} s, not at {stop:g} s")
+        raise InputError(f"stop must be after the start at {start:g} s, not {stop:g} s")
     if points is not None:
         return np.asarray(points, dtype=np.float64)
     span = stop - start

@@ -156,7 +156,7 @@ def coherence(
     if settings.effective_averages <= m + 0.5:
         raise InputError(
             f"{experiment.name}: coherence with {m} input{'s' if m > 1 else ''} needs more than "
-            f"{settings.averages} segments: it would be 1 whatever the data; take more, shorter ones"
+            f"{settings.averages} segments: it would always be 1; use more, shorter ones"
         )
     frequency, spectra = cross_spectra(np.hstack([experiment.u, experiment.y]), settings)
     ordinary, multiple, response = _of_spectra(spectra, m)

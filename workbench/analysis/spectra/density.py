@@ -56,7 +56,7 @@ class SpectralDensity(Record):
             InputError: unknown column.
         """
         if column not in self.columns:
-            raise InputError(f"'{column}' is no column of this spectrum; {suggest(column, self.columns)}")
+            raise InputError(f"'{column}' is not a column of this spectrum; {suggest(column, self.columns)}")
         # The mean is taken out of every segment, so that the first lines say nothing.
         first = min(2, len(self.frequency_hz) - 1)
         values = self.density[first:, self.columns.index(column)]

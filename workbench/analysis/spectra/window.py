@@ -138,8 +138,8 @@ def _length(n_samples: int, segments: int | None, length: int | None) -> int:
         length = wanted if segments else max(wanted, min(4 * _SHORTEST, n_samples // 4))
     if not _SHORTEST <= length <= n_samples:
         raise InputError(
-            f"segments of {length} samples out of {n_samples}: each needs {_SHORTEST} at least and all at most; "
-            "take fewer segments or a longer record"
+            f"segments of {length} samples out of {n_samples}: each needs at least {_SHORTEST} and at most all; "
+            "use fewer segments or a longer record"
         )
     return length
 

@@ -44,7 +44,7 @@ def prepare(u: ArrayLike, y: ArrayLike) -> Record:
     """
     inputs, outputs = _columns(u, "u"), _columns(y, "y")
     if len(inputs) != len(outputs):
-        raise InputError(f"u has {len(inputs)} samples, y {len(outputs)}: both must be of one length")
+        raise InputError(f"u has {len(inputs)} samples, y {len(outputs)}: the lengths must be equal")
     u_scale, y_scale = _scale(inputs, "u"), _scale(outputs, "y")
     notes = tuple(_offsets(inputs, "u") + _offsets(outputs, "y"))
     return Record(inputs / u_scale, outputs / y_scale, u_scale, y_scale, notes)
@@ -71,7 +71,7 @@ def _scale(columns: Floats, what: str) -> Floats:
     largest = np.max(np.abs(columns), axis=0)
     dead = np.flatnonzero(largest == 0.0)
     if dead.size:
-        raise InputError(f"{what}: column {dead[0] + 1} is zero throughout; leave it out")
+        raise InputError(f"{what}: column {dead[0] + 1} is always zero; leave it out")
     size: Floats = largest * np.sqrt(np.mean((columns / largest) ** 2, axis=0))
     return size
 

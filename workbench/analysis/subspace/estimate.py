@@ -161,7 +161,7 @@ def _oblique(trial: Trial, method: str) -> str:
         return ""
     return (
         f"n4sid: noise counts {loss:.2g} times as much in its oblique projection as in moesp's, as the future inputs "
-        "nearly follow from the past ones (slow for this sampling interval): take moesp, or resample"
+        "nearly follow from the past ones (slow for this sampling interval): use moesp, or resample"
     )
 
 
@@ -175,4 +175,4 @@ def _stability(found: Delivered, settings: Settings) -> str:
     size = radius(found.A)
     if size < 1.0:
         return ""
-    return f"the model is not stable (|pole| = {size:.6g}); if the system is, take a lower order, or the option stable"
+    return f"the model is not stable (|pole| = {size:.6g}); if the system is, use a lower order, or the option stable"

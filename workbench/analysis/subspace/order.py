@@ -58,7 +58,7 @@ def choose_order(record: tuple[Floats, Floats], trial: Trial, settings: Settings
     """
     space, most = trial.space, min(settings.most, largest_order(trial.factor.horizon, trial.factor.outputs))
     if not space.noisy and space.rank <= most:
-        why = f"singular values beyond the first {space.rank} are rounding: the data are free of noise"
+        why = f"singular values beyond the first {space.rank} are rounding errors: the data are free of noise"
         return OrderChoice(space.rank, why, np.zeros(0))
     orders = np.arange(min(most, space.rank) + 1)
     last = deliver(record, trial, int(orders[-1]), settings).error
@@ -101,7 +101,7 @@ def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
         why += f"; order {above} would lower it by {_percent(costs[order] - costs[above])} only"
     notes = []
     if order == last > 1:
-        notes.append(f"order {order} is the largest considered: allow more, or doubt the data")
+        notes.append(f"order {order} is the largest considered: allow more, or check the data")
     return OrderChoice(order, why, criterion, tuple(notes))
 
 
@@ -121,4 +121,6 @@ def check_order(order: int, space: Subspace) -> None:
     """
     held = space.rank
     if order > held:
-        raise InputError(f"order {order} is too high: the data hold {held} only, singular values beyond are rounding")
+        raise InputError(
+            f"order {order} is too high: the data determine only {held}, singular values beyond are rounding errors"
+        )

@@ -95,7 +95,7 @@ def noise_of(fit: StateFit, A: Floats, C: Floats) -> Noise:
     R = covariance[n:, n:]
     floor = 1e3 * ROUNDING * float(np.max(fit.scale[n:], initial=0.0))
     if np.linalg.norm(fit.residual[n:], 2) <= floor:
-        return Noise(np.zeros((n, p)), R, "the data hold no noise beyond rounding: K is zero")
+        return Noise(np.zeros((n, p)), R, "the data contain no noise beyond rounding: K is zero")
     if n == 0:
         return Noise(np.zeros((0, p)), R)
     try:

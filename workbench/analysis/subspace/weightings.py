@@ -155,7 +155,7 @@ def basis_of(method: str, basis: str | None) -> str:
     if basis not in BASES:
         raise InputError(f"basis '{basis}' is unknown; {suggest(basis, BASES)}")
     if method == "cva" and basis != "combined":
-        raise InputError("cva is the method whose basis is combined; take moesp for the same without that weighting")
+        raise InputError("cva is the method whose basis is combined; use moesp for the same without that weighting")
     return basis
 
 

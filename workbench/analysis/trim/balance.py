@@ -138,7 +138,7 @@ class ContinuousBalance(Balance):
         self.outputs = tuple(slot_of(v, 0.0) for v in point.outputs)
         self.why_not_exact = point.why_not_exact()
         if not self.why_not_exact and point.discrete():
-            self.why_not_exact = "the model has discrete states, which must not be set on the way"
+            self.why_not_exact = "the model has discrete states, which cannot be set during the search"
 
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         self.evaluations += 1

@@ -125,12 +125,15 @@ class Problem:
 
     def _advice(self, spare: int) -> str:
         if spare > 0:
-            return f"under-determined by {spare}; fix {_more(spare)}, else one of many solutions is taken"
+            return f"under-determined by {spare}; fix {_more(spare)}; otherwise one of many solutions is chosen"
         held = [
             s.name for s in self.balance.inputs if not s.whole and s.name not in {k.slot.name for k in self.unknowns}
         ]
         free = f"free {_listed(held)}, " if held else ""
-        return f"over-determined by {-spare}; {free}float a state or drop a fixed value, else a solution is luck"
+        return (
+            f"over-determined by {-spare}; {free}float a state or remove a fixed value; otherwise there may be no "
+            "solution"
+        )
 
 
 def pose(balance: Balance, sets: TrimSets) -> Problem:
@@ -209,10 +212,10 @@ def _check(balance: Balance, sets: TrimSets) -> None:
             raise InputError(f"'{name}' is in both {one} and {other}; choose one")
     for name in (*sets.free, *sets.bound):
         if name in inputs and inputs[name].whole:
-            raise InputError(f"input '{name}' takes whole numbers only; it can be fixed, not searched for")
+            raise InputError(f"input '{name}' has only whole numbers; it can be fixed, but not found")
     for name in (*sets.free, *sets.bound, *sets.guess, *sets.fix):
         if name in states and not states[name].settable:
-            raise InputError(f"state '{name}' of this model can only be observed; it cannot be set")
+            raise InputError(f"state '{name}' of this model can only be observed, not set")
     _check_values(sets)
 
 

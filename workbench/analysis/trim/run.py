@@ -160,14 +160,14 @@ class _Trim:
         try:
             moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
         except EndedError as error:
-            return f"whether the model stays there cannot be told from a run: {error}"
+            return f"a run cannot show whether the model stays there: {error}"
         except SimulationError as error:
-            return f"the model fails when it runs on from there: {error}"
+            return f"the model fails when it continues from there: {error}"
         if floating:
             return ""
         bad = [n for n, d in moved.items() if d > STAYS * nominal.get(n, 1.0)]
         return (
-            f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had come back" if bad else ""
+            f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had returned" if bad else ""
         )
 
     # -- co-simulation --------------------------------------------------------------------
@@ -179,7 +179,7 @@ class _Trim:
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
             return self._fixed_point("step map", balance)
-        why = "the states cannot be set" if states else "the model shows no states"
+        why = "the states cannot be set" if states else "the model provides no states"
         self.notes.append(f"{why}; it is run until nothing moves")
         return self._running(states, values, steps if self.asked.step is None else steps[:1])
 
@@ -255,9 +255,13 @@ class _Trim:
 
     def _chosen(self, problem: Problem, solution: Solution) -> str:
         if not solution.chosen:
-            return "is the one that the search came to"
+            return "is the one that the search found"
         slow = self.slowest and problem.floating
-        return "has the least floating derivatives, then is nearest to the start" if slow else "is nearest to the start"
+        return (
+            "has the smallest floating derivatives, and then is nearest to the start"
+            if slow
+            else "is nearest to the start"
+        )
 
 
 def _own_step(model: Model) -> float:

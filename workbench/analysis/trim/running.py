@@ -93,7 +93,7 @@ class RunBalance(Balance):
                 )
         except EndedError as error:
             lasted = (error.time or self.time) - self.time
-            return f"{error} before it was seen at rest; longest below {lasted:g} s looks at the part before that"
+            return f"{error} before it came to rest; longest below {lasted:g} s uses only the part before that"
         except SimulationError as error:
             return str(error)
 

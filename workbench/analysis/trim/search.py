@@ -40,7 +40,7 @@ def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, e
         found = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact)
         if found.converged:
             found = _closer(problem, found, tolerance=tolerance, slowest=slowest, exact=exact)
-            return found, f"found from where the model stands after running for {after}, not from the start values"
+            return found, f"found from the state of the model after running for {after}, not from the start values"
         best = min(best, found, key=_left)
     return best, ""
 

@@ -72,11 +72,12 @@ def in_words(
         return f"a family of equilibria: {ways} left open ({open_}{more}); this one {chosen}"
     bad = [r for r, b in zip(residuals, solution.bad, strict=False) if b]
     if solution.ran_away:
-        return f"no equilibrium found; the search ran away: {_way(problem, solution)} while {_gone(bad)}"
+        return f"no equilibrium found; the search diverged: {_way(problem, solution)} while {_gone(bad)}"
     if solution.faded:
         names = ", ".join(r.name for r in bad[:_SHOWN])
         return (
-            f"no equilibrium found, but there may be one: {names} cannot be told from rounding where the search ended"
+            f"no equilibrium found, but there may be one: {names} cannot be distinguished from rounding where the "
+            "search ended"
         )
     return f"no equilibrium found: {_what_is_left(bad)}"
 
@@ -153,7 +154,10 @@ def _carried(problem: Problem, rest: list[Unknown], behind: Floats, floating: li
         return ""
     moving = ", ".join(f"der({problem.balance.states[s].name}) = {here[s]:.4g}" for s in floating[:_SHOWN])
     carried = ", ".join(f"{rest[i].slot.name} by {abs(behind[i]):.2g} times its size" for i in far)
-    return f"floating states move ({moving}) and carry others along ({carried}); float only what these do not depend on"
+    return (
+        f"floating states move ({moving}) and carry others along ({carried}); float only states on which these do "
+        "not depend"
+    )
 
 
 def _reach(value: float, nominal: float) -> float:

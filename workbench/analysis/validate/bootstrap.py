@@ -64,12 +64,12 @@ class PoleBootstrap(Record):
         """What was found, one line each."""
         level = f"{100.0 * self.confidence:g} %"
         if not self.regions:
-            return ("a gain has no poles: there is nothing to bootstrap",)
+            return ("a gain has no poles to bootstrap",)
         lines = [_words(r, level) for r in self.regions if r.pole.imag >= 0.0]
         loose = len(self.regions) - self.determined
         if loose:
             lines.append(
-                f"order {len(self.regions)} is more than these data determine: {loose} of the poles may lie anywhere; "
+                f"order {len(self.regions)} is more than these data determine: {loose} of the poles may be anywhere; "
                 f"try order {max(self.determined, 1)}"
             )
         if self.failed:
@@ -202,13 +202,13 @@ def bootstrap_poles(
 
 def _check(model: IdentifiedModel, data: Experiment, replicates: int, block: int | None, confidence: float) -> None:
     if replicates < 2 * LEAST:
-        raise InputError(f"replicates: {replicates} are too few, {2 * LEAST} are the least and {REPLICATES} usual")
+        raise InputError(f"replicates: {replicates} are too few; use at least {2 * LEAST}, usually {REPLICATES}")
     if block is not None and not 1 <= block <= data.n_samples // 2:
         raise InputError(f"block: {block} is not between 1 and half of the {data.n_samples} samples")
     if not 0.0 < confidence < 1.0:
         raise InputError(f"confidence must lie between 0 and 1, not {confidence:g}")
     if not model.is_stable:
-        raise InputError("the model is unstable: its records cannot be simulated again for a bootstrap")
+        raise InputError("the model is unstable: it cannot be simulated for a bootstrap")
 
 
 def _records(

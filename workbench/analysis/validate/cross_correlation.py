@@ -74,11 +74,15 @@ class CrossCorrelation(Part):
         before, after = self.outside
         past = int(np.sum(self.lags >= 0.0)) * self.band.size
         rest = self.values.size - past
-        first = "the input is still seen in the residuals: order too low or not linear"
-        second = "residuals are seen in later inputs: feedback, or not causal"
+        first = "the input is still visible in the residuals: order too low or not linear"
+        second = "residuals are visible in later inputs: feedback, or not causal"
         return (
             _verdict(
-                first if self.undermodelled else "no input left in the residuals", self.p_positive, after, past, "≥"
+                first if self.undermodelled else "no trace of the input in the residuals",
+                self.p_positive,
+                after,
+                past,
+                "≥",
             ),
             _verdict(second if self.feedback else "no sign of feedback", self.p_negative, before, rest, "<"),
         )

@@ -42,7 +42,7 @@ class Fit:
                 "the model is unstable and has no finite output over these data; take the automatic order, "
                 "another order or method, or the option stable"
             )
-        return "the measured output does not move"
+        return "the measured output is constant"
 
     @property
     def words(self) -> str:

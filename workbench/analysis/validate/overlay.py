@@ -259,7 +259,7 @@ def _continuous(model: IdentifiedModel) -> _Shape:
     try:
         smooth = model.continuous()
     except InputError as error:
-        note = f"the hold is taken out by division, aliasing stays: {error}"
+        note = f"the hold is removed by division, aliasing remains: {error}"
         return lambda f: np.asarray(model.response(f) / _hold(f, model.dt)), (note,)
     delay = model.dt * np.array(model.delay or (0,) * len(model.input_names), dtype=np.float64)
     return lambda f: np.asarray(smooth.response(f) * np.exp(-2j * np.pi * f[:, None, None] * delay)), ()

@@ -87,8 +87,8 @@ def residuals_of(kind: str, data: Experiment, computed: Floats, *, lags: int) ->
 
 def _remark(data: Experiment, residual: Floats) -> str:
     if not np.all(np.isfinite(residual)):
-        return "the model is unstable, its output grows beyond all bounds: no residual tests"
+        return "the model is unstable, so its output grows without bound: no residual tests"
     size, moved = np.sqrt(np.mean(residual**2, axis=0)), np.sqrt(np.mean(data.y**2, axis=0))
     if np.any(size <= ROUNDING * moved):
-        return "the residuals of an output are rounding: nothing is left to test"
+        return "the residuals of an output are rounding errors: there is nothing to test"
     return ""

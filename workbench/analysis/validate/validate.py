@@ -101,7 +101,7 @@ def suited(model: IdentifiedModel, data: Experiment) -> Experiment:
         return data.select(model.input_names, model.output_names)
     numbers = (data.n_inputs, data.n_outputs), (len(model.input_names), len(model.output_names))
     if len(missing) == len(wanted) and numbers[0] == numbers[1]:
-        renamed = f"{', '.join(known)} are taken for {', '.join(wanted)} of the model"
+        renamed = f"{', '.join(known)} are used as {', '.join(wanted)} of the model"
         notes = (*data.notes, renamed)
         return replace(data, input_names=model.input_names, output_names=model.output_names, notes=notes)
     raise InputError(f"{data.name}: there is no column '{missing[0]}' of the model; {suggest(missing[0], known)}")
