@@ -195,7 +195,7 @@ def test_bent_rules_become_notes(pack: Pack) -> None:
     with unpack(pack({}, xml=bent)) as unpacked:
         found = read_description(unpacked.folder, source="M")
     assert len(found.notes) == 1
-    assert "bends a rule" in found.notes[0]
+    assert "violates the FMI standard" in found.notes[0]
 
 
 def test_arrays_of_fmi_3_are_taken_apart(tmp_path: Path) -> None:

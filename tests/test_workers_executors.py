@@ -116,7 +116,7 @@ def test_contradictions_are_refused() -> None:
         Workers(jobs=0)
     with pytest.raises(wb.InputError, match="cannot have 2 jobs"):
         Workers(jobs=2, in_process=True)
-    with pytest.raises(wb.InputError, match="only one place"):
+    with pytest.raises(wb.InputError, match="choose one place"):
         Workers(in_process=True, scheduler="tcp://localhost:1")
     with pytest.raises(wb.InputError, match="own worker processes"):
         Workers(in_process=True, timeout=1.0)

@@ -100,7 +100,7 @@ def _simplest(ratio: float, tolerance: float) -> Fraction:
         candidate = Fraction(round(ratio * denominator), denominator)
         if abs(float(candidate) - ratio) <= tolerance * ratio:
             return candidate
-    raise InputError(f"the ratio {ratio:.9g} of two sample periods is no fraction; give periods")
+    raise InputError(f"the ratio {ratio:.9g} of two sample periods is not a fraction of small numbers; give periods")
 
 
 TOGETHER = 1e-6  # relative tolerance in which rates have a common multiple

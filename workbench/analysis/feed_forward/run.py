@@ -107,7 +107,7 @@ def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
         return None
     end = asked.stop if asked.stop is not None else model.description.experiment.stop_time
     if end is None:
-        raise InputError(f"{model.name}: how long to simulate? give stop [s]")
+        raise InputError(f"{model.name}: stop is missing: give the end of the simulation [s]")
     if not 0.0 <= asked.closes_at < end:
         raise InputError(
             f"closes_at must lie between 0 and the end of the simulation at {end:g} s, not {asked.closes_at:g}"
@@ -155,8 +155,8 @@ def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
     last = made.steps[-1]
     if last.residual > 1.0:
         notes.append(
-            f"the filter amplifies the block's effect up to {last.residual:.{_SHORTEST - 1}g} times the largest it has "
-            "without filter: the mirrored poles lie in the band"
+            f"the filter amplifies the block's effect up to {last.residual:.{_SHORTEST - 1}g} times its largest effect "
+            "without the filter: the mirrored poles are in the band"
         )
     return notes
 
