@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Connection
+from workbench.fmi.wiring import Wire
 from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeRecord
 from workbench.kernel.native_system import NativeSystem
@@ -35,7 +35,7 @@ def two_lags(version: str, interface: str, signal: Signal, points: Floats) -> Fl
         model.open_session() as b,
     ):
         u, y = named(model, "u"), named(model, "y")
-        system = NativeSystem([a.instance, b.instance], plan([Connection(y, u, 0, 1, GAIN)], parts=2))
+        system = NativeSystem([a.instance, b.instance], plan([Wire(y, u, 0, 1, GAIN)], parts=2))
         forcing = NativeForcing(system, [(u, signal, 0.0, [(0, u)])], longest_step=signal.longest_step)
         forcing.written[0] = signal(0.0)
         forcing.apply()

@@ -76,7 +76,7 @@ def test_system_without_connectors_shows_those_of_its_components(tmp_path: Path)
     assert system.outputs == {"a.y": "a.y", "b.y": "b.y"}
     assert system.inputs == {}
     wires = resolve(system, variables_of(system)).wires
-    assert wires[0].factor == pytest.approx(1e-3, rel=1e-14)
+    assert wires[0].gain == pytest.approx(1e-3, rel=1e-14)
 
 
 def test_direction_follows_from_the_connectors_not_from_start_and_end(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_transformations_through_nested_systems_are_one(tmp_path: Path) -> None:
     (found,) = resolve(system, variables_of(system)).wires
     millimetres = 7.0
     centimetres = 2.0 * (millimetres / 10.0) + 10.0
-    assert found.factor * millimetres + found.offset == pytest.approx(3.0 * (centimetres / 100.0), rel=1e-14)
+    assert found.gain * millimetres + found.offset == pytest.approx(3.0 * (centimetres / 100.0), rel=1e-14)
 
 
 def test_units_and_transformations_at_the_boundary_become_gains(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_units_and_transformations_at_the_boundary_become_gains(tmp_path: Path) 
     assert system.inputs == {"r": ("r_in.u",)}
     assert system.outputs == {"q": "q_out.y"}
     found = resolve(system, variables_of(system)).wires
-    np.testing.assert_allclose([[w.factor, w.offset] for w in found], [[0.01, 0.0], [4000.0, 1.0]], rtol=1e-14)
+    np.testing.assert_allclose([[w.gain, w.offset] for w in found], [[0.01, 0.0], [4000.0, 1.0]], rtol=1e-14)
 
 
 def test_parameters_by_exposed_connectors_prefix_and_enumeration(tmp_path: Path) -> None:

@@ -98,8 +98,8 @@ def test_written_package_is_read_back_the_same(tmp_path: Path) -> None:
     write_ssp(given, tmp_path / "loop.ssp")
     found = read_system(tmp_path / "loop.ssp")
     before, after = (resolve(s, variables_of(s)) for s in (given, found))
-    assert [(w.factor, w.offset, w.closes_at) for w in after.wires] == [
-        (w.factor, w.offset, w.closes_at) for w in before.wires
+    assert [(w.gain, w.offset, w.closes_at) for w in after.wires] == [
+        (w.gain, w.offset, w.closes_at) for w in before.wires
     ]
     assert (found.inputs, found.outputs) == (given.inputs, given.outputs)
     assert found.default_experiment == given.default_experiment

@@ -272,7 +272,7 @@ def test_wire_knows_components_and_variables() -> None:
     result = resolved(between("k.y", "plant.u", gain=-2.0, offset=0.5), outputs={"angle": "plant.w"})
     (wire,) = result.wires
     assert (wire.from_component, wire.source.name, wire.to_component, wire.destination.name) == (1, "y", 0, "u")
-    assert (wire.factor, wire.offset) == (-2.0, 0.5)
+    assert (wire.gain, wire.offset) == (-2.0, 0.5)
     assert result.outputs["angle"].variable == PLANT[0]
 
 
@@ -302,7 +302,7 @@ def test_arrays_are_connected_element_by_element() -> None:
 )
 def test_gain_and_unit_become_factor_and_offset(connection: Connection, factor: float, offset: float) -> None:
     (wire,) = resolved(connection).wires
-    assert wire.factor == pytest.approx(factor, rel=1e-14)
+    assert wire.gain == pytest.approx(factor, rel=1e-14)
     assert wire.offset == pytest.approx(offset, rel=1e-14, abs=1e-300)
 
 
@@ -388,7 +388,7 @@ def test_unit_definitions_of_both_fmus_convert_with_a_note(tmp_path: Path) -> No
         name="test", components=parts, connections=(Connection(source="a.y", destination="b.u"),)
     )
     result = resolve(description, [tuple(fmu_facts(str(f)).variables.values()) for f in files])
-    assert result.wires[0].factor == pytest.approx(1e-3, rel=1e-14)
+    assert result.wires[0].gain == pytest.approx(1e-3, rel=1e-14)
     assert result.notes == ("a.y → b.u: converted from mm to m by the unit definitions (× 0.001)",)
     variables = [tuple(fmu_facts(str(f)).variables.values()) for f in files]
     for file in files:

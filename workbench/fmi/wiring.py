@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 
-__all__ = ["Connection", "Group", "Wiring", "wiring"]
+__all__ = ["Group", "Wire", "Wiring", "wiring"]
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Connection:
-    """destination = gain · source + offset, between two parts of a system.
+class Wire:
+    """A connection that was checked, units converted: destination = gain · source + offset.
 
     Attributes:
         source, destination: the variables, as their FMUs name them.
         from_component, to_component: their parts' numbers.
         gain, offset: factor and constant.
         closes_at: time [s] from which on it passes values; the destination sees 0 before.
-        label: how messages name it.
+        ends: names of source and destination in the system, "component.variable".
     """
 
     source: Variable
@@ -35,7 +35,12 @@ class Connection:
     gain: float = 1.0
     offset: float = 0.0
     closes_at: float = -math.inf
-    label: str = ""
+    ends: tuple[str, str] = ("", "")
+
+    @property
+    def label(self) -> str:
+        """How messages name it."""
+        return " → ".join(self.ends)
 
     @property
     def discrete(self) -> bool:
@@ -77,7 +82,7 @@ class Wiring:
         order: the parts, those first whose outputs the others need: in this order they handle an event.
     """
 
-    connections: tuple[Connection, ...]
+    connections: tuple[Wire, ...]
     events: tuple[Group, ...]
     continuous: tuple[Group, ...]
     values: Floats
@@ -108,9 +113,7 @@ class Wiring:
         return [g for g in (*self.continuous, *self.events) if g.loop]
 
 
-def wiring(
-    connections: Sequence[Connection], events: Sequence[Group], continuous: Sequence[Group], *, parts: int
-) -> Wiring:
+def wiring(connections: Sequence[Wire], events: Sequence[Group], continuous: Sequence[Group], *, parts: int) -> Wiring:
     """Return a wiring of so many parts, with all values at zero and all Jacobians to be found."""
     n = len(connections)
     loops = [g for g in (*continuous, *events) if g.loop]

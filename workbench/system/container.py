@@ -19,11 +19,12 @@ from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescrip
 from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
+from workbench.fmi.wiring import Wire
 from workbench.model.described import DescribedModel
 from workbench.origin import with_origin
 from workbench.system.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.system.container_variables import Shown, shown_units, shown_variables
-from workbench.system.description import Resolved, SystemDescription, Wire
+from workbench.system.description import Resolved, SystemDescription
 from workbench.system.health import resolve
 from workbench.system.read import read_system
 from workbench.system.recipe import SystemRecipe

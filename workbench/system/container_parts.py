@@ -15,7 +15,7 @@ from fmpy.model_description import ValidationError
 from workbench.errors import FmuError, InputError, article
 from workbench.fmi.archive import locate
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
-from workbench.fmi.wiring import Connection
+from workbench.fmi.wiring import Wire
 from workbench.model.load import check_starts
 from workbench.system.description import (
     Component,
@@ -25,7 +25,6 @@ from workbench.system.description import (
     LinearComponent,
     Resolved,
     SumComponent,
-    Wire,
 )
 from workbench.system.fmu_facts import fmu_facts
 from workbench.system.order import plan
@@ -156,19 +155,18 @@ def container_wires(parts: Sequence[ContainerPart], resolved: Resolved) -> tuple
     """
     for wire in resolved.wires:
         _check_wire(parts, wire)
-    connections = [_connection(parts, w) for w in resolved.wires]
-    found = plan(connections, parts=len(parts))
-    notes = [_loop([connections[i] for i in group.members]) for group in found.continuous if group.loop]
+    found = plan(resolved.wires, parts=len(parts))
+    notes = [_loop([resolved.wires[i] for i in group.members]) for group in found.continuous if group.loop]
     order = [i for group in found.events for i in group.members]
     return [resolved.wires[i] for i in order], notes
 
 
 def _check_wire(parts: Sequence[ContainerPart], wire: Wire) -> None:
     try:
-        if wire.closes_at is not None:
+        if wire.closes_at > -math.inf:
             raise InputError(f"closes at t = {wire.closes_at:g} s; connections in a container are always closed")
-        if (wire.factor, wire.offset) != (1.0, 0.0):
-            change = f"× {wire.factor:.6g}" + (f" + {wire.offset:.6g}" if wire.offset else "")
+        if (wire.gain, wire.offset) != (1.0, 0.0):
+            change = f"× {wire.gain:.6g}" + (f" + {wire.offset:.6g}" if wire.offset else "")
             raise InputError(
                 f"the gain or unit conversion ({change}) cannot be in a container, which passes values on unchanged"
             )
@@ -179,7 +177,7 @@ def _check_wire(parts: Sequence[ContainerPart], wire: Wire) -> None:
                 f"{article(wire.source.type)} drives {article(wire.destination.type)}, and a container does not convert"
             )
     except InputError as error:
-        raise InputError(f"connection {_label(parts, wire)}: {error}") from None
+        raise InputError(f"connection {wire.label}: {error}") from None
 
 
 def word(part: ContainerPart, variable: Variable) -> str:
@@ -201,22 +199,7 @@ def word(part: ContainerPart, variable: Variable) -> str:
     raise InputError(f"'{variable.name}' is {article(variable.type)}, which a container cannot pass on")
 
 
-def _label(parts: Sequence[ContainerPart], wire: Wire) -> str:
-    source, target = parts[wire.from_component].name, parts[wire.to_component].name
-    return f"{source}.{wire.source.name} → {target}.{wire.destination.name}"
-
-
-def _connection(parts: Sequence[ContainerPart], wire: Wire) -> Connection:
-    return Connection(
-        source=wire.source,
-        destination=wire.destination,
-        from_component=wire.from_component,
-        to_component=wire.to_component,
-        label=_label(parts, wire),
-    )
-
-
-def _loop(members: Sequence[Connection]) -> str:
+def _loop(members: Sequence[Wire]) -> str:
     """Return the note about what may be an algebraic loop.
 
     Raises:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import Experiment
 from workbench.fmi.variable import Value, Variable
+from workbench.fmi.wiring import Wire
 from workbench.system.units import Unit
 
 __all__ = [
@@ -25,7 +26,6 @@ __all__ = [
     "Resolved",
     "SumComponent",
     "SystemDescription",
-    "Wire",
 ]
 
 Floats = NDArray[np.float64]
@@ -188,26 +188,6 @@ class SystemDescription:
     units: Mapping[str, Unit] = field(default_factory=dict)
     source: str = ""
     folder: Unpacked | None = field(default=None, repr=False, compare=False)
-
-
-@dataclass(frozen=True)
-class Wire:
-    """A connection that was checked: destination = factor · source + offset, units converted.
-
-    Attributes:
-        from_component, to_component: positions in `SystemDescription.components`.
-        source, destination: variables of those.
-        factor, offset: gain, offset and unit conversion together.
-        closes_at: time [s] at which it closes; before that the input receives 0. None: closed always.
-    """
-
-    from_component: int
-    source: Variable
-    to_component: int
-    destination: Variable
-    factor: float = 1.0
-    offset: float = 0.0
-    closes_at: float | None = None
 
 
 @dataclass(frozen=True)

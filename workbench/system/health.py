@@ -8,11 +8,12 @@ from dataclasses import replace
 
 from workbench.errors import InputError, article
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.system.description import Component, Connection, FmuComponent, Port, Resolved, SystemDescription, Wire
+from workbench.fmi.wiring import Wire
+from workbench.system.description import Component, Connection, FmuComponent, Port, Resolved, SystemDescription
 from workbench.system.health_units import UnitCheck, all_units, declared_unit
 from workbench.system.names import NameTable
 
-__all__ = ["resolve", "settled"]
+__all__ = ["as_written", "resolve", "settled"]
 
 
 def resolve(description: SystemDescription, variables: Sequence[Sequence[Variable]]) -> Resolved:
@@ -40,19 +41,22 @@ def settled(description: SystemDescription, resolved: Resolved) -> SystemDescrip
         description: as it was resolved.
         resolved: what `resolve` returned for it.
     """
-    names = [c.name for c in description.components]
-    connections = tuple(
+    return replace(description, connections=as_written(resolved.wires), units=all_units(description))
+
+
+def as_written(wires: Sequence[Wire]) -> tuple[Connection, ...]:
+    """Return connections that resolve to the same wires."""
+    return tuple(
         Connection(
-            source=f"{names[w.from_component]}.{w.source.name}",
-            destination=f"{names[w.to_component]}.{w.destination.name}",
-            gain=w.factor,
+            source=w.ends[0],
+            destination=w.ends[1],
+            gain=w.gain,
             offset=w.offset,
             convert=False,
-            closes_at=w.closes_at,
+            closes_at=None if w.closes_at == -math.inf else w.closes_at,
         )
-        for w in resolved.wires
+        for w in wires
     )
-    return replace(description, connections=connections, units=all_units(description))
 
 
 class _Resolver:
@@ -102,13 +106,14 @@ class _Resolver:
         self._claim(target, connection.source)
         factor, offset = self.units.transformation(connection, source, target)
         return Wire(
-            source.component,
             source.variable,
-            target.component,
             target.variable,
+            source.component,
+            target.component,
             factor,
             offset,
-            connection.closes_at,
+            -math.inf if connection.closes_at is None else connection.closes_at,
+            (self._full(source), self._full(target)),
         )
 
     def _claim(self, target: Port, driver: str) -> None:

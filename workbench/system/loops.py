@@ -30,7 +30,7 @@ def closed_loops(opened: Opened, signals: Sequence[str], *, until: float) -> tup
     count = len(opened.parts)
     graph = np.zeros((count, count), dtype=bool)
     for wire in opened.resolved.wires:
-        if wire.closes_at is None or wire.closes_at < until:
+        if wire.closes_at < until:
             graph[wire.from_component, wire.to_component] = True
     reach = _reach(graph)
     _, group = connected_components(graph, directed=True, connection="strong")

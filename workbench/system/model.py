@@ -19,7 +19,7 @@ from workbench.system.composite import CompositeInstance
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
-from workbench.system.parts import Opened, connections_of, starts_of
+from workbench.system.parts import Opened, starts_of
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
@@ -46,7 +46,7 @@ class SystemModel(DescribedModel):
         self.system = opened.description
         described = joint_description(opened.description, opened.parts, opened.resolved)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        self._plan = plan(connections_of(opened), parts=len(opened.parts))
+        self._plan = plan(opened.resolved.wires, parts=len(opened.parts))
         solver, note = choose_solver(recipe.solver, states=described.state_count)
         variables = {v.name: v for v in described.variables}
         setup = Setup(

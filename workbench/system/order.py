@@ -18,14 +18,14 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Connection, Group, Wiring, wiring
+from workbench.fmi.wiring import Group, Wire, Wiring, wiring
 
 __all__ = ["feeds_through", "plan"]
 
 Graph = NDArray[np.bool_]
 
 
-def plan(connections: Sequence[Connection], *, parts: int) -> Wiring:
+def plan(connections: Sequence[Wire], *, parts: int) -> Wiring:
     """Return the connections between so many parts, with their orders of evaluation."""
     graph = _reach(connections)
     moving = [i for i, c in enumerate(connections) if not c.discrete]
@@ -38,7 +38,7 @@ def feeds_through(source: Variable, through: Variable) -> bool:
     return source.dependencies is None or through.name in source.dependencies
 
 
-def _reach(connections: Sequence[Connection]) -> Graph:
+def _reach(connections: Sequence[Wire]) -> Graph:
     """Return where the value of connection i reaches the source of connection j, shape (n, n)."""
     graph = np.zeros((len(connections), len(connections)), dtype=bool)
     by_source: dict[int, list[int]] = {}
@@ -50,7 +50,7 @@ def _reach(connections: Sequence[Connection]) -> Graph:
     return graph
 
 
-def _without_discrete_loops(graph: Graph, connections: Sequence[Connection]) -> Graph:
+def _without_discrete_loops(graph: Graph, connections: Sequence[Wire]) -> Graph:
     """Cut loops at values that are no continuous numbers: the event iteration goes round those until they stand."""
     discrete = np.array([c.discrete for c in connections], dtype=bool)
     label = _components(graph)

@@ -11,13 +11,12 @@ from workbench.errors import InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
-from workbench.fmi.wiring import Connection
 from workbench.model.described import DescribedModel
 from workbench.model.load import FmuRecipe, load
 from workbench.system.blocks import BlockComponent, BlockInstance, block_description
 from workbench.system.description import Component, FmuComponent, FunctionComponent, Resolved, SystemDescription
 
-__all__ = ["Opened", "Part", "connections_of", "open_parts", "starts_of"]
+__all__ = ["Opened", "Part", "open_parts", "starts_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,24 +192,6 @@ def _block(component: BlockComponent) -> Part:
         model=None,
         make=lambda: BlockInstance(component, description),
     )
-
-
-def connections_of(opened: Opened) -> list[Connection]:
-    """Return the connections between the components."""
-    return [
-        Connection(
-            source=w.source,
-            destination=w.destination,
-            from_component=w.from_component,
-            to_component=w.to_component,
-            gain=w.factor,
-            offset=w.offset,
-            closes_at=-float("inf") if w.closes_at is None else w.closes_at,
-            label=f"{opened.parts[w.from_component].name}.{w.source.name} → "
-            f"{opened.parts[w.to_component].name}.{w.destination.name}",
-        )
-        for w in opened.resolved.wires
-    ]
 
 
 def starts_of(parts: Sequence[Part]) -> dict[str, Value]:

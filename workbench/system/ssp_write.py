@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
+from workbench.fmi.wiring import Wire
 from workbench.system.description import (
     Component,
     FmuComponent,
@@ -15,7 +17,6 @@ from workbench.system.description import (
     Port,
     Resolved,
     SystemDescription,
-    Wire,
 )
 from workbench.system.fmu_facts import FmuFacts, fmu_facts
 from workbench.system.health import resolve
@@ -226,14 +227,13 @@ class _Writer:
         if None not in units and units[0] != units[1]:
             ends["suppressUnitConversion"] = "true"
         xml = element("ssd:Connection", parent, **ends)
-        if (wire.factor, wire.offset) != (1.0, 0.0):
-            numbers = {"factor": number_text(wire.factor), "offset": number_text(wire.offset)}
+        if (wire.gain, wire.offset) != (1.0, 0.0):
+            numbers = {"factor": number_text(wire.gain), "offset": number_text(wire.offset)}
             element("ssc:LinearTransformation", xml, **numbers)
-        if wire.closes_at is not None:
+        if wire.closes_at > -math.inf:
             add_annotation(xml, ANNOTATION, "Connection", attributes(closesAt=wire.closes_at))
             self.notes.append(
-                f"connection {ends['startElement']}.{wire.source.name} → {ends['endElement']}.{wire.destination.name} "
-                f"closes at {wire.closes_at:g} s: for other tools it is closed from the start"
+                f"connection {wire.label} closes at {wire.closes_at:g} s: for other tools it is closed from the start"
             )
 
     def _name(self, port: Port) -> str:

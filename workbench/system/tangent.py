@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Connection, Group, Wiring
+from workbench.fmi.wiring import Group, Wire, Wiring
 from workbench.system.order import feeds_through
 
 __all__ = ["Tangent"]
@@ -53,7 +53,7 @@ class Tangent:
             destination = connection.destination
             seeds[connection.to_component][destination.name] = (destination, float(move))
 
-    def _loop(self, connections: Sequence[Connection], seeds: list[dict[str, tuple[Variable, float]]]) -> Floats:
+    def _loop(self, connections: Sequence[Wire], seeds: list[dict[str, tuple[Variable, float]]]) -> Floats:
         free = np.array([self._through(c, seeds) for c in connections])
         gains = np.zeros((len(connections), len(connections)))
         for j, before in enumerate(connections):
@@ -68,7 +68,7 @@ class Tangent:
             names = ", ".join(c.label for c in connections)
             raise SimulationError(f"the algebraic loop through {names} has a gain of 1: it has no derivative") from None
 
-    def _through(self, connection: Connection, seeds: list[dict[str, tuple[Variable, float]]]) -> float:
+    def _through(self, connection: Wire, seeds: list[dict[str, tuple[Variable, float]]]) -> float:
         number = self._wiring.connections.index(connection)
         if not self._wiring.closed[number]:
             return 0.0

@@ -16,11 +16,11 @@ from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
 from workbench.system.toml_schema import (
     FmuTable,
-    GainTable,
     LinearFileTable,
     LinearTable,
     SumTable,
     TransferTable,
+    read_record,
     read_table,
 )
 
@@ -100,9 +100,9 @@ def existing_fmu(model: str, folder: Path, where: str) -> str:
 
 
 def _gain(name: str, given: Mapping[str, Any], place: _Place) -> GainComponent:
-    table = read_table(GainTable, given, place.where)
-    _check_ports(table.units, ["u", "y"], place.where)
-    return GainComponent(name=name, gain=table.gain, units=table.units)
+    gain = read_record(GainComponent, given, place.where, name=name)
+    _check_ports(gain.units, ["u", "y"], place.where)
+    return gain
 
 
 def _sum(name: str, given: Mapping[str, Any], place: _Place) -> SumComponent:

@@ -13,7 +13,7 @@ from workbench.system.description import Component, Connection, FmuComponent, Sy
 from workbench.system.nested import Inner, embed
 from workbench.system.read import is_system_file, read_system
 from workbench.system.toml_components import read_component
-from workbench.system.toml_schema import ConnectionTable, ExperimentTable, SystemTable, read_table
+from workbench.system.toml_schema import ExperimentTable, SystemTable, read_record, read_table
 
 __all__ = ["read_toml"]
 
@@ -98,13 +98,4 @@ def _connection(destination: str, given: object) -> Connection:
         return Connection(source=given, destination=destination)
     if not isinstance(given, dict):
         raise InputError(f'{where}: must be a source such as "plant.w" or {{from = "plant.w", gain = -1}}')
-    table = read_table(ConnectionTable, given, where)
-    return Connection(
-        source=table.source,
-        destination=destination,
-        gain=table.gain,
-        offset=table.offset,
-        unit=table.unit,
-        convert=table.convert,
-        closes_at=table.closes_at,
-    )
+    return read_record(Connection, given, where, keys={"source": "from"}, destination=destination)

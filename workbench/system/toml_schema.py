@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypeVar
+from dataclasses import MISSING, fields
+from types import MappingProxyType
+from typing import Any, Literal, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from workbench.errors import InputError, suggest
 
 __all__ = [
-    "ConnectionTable",
     "ExperimentTable",
     "FmuTable",
-    "GainTable",
     "LinearFileTable",
     "LinearTable",
     "SumTable",
     "SystemTable",
     "Table",
     "TransferTable",
+    "read_record",
     "read_table",
 ]
 
@@ -52,17 +53,6 @@ class ExperimentTable(Table):
     tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
 
 
-class ConnectionTable(Table):
-    """A connection that is more than the name of its source."""
-
-    source: str = Field(alias="from")
-    gain: float = 1.0
-    offset: float = 0.0
-    unit: str | None = None
-    convert: bool = True
-    closes_at: float | None = None
-
-
 class FmuTable(Table):
     """An FMU."""
 
@@ -71,13 +61,6 @@ class FmuTable(Table):
     interface: Literal["auto", "me", "cs"] = "auto"
     solver: Literal["auto", "vkm", "gear"] = "auto"
     step: float | None = Field(default=None, gt=0.0)
-
-
-class GainTable(Table):
-    """y = gain · u."""
-
-    gain: float
-    units: dict[str, str] = Field(default_factory=dict)
 
 
 class SumTable(Table):
@@ -137,6 +120,37 @@ def read_table(kind: type[_Read], data: object, where: str) -> _Read:
         return kind.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{where}{': ' if where else ''}{_message(kind, error.errors())}") from None
+
+
+_Record = TypeVar("_Record")
+
+
+def read_record(
+    kind: type[_Record], data: object, where: str, *, keys: Mapping[str, str] = MappingProxyType({}), **known: str
+) -> _Record:
+    """Return `data` as a dataclass, whose fields are the keys of the table.
+
+    Args:
+        kind: the dataclass.
+        data: as the TOML reader returns it.
+        where: the table, for messages.
+        keys: field → key of the file, where it is not the field's name.
+        known: field → value, of fields that the table does not hold.
+
+    Raises:
+        InputError: as `read_table`.
+    """
+    types = get_type_hints(kind)
+    made: Any = {
+        f.name: (
+            types[f.name],
+            Field(... if f.default is f.default_factory is MISSING else None, alias=keys.get(f.name)),
+        )
+        for f in fields(kind)  # type: ignore[arg-type]  # a dataclass
+        if f.name not in known
+    }
+    table = read_table(create_model(kind.__name__, __base__=Table, **made), data, where)
+    return kind(**known, **table.model_dump(exclude_unset=True))
 
 
 def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:

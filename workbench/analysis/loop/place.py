@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from workbench.analysis.loop.request import Open
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES
-from workbench.system.description import Resolved, SystemDescription, Wire
+from workbench.fmi.wiring import Wire
+from workbench.system.description import Resolved, SystemDescription
 
 __all__ = ["Place", "find_place"]
 
@@ -53,7 +54,7 @@ def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Place
         InputError: there is no such connection, it hands over no real number, or it is in no loop.
     """
     names = [c.name for c in system.components]
-    ends = [_ends(w, names) for w in resolved.wires]
+    ends = [w.ends for w in resolved.wires]
     source, target = _split(at)
     if source in resolved.outputs:
         port = resolved.outputs[source]
@@ -87,11 +88,6 @@ def _split(at: Open) -> tuple[str, str | None]:
         if found:
             return source, target
     return at.strip(), None
-
-
-def _ends(wire: Wire, names: Sequence[str]) -> tuple[str, str]:
-    source = f"{names[wire.from_component]}.{wire.source.name}"
-    return source, f"{names[wire.to_component]}.{wire.destination.name}"
 
 
 def _unknown(source: str, target: str | None, ends: Sequence[tuple[str, str]]) -> str:

@@ -16,7 +16,8 @@ from scipy.optimize import brentq
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.system.description import Connection, FmuComponent
+from workbench.system.description import FmuComponent
+from workbench.system.health import as_written
 
 if TYPE_CHECKING:
     from workbench.system.parts import Opened
@@ -40,26 +41,15 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
     """
     if any(p.interface == "cs" and "me" not in p.description.interfaces for p in opened.parts):
         return None
-    parts, wire = opened.parts, opened.resolved.wires[without]
-    source = f"{parts[wire.from_component].name}.{wire.source.name}"
-    destination = f"{parts[wire.to_component].name}.{wire.destination.name}"
-    kept = [w for i, w in enumerate(opened.resolved.wires) if i != without]
+    source, destination = opened.resolved.wires[without].ends
+    kept = [dataclasses.replace(w, closes_at=-math.inf) for i, w in enumerate(opened.resolved.wires) if i != without]
     system = dataclasses.replace(
         opened.description,
         components=tuple(
             dataclasses.replace(c, interface="me") if isinstance(c, FmuComponent) else c
             for c in opened.description.components
         ),
-        connections=tuple(
-            Connection(
-                source=f"{parts[w.from_component].name}.{w.source.name}",
-                destination=f"{parts[w.to_component].name}.{w.destination.name}",
-                gain=w.factor,
-                offset=w.offset,
-                convert=False,
-            )
-            for w in kept
-        ),
+        connections=as_written(kept),
         inputs={LOOP: (destination,)},
         outputs={LOOP + "_back": source},
     )

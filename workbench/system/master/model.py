@@ -24,7 +24,7 @@ from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
-from workbench.system.parts import Opened, connections_of, starts_of
+from workbench.system.parts import Opened, starts_of
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
@@ -54,7 +54,7 @@ class MasterModel(DescribedModel):
         self.system = opened.description
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
-        self._units = find_units(opened.parts, connections_of(opened), opened.resolved)
+        self._units = find_units(opened.parts, opened.resolved.wires, opened.resolved)
         self.order, _ = choose_order(recipe.order, self._units)
         self._solvers, notes = _solvers(self._units, recipe.solver)
         self._decided: MasterPlan | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from workbench.fmi.description import Description, Experiment
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.fmi.wiring import Connection
+from workbench.fmi.wiring import Wire
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
 from workbench.system.joint import joint_description, joint_ports
@@ -31,7 +31,7 @@ class Group:
         ports: its variables' places.
     """
 
-    connections: tuple[Connection, ...]
+    connections: tuple[Wire, ...]
     description: Description
     ports: Ports
 
@@ -69,7 +69,7 @@ class Units:
 
     units: tuple[Unit, ...]
     of: tuple[int, ...]
-    connections: tuple[Connection, ...]
+    connections: tuple[Wire, ...]
     direct: Mapping[int, frozenset[int]]
 
     def outer(self) -> list[int]:
@@ -87,7 +87,7 @@ def moves(variable: Variable) -> bool:
     return variable.type in FLOAT_TYPES and variable.variability == "continuous"
 
 
-def find_units(parts: Sequence[Part], connections: Sequence[Connection], resolved: Resolved) -> Units:
+def find_units(parts: Sequence[Part], connections: Sequence[Wire], resolved: Resolved) -> Units:
     """Divide a system.
 
     Args:
@@ -102,7 +102,7 @@ def find_units(parts: Sequence[Part], connections: Sequence[Connection], resolve
     return Units(units, of, tuple(connections), _direct(of, connections))
 
 
-def _labels(parts: Sequence[Part], connections: Sequence[Connection]) -> list[int]:
+def _labels(parts: Sequence[Part], connections: Sequence[Wire]) -> list[int]:
     """Return a number for each component, the same for those that are one equation."""
     joined = np.zeros((len(parts), len(parts)))
     for c in connections:
@@ -113,7 +113,7 @@ def _labels(parts: Sequence[Part], connections: Sequence[Connection]) -> list[in
 
 
 def _unit(
-    number: int, of: Sequence[int], parts: Sequence[Part], connections: Sequence[Connection], resolved: Resolved
+    number: int, of: Sequence[int], parts: Sequence[Part], connections: Sequence[Wire], resolved: Resolved
 ) -> Unit:
     members = tuple(i for i, k in enumerate(of) if k == number)
     first = parts[members[0]]
@@ -133,12 +133,16 @@ def _unit(
 def _group(
     members: Sequence[int],
     parts: Sequence[Part],
-    connections: Sequence[Connection],
+    connections: Sequence[Wire],
     incoming: Sequence[int],
     resolved: Resolved,
 ) -> Group:
     place = {component: k for k, component in enumerate(members)}
-    inner = tuple(_moved(c, place) for c in connections if {c.from_component, c.to_component} <= place.keys())
+    inner = tuple(
+        replace(c, from_component=place[c.from_component], to_component=place[c.to_component])
+        for c in connections
+        if {c.from_component, c.to_component} <= place.keys()
+    )
     ends = [(connections[i].to_component, connections[i].destination) for i in incoming]
     ends += [(p.component, p.variable) for ports in resolved.inputs.values() for p in ports if p.component in place]
     inputs = {f"{parts[i].name}.{v.name}": (Port(place[i], v),) for i, v in ends}
@@ -152,21 +156,7 @@ def _group(
     return Group(inner, joint_description(described, mine, seen), joint_ports(mine, seen))
 
 
-def _moved(connection: Connection, place: Mapping[int, int]) -> Connection:
-    c = connection
-    return Connection(
-        source=c.source,
-        destination=c.destination,
-        from_component=place[c.from_component],
-        to_component=place[c.to_component],
-        gain=c.gain,
-        offset=c.offset,
-        closes_at=c.closes_at,
-        label=c.label,
-    )
-
-
-def _direct(of: Sequence[int], connections: Sequence[Connection]) -> dict[int, frozenset[int]]:
+def _direct(of: Sequence[int], connections: Sequence[Wire]) -> dict[int, frozenset[int]]:
     """Return for each connection between units those that leave the unit it enters and show it without delay."""
     n = len(connections)
     after = [
