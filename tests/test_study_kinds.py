@@ -12,6 +12,9 @@ import pytest
 import scipy.linalg
 from numpy.typing import NDArray
 
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.lin.result import LinResult
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.study.kinds import KINDS, read_requirement
 from workbench.study.kinds.base import Finding, NotMeasured
@@ -168,12 +171,21 @@ Array = Sequence[Sequence[float]] | NDArray[np.float64]
 
 
 def model(command: str, A: Array, B: Array, C: Array, D: Array, dt: float = 0.0) -> dict[str, Any]:
-    poles = np.linalg.eigvals(np.asarray(A, dtype=float)).tolist()
-    return {
-        "command": command, "A": np.asarray(A).tolist(), "B": np.asarray(B).tolist(), "C": np.asarray(C).tolist(),
-        "D": np.asarray(D).tolist(), "dt": dt, "poles": [[complex(p).real, complex(p).imag] for p in poles],
-        "state_names": [f"x{k}" for k in range(len(A))], "input_names": ["u"], "output_names": ["y"],
-    }  # fmt: skip
+    """Return what the command writes of a model with one input and one output."""
+    matrices = [np.asarray(m, dtype=float) for m in (A, B, C, D)]
+    if command == "lin":
+        found: LinResult | IdentifiedModel = LinResult(
+            *matrices, model="m", interface="me", method="exact", why="", dt=dt, input_names=("u",),
+            output_names=("y",), state_names=tuple(f"x{k}" for k in range(len(A))),
+            point=OperatingPoint(x={}, u={}),
+        )  # fmt: skip
+    else:
+        n, one = len(A), np.zeros(1)
+        found = IdentifiedModel(
+            *matrices, K=np.zeros((n, 1)), x0=np.zeros(n), u0=one, y0=one, covariance=np.zeros((1, 1)), dt=dt,
+            input_names=("u",), output_names=("y",), input_units=(None,), output_units=(None,),
+        )  # fmt: skip
+    return {"command": command, **found.to_dict()}
 
 
 def oscillator(damping: float, hz: float) -> tuple[list[list[float]], list[list[float]]]:

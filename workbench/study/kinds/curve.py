@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from workbench.study.kinds.base import NotMeasured
 
@@ -108,19 +109,10 @@ class Curve:
 
 def interpolate(frequency: float, frequencies: Sequence[float], values: Sequence[float]) -> float:
     """Return the value at a frequency inside of `frequencies` (rising), linear over log frequency."""
-    if len(frequencies) == 1:
-        return values[0]
-    k = min(max(bisect_left(frequencies, frequency), 1), len(frequencies) - 1)
-    low, high = frequencies[k - 1], frequencies[k]
-    part = math.log(frequency / low) / math.log(high / low)
-    part = min(max(part, 0.0), 1.0)
-    return values[k - 1] + part * (values[k] - values[k - 1])
+    return float(np.interp(math.log(frequency), np.log(frequencies), values))
 
 
 def unwrap(phases: Sequence[float]) -> list[float]:
     """Return phases [deg] with jumps of more than half a turn taken out."""
-    found: list[float] = []
-    for phase in phases:
-        turns = round((found[-1] - phase) / 360.0) if found else 0
-        found.append(phase + 360.0 * turns)
+    found: list[float] = np.unwrap(phases, period=360.0).tolist()
     return found

@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from workbench.core.response import decibels
 from workbench.errors import InputError
 from workbench.study.kinds.base import NotMeasured, Result
 from workbench.study.kinds.curve import Curve, unwrap
@@ -104,8 +107,7 @@ def _linear_loop(result: Result) -> Curve:
     linear = result["linear"]
     if linear is None:
         raise NotMeasured("the loop could not be linearised")
-    gain = [20.0 * math.log10(max(g, 1e-300)) for g in linear["gain"]]
-    return Curve(frequency=linear["frequency_hz"], gain=gain, phase=unwrap(linear["phase_deg"]))
+    return Curve(frequency=linear["frequency_hz"], gain=_db(linear["gain"]), phase=unwrap(linear["phase_deg"]))
 
 
 def _measured_loop(measured: Result, *, told: bool) -> Curve:
@@ -114,11 +116,16 @@ def _measured_loop(measured: Result, *, told: bool) -> Curve:
         label=f"amplitude {measured['amplitude']:g}, {measured['how']}" if told else "",
         amplitude=measured["amplitude"],
         frequency=[p["frequency_hz"] for p in points],
-        gain=[20.0 * math.log10(max(p["gain"], 1e-300)) for p in points],
+        gain=_db([p["gain"] for p in points]),
         phase=unwrap([p["phase_deg"] for p in points]),
         averaged=[p["frequency_hz"] for p in points if p["status"] == "averaged"],
         failed={p["frequency_hz"]: p["reason"] or "no value" for p in measured["points"] if p["gain"] is None},
     )
+
+
+def _db(gains: Sequence[float]) -> list[float]:
+    found: list[float] = decibels(np.maximum(gains, 1e-300)).tolist()
+    return found
 
 
 READERS: Mapping[str, Callable[[Result, Mapping[str, Any]], list[Curve]]] = {

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.validate.overlay import sine_response
+from workbench.core.matrices import Complex, Floats
 from workbench.core.poles import continuous, natural_frequency_hz, vanished
+from workbench.core.response import decibels, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.study.kinds.base import NotMeasured, Result
-from workbench.study.kinds.curve import Curve, unwrap
+from workbench.study.kinds.curve import Curve
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Matrices = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-
-__all__ = ["PLANTS", "linear_curve", "poles"]
-
-PLANTS = ("continuous", "sampled", "held")
+__all__ = ["linear_curve", "poles"]
 
 _DENSE = 60  # points per decade
 _SMALLEST = 1e-300
-
-_Response = Callable[[float], complex]
 
 
 def poles(result: Result) -> list[complex]:
@@ -58,13 +52,19 @@ def linear_curve(result: Result, *, at: Sequence[float], input: str | None, outp
     frequency = _frequencies(result, at)
     if not frequency:
         raise NotMeasured("the frequencies lie above half the sampling rate of the model")
-    respond = _maker(result, plant)(result, row, column)
-    response = [respond(f) for f in frequency]
-    return Curve(
-        frequency=frequency,
-        gain=[20.0 * math.log10(max(abs(r), _SMALLEST)) for r in response],
-        phase=unwrap([math.degrees(math.atan2(r.imag, r.real)) for r in response]),
-    )
+    respond = _sines(result, plant, str(result["input_names"][column]), str(result["output_names"][row]))
+    value = respond(np.array(frequency))
+    value = np.where(np.abs(value) < _SMALLEST, _SMALLEST, value)
+    return Curve(frequency=frequency, gain=decibels(value).tolist(), phase=unwrapped(value).tolist())
+
+
+def _sines(result: Result, plant: str, input: str, output: str) -> Callable[[Floats], Complex]:
+    """Return the response of the model to sines as a function of frequency [Hz]."""
+    if result["command"] == "identify" and float(result["dt"]) > 0.0:
+        return sine_response(IdentifiedModel.from_dict(result), plant, input, output)[0]
+    found = LinResult.from_dict(result)
+    row, column = found.output_names.index(output), found.input_names.index(input)
+    return lambda f: found.fundamental(f)[:, row, column]
 
 
 def _index(what: str, name: str | None, names: Sequence[str]) -> int:
@@ -93,86 +93,3 @@ def _around(result: Result) -> tuple[float, float]:
     rates = [float(natural_frequency_hz(p)) for p in poles(result)]
     rates = [r for r in rates if r > 1e-9 * max(rates)]
     return (min(rates) / 100.0, max(rates) * 10.0) if rates else (0.01, 100.0)
-
-
-# -- how a response is computed ----------------------------------------------------------------
-
-
-def _maker(result: Result, plant: str) -> Callable[[Result, int, int], _Response]:
-    dt = float(result["dt"])
-    if result["command"] == "identify" and dt > 0.0:
-        return _PLANTS[plant]
-    return _fundamental if dt > 0.0 else _plain
-
-
-def _matrices(result: Result) -> Matrices:
-    import numpy as np  # noqa: PLC0415 - most requirements do without
-
-    shapes = (len(result["state_names"]), len(result["input_names"]), len(result["output_names"]))
-    n, m, p = shapes
-    A, B, C, D = (np.array(result[name], dtype=np.float64) for name in "ABCD")
-    return A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
-
-
-def _transfer(matrices: Matrices, row: int, column: int) -> Callable[[complex], complex]:
-    """Return C (pI − A)⁻¹ B + D as a function of p."""
-    import numpy as np  # noqa: PLC0415
-
-    A, B, C, D = matrices
-    eye, b, c, d = np.eye(len(A)), B[:, column], C[row], complex(D[row, column])
-    return lambda p: complex(c @ np.linalg.solve(p * eye - A, b)) + d
-
-
-def _plain(result: Result, row: int, column: int) -> _Response:
-    """Evaluate a continuous model at s = jω."""
-    transfer = _transfer(_matrices(result), row, column)
-    return lambda f: transfer(2j * math.pi * f)
-
-
-def _held(result: Result, row: int, column: int) -> _Response:
-    """Evaluate a discrete model at z = exp(jω·dt)."""
-    transfer, dt = _transfer(_matrices(result), row, column), float(result["dt"])
-    return lambda f: transfer(cmath.exp(2j * math.pi * f * dt))
-
-
-def _hold(frequency: float, dt: float) -> complex:
-    """Return (1 − e^(−s·dt))/(s·dt) at s = jω."""
-    s = 2j * math.pi * frequency * dt
-    return (1.0 - cmath.exp(-s)) / s
-
-
-def _sampled(result: Result, row: int, column: int) -> _Response:
-    held, dt = _held(result, row, column), float(result["dt"])
-    return lambda f: held(f) * _hold(f, dt)
-
-
-def _continuous(result: Result, row: int, column: int) -> _Response:
-    """Evaluate the continuous model with the same samples; where there is none, divide by the hold."""
-    from workbench.core.matrices import unheld  # noqa: PLC0415 - only identified models need it
-
-    A, B, C, D = _matrices(result)
-    dt = float(result["dt"])
-    try:
-        smooth = unheld(A, B, dt)
-    except InputError:
-        held = _held(result, row, column)
-        return lambda f: held(f) / _hold(f, dt)
-    transfer = _transfer((*smooth, C, D), row, column)
-    return lambda f: transfer(2j * math.pi * f)
-
-
-def _fundamental(result: Result, row: int, column: int) -> _Response:
-    """Evaluate a linearised sampled model, the output between its samples taken into account."""
-    import numpy as np  # noqa: PLC0415
-
-    from workbench.analysis.lin.result import LinResult  # noqa: PLC0415
-
-    found = LinResult.from_dict(result)
-    return lambda f: complex(found.fundamental(np.array([f]))[0, row, column])
-
-
-_PLANTS: Mapping[str, Callable[[Result, int, int], _Response]] = {
-    "continuous": _continuous,
-    "sampled": _sampled,
-    "held": _held,
-}
