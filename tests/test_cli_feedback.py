@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from workbench.analysis.feedback.request import Feedback
-from workbench.cli.analyses import derived
+from workbench.cli.program import function_of
 from workbench.core.option import options_of
 from workbench.errors import InputError, WorkbenchError
 
@@ -48,7 +48,7 @@ ENDS = ("--from", "c.y", "--to", "a.u")
 
 def run(*arguments: str) -> object:
     app = typer.Typer()
-    app.command()(derived()["feedback"])
+    app.command()(function_of("feedback"))
     return typer.main.get_command(app).main(list(arguments), "workbench feedback", standalone_mode=False)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from workbench.cli.analyses import derived
+from workbench.cli.program import function_of
 from workbench.errors import InputError
 
 LOOP = """
@@ -29,7 +29,7 @@ y = "c.y"
 
 def run(*arguments: str) -> object:
     app = typer.Typer()
-    app.command()(derived()["limit-cycle"])
+    app.command()(function_of("limit-cycle"))
     return typer.main.get_command(app).main(list(arguments), "workbench limit-cycle", standalone_mode=False)
 
 

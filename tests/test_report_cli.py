@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 
 from tests.report_pages import PageReader, check_page_file, data_of, facts_of_page
 from tests.test_cli_limit_cycle import LOOP as CYCLE
 from tests.test_cli_systems import LOOP
 from workbench.build.fmu import BuildResult
-from workbench.cli import app as program
 from workbench.cli.app import run
+from workbench.cli.program import Lazily
 from workbench.fmi.archive import locate
 from workbench.report.build import built_page
 from workbench.report.page import write_page
@@ -97,7 +96,7 @@ def test_every_command_writes_a_page(name: str, capsys: pytest.CaptureFixture[st
 
 
 def test_every_command_has_the_option() -> None:
-    commands = typer.main.get_command(program.app).commands  # type: ignore[attr-defined]
+    commands = Lazily()
     without = [n for n, c in commands.items() if not any("--report" in p.opts for p in c.params)]
     assert without == []
 

@@ -9,21 +9,16 @@ from typing import Any
 
 import typer
 
-from workbench.cli.app import app
+from workbench.cli.program import Lazily
 
 __all__ = ["command_names", "command_page"]
 
 _EXTRA = re.compile(r"\s*\[(?:required|default: [^\]]*|[^\]]*;\s*(?:required|default[^\]]*))\]$")
 
 
-def _commands() -> dict[str, Any]:
-    group: Any = typer.main.get_command(app)
-    return dict(group.commands)
-
-
 def command_names() -> list[str]:
     """Return the names of all commands, in the order of `workbench --help`."""
-    return list(_commands())
+    return list(Lazily())
 
 
 def command_page(name: str) -> str:
@@ -32,7 +27,7 @@ def command_page(name: str) -> str:
     Args:
         name: of the command.
     """
-    command = _commands()[name]
+    command = Lazily()[name]
     context = typer.Context(command, info_name=name)
     usage = " ".join(["workbench", name, *command.collect_usage_pieces(context)])
     head = [f"# {name}", "", *_help(command.help or ""), "```bash", usage, "```", ""]

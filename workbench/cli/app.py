@@ -3,74 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import Annotated
+from collections.abc import Sequence
 
 import typer
 
-from workbench import __version__
 from workbench.cli import asked, notes
-from workbench.cli.analyses import derived
-from workbench.cli.build import build
-from workbench.cli.compare_motions import compare
-from workbench.cli.export import export
-from workbench.cli.info import info
 from workbench.cli.interrupt import exit_code, insist_on_interrupts, interrupted, listen_for_endings
 from workbench.cli.program import options_of, program, said
-from workbench.cli.reproduce import reproduce
-from workbench.cli.run import run as run_study
 from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError
 
 __all__ = ["BAD_INPUT", "main"]
 
 BAD_INPUT = 2
-
-app = typer.Typer(
-    name="workbench",
-    help="Analyse FMUs: time histories, operating points, linear models, frequency responses; identify; build.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    pretty_exceptions_enable=False,
-)
-_COMMANDS: dict[str, Callable[..., int | None]] = {
-    **derived(),
-    "info": info,
-    "compare": compare,
-    "run": run_study,
-    "reproduce": reproduce,
-    "build": build,
-    "export": export,
-}
-# In the order of a working day.
-_ORDER = (
-    "info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "feedback", "feed-forward", "modes",
-    "compare", "check", "excite", "identify", "run", "reproduce", "build", "export",
-)  # fmt: skip
-for _name in _ORDER:
-    app.command(_name)(_COMMANDS[_name])
-
-
-def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so
-    if wanted:
-        typer.echo(f"workbench {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and stop.")
-    ] = False,
-) -> None:
-    """Analyse FMUs: time histories, operating points, linear models, frequency responses, identification; build FMUs.
-
-    MODEL is an `.fmu`, an unpacked FMU folder, or a bundled one: `fmu:Rudder` (FMI 2.0), `fmu:Rudder@3` (FMI 3.0).
-
-    Example: `workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png`
-    """
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -97,7 +42,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     notes.drop()
     words = sys.argv[1:] if arguments is None else arguments
     name = next((w for w in words if not w.startswith("-")), None)
-    command = program(app, name)
+    command = program(name)
     asked.keep(arguments, options_of(command, name))
     try:
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)

@@ -1,33 +1,117 @@
-"""The program's commands, each built from its options when it is first needed."""
+"""The program's commands, each imported and built when it is first needed.
+
+Importing all of them, and reading their options, takes several times as long as one, and longer than a small analysis.
+"""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterator, Mapping
-from typing import Any
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
 
+from workbench import __version__
 from workbench.errors import one_line
 
-__all__ = ["Lazily", "options_of", "program", "said"]
+__all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
+
+# In the order of a working day: name → request, or function that typer calls.
+COMMANDS = {
+    "info": "cli.info:info",
+    "simulate": "analysis.simulate.request:Simulate",
+    "nfr": "analysis.nfr.request:Nfr",
+    "trim": "analysis.trim.request:Trim",
+    "lin": "analysis.lin.request:LinCommand",
+    "loop": "analysis.loop.request:Loop",
+    "delays": "analysis.delays.request:Delays",
+    "limit-cycle": "analysis.limit_cycle.request:LimitCycles",
+    "feedback": "analysis.feedback.request:Feedback",
+    "feed-forward": "analysis.feed_forward.request:FeedForward",
+    "modes": "analysis.modes.request:Modes",
+    "compare": "cli.compare_motions:compare",
+    "check": "analysis.check.request:Check",
+    "excite": "analysis.excite.request:Excite",
+    "identify": "analysis.identify.request:Identify",
+    "run": "cli.run:run",
+    "reproduce": "cli.reproduce:reproduce",
+    "build": "cli.build:build",
+    "export": "cli.export:export",
+}
 
 
-def program(app: typer.Typer, name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
-    """Return the program with one command alone; with all of them if there is none of that name.
-
-    Reading the options of all commands takes several times as long as those of one, and longer than a small analysis.
+def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
+    """Return the program with one command alone; if there is none of that name, with the help of all of them.
 
     Args:
-        app: what the commands are registered in.
         name: of the command.
     """
-    wanted = [command for command in app.registered_commands if command.name == name]
-    if not wanted:
+    app = typer.Typer(
+        name="workbench",
+        help="Analyse FMUs: time histories, operating points, linear models, frequency responses; identify; build.",
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_options)
+    if name in COMMANDS:
+        app.command(name)(function_of(name))
         return typer.main.get_group(app)
-    alone = copy.copy(app)
-    alone.registered_commands = wanted
-    return typer.main.get_group(alone)
+    for other in COMMANDS:
+        app.command(other)(_words(other))
+    return typer.main.get_group(app)
+
+
+def function_of(name: str) -> Callable[..., int | None]:
+    """Return the command as typer takes it.
+
+    Args:
+        name: of the command.
+    """
+    found: Callable[..., Any] = _declared(name)
+    if not isinstance(found, type):
+        return found
+    from workbench.cli.derive import command
+    from workbench.cli.extras import EXTRAS
+
+    return command(found, EXTRAS.get(name))
+
+
+def _declared(name: str) -> Any:  # noqa: ANN401 - a class or a function
+    module, _, what = COMMANDS[name].partition(":")
+    return getattr(import_module(f"workbench.{module}"), what)
+
+
+def _words(name: str) -> Callable[[], None]:
+    """Return what has the command's help and no options."""
+
+    def shown() -> None:
+        pass
+
+    shown.__doc__ = inspect.cleandoc(_declared(name).__doc__ or "").split("\n\n")[0]
+    return shown
+
+
+def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so
+    if wanted:
+        typer.echo(f"workbench {__version__}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and stop.")
+    ] = False,
+) -> None:
+    """Analyse FMUs: time histories, operating points, linear models, frequency responses, identification; build FMUs.
+
+    MODEL is an `.fmu`, an unpacked FMU folder, or a bundled one: `fmu:Rudder` (FMI 2.0), `fmu:Rudder@3` (FMI 3.0).
+
+    Example: `workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png`
+    """
 
 
 def options_of(command: Any, name: str | None) -> dict[str, str]:  # noqa: ANN401 - see `program`
@@ -48,26 +132,20 @@ def said(error: typer.TyperException) -> str:
 
 
 class Lazily(Mapping[str, Any]):
-    """Name → command, in their order.
+    """Name → command, in their order."""
 
-    Args:
-        app: what they are registered in.
-    """
-
-    def __init__(self, app: typer.Typer) -> None:
-        self._app = app
-        self._names = [str(command.name) for command in app.registered_commands]
+    def __init__(self) -> None:
         self._built: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - typer's own class of a command is not public
-        if name not in self._names:
+        if name not in COMMANDS:
             raise KeyError(name)
         if name not in self._built:
-            self._built[name] = program(self._app, name).commands[name]
+            self._built[name] = program(name).commands[name]
         return self._built[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
+        return iter(COMMANDS)
 
     def __len__(self) -> int:
-        return len(self._names)
+        return len(COMMANDS)

@@ -28,15 +28,11 @@ _NOTE = "note: "
 
 
 class AppCommands(Commands):
-    """The commands of the program, whatever they are: read from the options that they declare.
+    """The commands of the program, whatever they are: read from the options that they declare."""
 
-    Args:
-        app: the program.
-    """
-
-    def __init__(self, app: typer.Typer) -> None:
+    def __init__(self) -> None:
         self.run = run_command
-        self._commands = Lazily(app)
+        self._commands = Lazily()
 
     def __contains__(self, name: str) -> bool:
         return name not in _NOT_IN_STUDIES and name in self._commands and _takes(self._commands[name], "--json")
@@ -102,9 +98,7 @@ def run_command(arguments: Sequence[str]) -> Ended:
 
 def _run(arguments: Sequence[str]) -> tuple[int, str, bool]:
     """Return exit code, reason, and whether the input was bad."""
-    from workbench.cli.app import app
-
-    command = program(app, arguments[0] if arguments else None)
+    command = program(arguments[0] if arguments else None)
     try:
         code = command.main(list(arguments), "workbench", standalone_mode=False)
     except typer.TyperException as error:
@@ -167,10 +161,9 @@ def run_study(
         >>> print(wb.run_study("lag.toml", store=None).passed)
         True
     """
-    from workbench.cli.app import app
     from workbench.cli.options import workers
     from workbench.study.run import StudyRun, default_store
 
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
-    prepared = StudyRun(study, AppCommands(app), store=folder, fresh=fresh)
+    prepared = StudyRun(study, AppCommands(), store=folder, fresh=fresh)
     return prepared.run(lambda: workers(jobs=jobs, timeout=timeout))

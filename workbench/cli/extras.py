@@ -1,37 +1,27 @@
-"""The commands that are derived from requests, and what some of them have besides."""
+"""What some commands have besides the options of their request."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from workbench.analysis.check.request import Check
-from workbench.analysis.delays.request import Delays
-from workbench.analysis.excite.request import Excite
-from workbench.analysis.feed_forward.request import FeedForward
-from workbench.analysis.feedback.request import Feedback
-from workbench.analysis.identify.request import Identify
-from workbench.analysis.limit_cycle.request import LimitCycles
-from workbench.analysis.lin.request import LinCommand
-from workbench.analysis.loop.request import Loop
-from workbench.analysis.modes.request import Modes
-from workbench.analysis.nfr.request import Nfr
-from workbench.analysis.request import Request
-from workbench.analysis.simulate.request import Simulate
-from workbench.analysis.trim.request import Trim
-from workbench.cli.derive import Extras, command
+from workbench.cli.derive import Extras
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
+    from workbench.analysis.excite.request import Excite
+    from workbench.analysis.feed_forward.request import FeedForward
     from workbench.analysis.feed_forward.result import FeedForwardResult
+    from workbench.analysis.feedback.request import Feedback
+    from workbench.analysis.identify.request import Identify
     from workbench.cli.output import Output
 
-__all__ = ["derived"]
+__all__ = ["EXTRAS"]
 
 _OFFSET = Annotated[bool, typer.Option("--offset", help="Also draw the mean of the output.")]
 _KIND = Annotated[
@@ -46,11 +36,6 @@ _OUT = Annotated[Path | None, typer.Option("--out", metavar="PATH", help="Write 
 _BODE = Annotated[
     Path | None, typer.Option("--bode", metavar="PATH", help="Write a Bode plot of the model, --lin and --nfr.")
 ]
-
-
-def derived() -> dict[str, Callable[..., int]]:
-    """Return name → command."""
-    return {kind.command: command(kind, _EXTRAS.get(kind)) for kind in _REQUESTS}
 
 
 def _with_signal(asked: Excite, given: Mapping[str, Any], _: object) -> Excite:
@@ -113,13 +98,12 @@ def _ask(asked: Identify, data: str, out: Output) -> int:
     return int(answer)
 
 
-_REQUESTS: tuple[type[Request[Any, Any]], ...] = (
-    Simulate, Nfr, Trim, LinCommand, Loop, Delays, LimitCycles, Feedback, FeedForward, Modes, Check, Excite, Identify,
-)  # fmt: skip
-_EXTRAS: dict[type[Request[Any, Any]], Extras] = {
-    Nfr: Extras(drawn={"offset": (_OFFSET, False)}),
-    Excite: Extras(before=_with_signal),
-    Feedback: Extras(plotted={"plot_kind": (_KIND, "overview")}, before=_with_picture),
-    FeedForward: Extras(plotted={"figure": (_FIGURE, "overview")}, files={"out": (_OUT, _write_filter)}, before=_tried),
-    Identify: Extras(files={"bode": (_BODE, lambda record, path: record.overlay.plot(path))}, before=_looked_at),
+EXTRAS: dict[str, Extras] = {
+    "nfr": Extras(drawn={"offset": (_OFFSET, False)}),
+    "excite": Extras(before=_with_signal),
+    "feedback": Extras(plotted={"plot_kind": (_KIND, "overview")}, before=_with_picture),
+    "feed-forward": Extras(
+        plotted={"figure": (_FIGURE, "overview")}, files={"out": (_OUT, _write_filter)}, before=_tried
+    ),
+    "identify": Extras(files={"bode": (_BODE, lambda record, path: record.overlay.plot(path))}, before=_looked_at),
 }
