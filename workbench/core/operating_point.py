@@ -14,7 +14,7 @@ from workbench.core.option import Options, option
 from workbench.core.record import Part
 from workbench.errors import InputError
 
-__all__ = ["At", "AtPoint", "HasPoint", "OperatingPoint", "Stands", "point_in_json", "point_of_json"]
+__all__ = ["At", "AtPoint", "HasPoint", "OperatingPoint", "Stands", "point_of_json"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
 _KEY = "operating_point"
@@ -119,11 +119,6 @@ class AtPoint(Options):
         form=FILE,
         default=None,
     )
-
-
-def point_in_json(point: OperatingPoint | None) -> dict[str, Any]:
-    """Return the entry by which every result says where it was measured, in the form that `from_dict` reads."""
-    return {_KEY: None if point is None else point.to_dict()}
 
 
 def point_of_json(data: Mapping[str, Any]) -> OperatingPoint | None:

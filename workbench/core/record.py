@@ -181,7 +181,7 @@ class Record(Part, Reportable):
         Raises:
             InputError: the file cannot be written, or there is no table.
         """
-        write_csv(path, plain(self.rows()))
+        write_csv(path, map(plain, self.rows()))
 
     def to_dataframe(self) -> DataFrame:
         """Return the table of the result for pandas.
@@ -189,7 +189,7 @@ class Record(Part, Reportable):
         Raises:
             InputError: pandas is not installed, or there is no table.
         """
-        heading, *rows = (row for row in plain(self.rows()) if not _is_remark(row))
+        heading, *rows = (row for row in map(plain, self.rows()) if not _is_remark(row))
         frame: DataFrame = _library("pandas").DataFrame(rows, columns=heading)
         return frame
 
@@ -261,7 +261,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds
     if isinstance(value, Mapping):
         return {_name(key): plain(inner) for key, inner in value.items()}
     if hasattr(value, "tolist"):
-        return plain(value.tolist()) if value.dtype.kind != "b" else value.tolist()
+        return _nested(value)
     if isinstance(value, Path):
         return str(value)
     return [plain(inner) for inner in value]
@@ -313,6 +313,13 @@ def _by_name(array: Any, names: Sequence[Sequence[str]]) -> Any:  # noqa: ANN401
     if not names:
         return array
     return {name: _by_name(array[:, k], names[1:]) for k, name in enumerate(names[0])}
+
+
+def _nested(array: Any) -> Any:  # noqa: ANN401 - nested lists, or one number
+    import numpy as np  # noqa: PLC0415  slow to import, and options import this module
+
+    known = array.dtype.kind in "biu" or (array.dtype.kind == "f" and np.isfinite(array).all())
+    return array.tolist() if known else plain(array.tolist())
 
 
 def _key(declared: Field[Any]) -> str:

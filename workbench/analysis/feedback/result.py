@@ -194,11 +194,6 @@ def _ends(pair: Sequence[float | None]) -> tuple[float, float]:
     return -math.inf if low is None else low, math.inf if high is None else high
 
 
-def finite(value: float) -> float | None:
-    """Return a number, None if it is none that JSON holds."""
-    return value if math.isfinite(value) else None
-
-
 def interval_words(pair: tuple[float, float]) -> str:
     """Return an interval in words.
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from workbench.analysis.harmonics import distortion
 from workbench.analysis.nfr.settling import Response, Settling
+from workbench.core.record import Part
 
 __all__ = ["Certificate", "certify"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Certificate:
+class Certificate(Part):
     """The evidence behind one point of a frequency response. None: not known, or there is no such thing.
 
     Attributes:
@@ -75,12 +75,3 @@ def certify(settling: Settling, response: Response | None) -> Certificate:
 def finite(value: float | None) -> float | None:
     """Return `value` if it is a finite number, else None."""
     return value if value is not None and math.isfinite(value) else None
-
-
-def from_dict(values: dict[str, Any]) -> Certificate:
-    """Return the certificate whose `vars` went through JSON.
-
-    Raises:
-        TypeError: these are not a certificate's.
-    """
-    return Certificate(**{**values, "harmonics": tuple(values["harmonics"])})

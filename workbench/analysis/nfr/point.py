@@ -15,6 +15,7 @@ from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
 from workbench.analysis.nfr.settling import Outcome, Response, Settling
 from workbench.analysis.nfr.surroundings import LinearPart
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.session import Session
@@ -97,7 +98,7 @@ class PointTask:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NfrPoint:
+class NfrPoint(Part):
     """The response at one frequency and one amplitude.
 
     Attributes:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.certificate import from_dict as certificate_of
 from workbench.analysis.nfr.jumps import jumps
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
@@ -340,7 +339,7 @@ def _certificates(arrays: Mapping[str, Any], shape: tuple[int, int]) -> tuple[tu
     """Return the certificates of one array for each field; None where nothing is known."""
     known = [f.name for f in fields(Certificate) if f.name in arrays]
     rows = [[{n: arrays[n][i][j] for n in known} for j in range(shape[1])] for i in range(shape[0])]
-    return tuple(tuple(None if v.get("errcrit") is None else certificate_of(v) for v in row) for row in rows)
+    return tuple(tuple(None if v.get("errcrit") is None else Certificate.from_dict(v) for v in row) for row in rows)
 
 
 def _identifier(name: str) -> str:

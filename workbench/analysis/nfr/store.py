@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from workbench import __version__
-from workbench.analysis.nfr.certificate import finite, from_dict
+from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.result import MISSING, NfrResult
 from workbench.analysis.nfr.zero_input import ZeroInput
@@ -90,7 +90,7 @@ class NfrStore:
         """
         found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
         values = [v for k, v in found.items() if k not in (_ZERO_INPUT, _STANDING) and self._counts(v)]
-        points = [_point(v["point"]) for v in values]
+        points = [NfrPoint.from_dict(v["point"]) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
     def _counts(self, value: Mapping[str, Any]) -> bool:
@@ -99,7 +99,7 @@ class NfrStore:
     def zero_input(self) -> ZeroInput | None:
         """Return how the model moves by itself, if that was watched already."""
         found = self.store.load().get(_ZERO_INPUT)
-        return None if found is None else ZeroInput(**found)
+        return None if found is None else ZeroInput.from_dict(found)
 
     def save(self, point: NfrPoint, *, lost: bool = False) -> None:
         """Keep a point; it is on disk when this returns.
@@ -108,12 +108,12 @@ class NfrStore:
             point: what was measured.
             lost: whether it failed by a crash or limit of its process, not by what it computed.
         """
-        value = {"point": _plain(point), "lost_under": asdict(self.limits) if lost else None}
+        value = {"point": point.to_dict(), "lost_under": asdict(self.limits) if lost else None}
         self.store.save(repr((point.amplitude, point.frequency)), value)
 
     def save_zero_input(self, found: ZeroInput) -> None:
         """Keep how the model moves by itself."""
-        self.store.save(_ZERO_INPUT, asdict(found))
+        self.store.save(_ZERO_INPUT, found.to_dict())
 
     def standing(self) -> OperatingPoint | None:
         """Return where the model stood, if that was looked at already."""
@@ -173,19 +173,3 @@ def _of_result(previous: NfrResult, i: int, j: int, reason: str | None) -> NfrPo
         reason=reason,
         certificate=previous.certificates[i][j],
     )
-
-
-def _plain(point: NfrPoint) -> dict[str, Any]:
-    values = asdict(point)
-    if point.response is not None:
-        values["response"] = [point.response.real, point.response.imag]
-    return values
-
-
-def _point(values: dict[str, Any]) -> NfrPoint:
-    response, certificate = values["response"], values["certificate"]
-    decoded = {
-        "response": None if response is None else complex(*response),
-        "certificate": None if certificate is None else from_dict(certificate),
-    }
-    return NfrPoint(**{**values, **decoded})

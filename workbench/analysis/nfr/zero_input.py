@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.nfr.point import NfrPoint, PointTask
+from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Record, Session
 
@@ -27,7 +28,7 @@ _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class ZeroInput:
+class ZeroInput(Part):
     """How an output moves under zero input (and bias), in the last of eight periods of the lowest frequency.
 
     Attributes:
