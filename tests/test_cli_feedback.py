@@ -148,7 +148,7 @@ def test_limits_with_units(tmp_path: Path) -> None:
         ([*ENDS, "--limit=-3"], "must be positive"),
         ([*ENDS, "--limit", "1", "--actuator", "fmu:LimitedActuator"], "has its own limits"),
         ([*ENDS, "--actuator", "fmu:Aircraft"], "must have one"),
-        ([*ENDS, "--plot-kind", "nyquist"], "there is no --plot"),
+        ([*ENDS, "--plot-kind", "nyquist"], "--plot-kind needs --plot"),
         ([*ENDS, "--plot", "x.png", "--plot-kind", "settling"], "needs --settle"),
     ],
 )

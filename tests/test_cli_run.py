@@ -224,7 +224,7 @@ def test_several_models_and_results_as_models(tmp_path: Path, commands: AppComma
     words = runs["motions"].command_line
     assert words.startswith("workbench compare fmu:FirstOrderLag fmu:FirstOrderLag@3 ")
     assert words.endswith("--signal=y --window=0:1 --window=1:2")
-    with pytest.raises(InputError, match="opens all its models alike"):
+    with pytest.raises(InputError, match="opens all its models in the same way"):
         plan_of(tmp_path, text.replace("set = {tau = 2}}", "set = {tau = 3}}", 1), commands)
     with pytest.raises(InputError, match="key 'model' takes one model"):
         plan_of(tmp_path, text.replace('model = "a"', 'model = ["a", "b"]'), commands)

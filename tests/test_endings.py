@@ -202,7 +202,7 @@ def test_a_study_keeps_the_analyses_that_are_done(tmp_path: Path) -> None:
     found = Hanging(tmp_path, "run", str(tmp_path / "study.toml"), "--jobs", "1", "--json", str(out))
     code, err = found.end(signal.SIGHUP)
     assert code == 128 + signal.SIGHUP
-    assert err[-1] == "note: interrupted by SIGHUP: 1 of 2 analyses were not run; the same command goes on"
+    assert err[-1] == "note: interrupted by SIGHUP: 1 of 2 analyses were not run; the same command continues"
     result = json.loads(out.read_text(encoding="utf-8"))
     assert (result["measured"], result["missing"]) == (1, 1)
 

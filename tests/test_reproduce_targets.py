@@ -166,7 +166,7 @@ def test_a_name_and_how_names_begin() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("cycle-rat",), "'cycle-rat' is no chapter, figure or target; did you mean cycle-rate"),
+        (("cycle-rat",), "'cycle-rat' is not a chapter, figure or target; did you mean cycle-rate"),
         (("rudde",), "did you mean rudder"),
         (("5",), "chapter 5: no target belongs to it; there are 3.3.1"),
         (("8.9",), "chapter 8.9"),

@@ -35,11 +35,11 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "misspelt key": ("frequency =", "frequenzy =", "\"gain\": key 'frequenzy' is unknown; did you mean frequency?"),
     "misspelt analysis": ('"response"\nkind', '"respons"\nkind', "analysis 'respons' is unknown; did you mean resp"),
     "misspelt command": ('"nfr"', '"nfrr"', "[analyses.response]: command 'nfrr' is unknown; did you mean nfr?"),
-    "misspelt option": ("amplitude", "amplitud", "key 'amplitud' is no option of 'nfr'; did you mean amplitude?"),
+    "misspelt option": ("amplitude", "amplitud", "key 'amplitud' is not an option of 'nfr'; did you mean amplitude?"),
     "option left out": ("amplitude = 1\n", "", "[analyses.response]: nfr: Missing option 'amplitude'"),
     "wrong type": ("min = -10", 'min = "-10"', "\"gain\": key 'min' must be a number, not '-10'"),
     "wrong type of an option": ("freq =", 'max-periods = "many"\nfreq =', "nfr: Invalid value for 'max-periods'"),
-    "a table for a number": ("amplitude = 1", "amplitude = {a = 1}", "key 'amplitude' takes no table"),
+    "a table for a number": ("amplitude = 1", "amplitude = {a = 1}", "key 'amplitude' is not a table"),
     "misspelt model": ('"lag"\ninput', '"lug"\ninput', "[analyses.response]: model 'lug' is unknown; did you mean"),
     "no model": ('model = "lag"\n', "", "[analyses.response]: key 'model' is missing; models: lag"),
     "no such bundled FMU": ("OrderLag", "OrderLog", "[models] lag: fmu:FirstOrderLog: no bundled FMU of that name"),
@@ -47,8 +47,8 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "no limit": ("min = -10", "", "has no limit; give min, max, or equal"),
     "min above max": ("min = -10", "min = -10\nmax = -20", "min -10 is above max -20"),
     "equal without tolerance": ("min = -10", "equal = -10", "equal needs a tolerance"),
-    "unknown output": ('output = "y"', 'output = "z"', "output 'z' is no variable of fmu:FirstOrderLag; known: x, y"),
-    "unknown input": ('input = "u"', 'input = "v"', "input 'v' is no variable of fmu:FirstOrderLag; known: u"),
+    "unknown output": ('output = "y"', 'output = "z"', "output 'z' is not a variable of fmu:FirstOrderLag; known: x, y"),
+    "unknown input": ('input = "u"', 'input = "v"', "input 'v' is not a variable of fmu:FirstOrderLag; known: u"),
     "unknown parameter": ("[models]", '[grid]\n"lag.taw" = [1]\n[models]', "\"lag.taw\": 'taw' is not a variable"),
     "model of the grid": ("[models]", '[grid]\n"leg.tau" = [1]\n[models]', "model 'leg' is unknown; did you mean lag?"),
     "grid without a list": ("[models]", '[grid]\n"lag.tau" = 1\n[models]', "must be a list of values"),
@@ -102,7 +102,7 @@ def test_a_name_stands_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     path = tmp_path / "study.toml"
     path.write_text(GOOD + GOOD[GOOD.index("[[requirements]]") :], encoding="utf-8")
     assert run(["run", str(path)]) == 2
-    assert '[[requirements]] "gain": the name stands twice' in one_line(capsys)
+    assert '[[requirements]] "gain": the name appears twice' in one_line(capsys)
 
 
 def test_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -246,7 +246,7 @@ def test_columns_are_found_by_name_and_refused_in_one_line() -> None:
     renamed = make_experiment(DT, u, y, input_names=("stick",), output_names=("flap",))
     found = validate(lag(), renamed)
     assert found.data.output_names == ("y",)
-    assert "stick, flap are taken for u, y of the model" in found.notes
+    assert "stick, flap are used as u, y of the model" in found.notes
     with pytest.raises(InputError, match="no column 'u' of the model; did you mean U2"):
         validate(lag(), make_experiment(DT, u, y, input_names=("U2",), output_names=("y",)))
 
@@ -368,7 +368,7 @@ def test_results_refuse_what_they_do_not_have(tmp_path: Path) -> None:
         found.plot_residuals(kind="both")
     with pytest.raises(InputError, match="seconds must be positive"):
         found.plot(seconds=0.0)
-    with pytest.raises(InputError, match="is no picture format"):
+    with pytest.raises(InputError, match="is not a picture format"):
         found.plot(tmp_path / "fit.gif")
     with pytest.raises(InputError, match="cannot be written"):
         found.to_csv(tmp_path / "nowhere" / "outputs.csv")

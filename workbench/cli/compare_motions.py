@@ -58,21 +58,28 @@ def compare(
         ),
     ] = None,
     label: Annotated[
-        list[str] | None, typer.Option("--label", metavar="TEXT", help="Name of each model in its turn; repeatable.")
+        list[str] | None,
+        typer.Option("--label", metavar="TEXT", help="Label of each model, in their order; repeatable."),
     ] = None,
     at: Annotated[
         list[Path] | None,
         typer.Option(
-            "--at", metavar="POINT.JSON", help="Operating point of each model in its turn, as of trim; repeatable."
+            "--at",
+            metavar="POINT.JSON",
+            help="Operating point of each model, in their order, as from trim; repeatable.",
         ),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option("--unit", help="Show signals in it where they can be; g is standard gravity.")
+        str | None,
+        typer.Option("--unit", help="Unit in which to show signals, if they can be converted; g is standard gravity."),
     ] = None,
     stop: Annotated[
-        float | None, typer.Option("--stop", metavar="T", help="End of the runs [s]; unless set that of the windows.")
+        float | None,
+        typer.Option("--stop", metavar="T", help="End of the runs [s]; by default that of the last window."),
     ] = None,
-    interval: Annotated[float | None, typer.Option("--interval", metavar="S", help="Distance of the rows [s].")] = None,
+    interval: Annotated[
+        float | None, typer.Option("--interval", metavar="S", help="Interval between rows [s].")
+    ] = None,
     interface: Interface = "auto",
     solver: Solver = "auto",
     tolerance: Tolerance = None,

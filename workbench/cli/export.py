@@ -30,7 +30,10 @@ def export(
     out: Annotated[Path, typer.Option("--out", metavar="X.fmu", help="FMU to write.")],
     fmi: Annotated[Literal["2", "3"], typer.Option("--fmi", help="FMI version.")] = "2",
     name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="Model's name in the FMU; else made from the file's.")
+        str | None,
+        typer.Option(
+            "--name", metavar="NAME", help="Name of the model in the FMU; by default made from the file name."
+        ),
     ] = None,
     step: Annotated[
         float | None, typer.Option("--step", metavar="S", help="Systems: communication step between the parts [s].")
@@ -58,7 +61,7 @@ def export(
         _export_system(model, out, int(fmi), name, step, output)
         return
     if step is not None:
-        raise InputError("--step is for systems; a linear model brings its own")
+        raise InputError("--step is for systems; a linear model has its own")
     _require_compiler()
     from workbench.build.export import export as run
 

@@ -49,7 +49,7 @@ def _with_picture(asked: Feedback, given: Mapping[str, Any], out: Output) -> Fee
     """Refuse a picture that there will not be."""
     kind = given["plot_kind"]
     if out.plot is None and kind != "overview":
-        raise InputError("--plot-kind: there is no --plot that it could choose for")
+        raise InputError("--plot-kind needs --plot")
     for wanted, option, there in (("settling", "--settle", asked.settle), ("run", "--gain", asked.gain is not None)):
         if kind == wanted and not there:
             raise InputError(f"--plot-kind: {wanted} needs {option}")

@@ -31,7 +31,7 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[CHAPTER|FIGURE|TARGET]...",
-            help="3, 8.3, fig31, figure 48, cycle-rate, or how names begin: rudder. All unless given.",
+            help="3, 8.3, fig31, figure 48, cycle-rate, or the beginning of names: rudder. By default all.",
         ),
     ] = None,
     list_: Annotated[bool, typer.Option("--list", help="Show targets and tolerances; measure nothing.")] = False,
@@ -79,7 +79,7 @@ def reproduce(
     _show(result, out.console)
     out.write(result.to_dict(), csv=result.to_csv, page=lambda: reproduce_page(result))
     if result.interrupted:
-        note(f"{interrupted()}: what is missing was not measured")
+        note(f"{interrupted()}: the rest was not measured")
         return INTERRUPTED
     return 1 if result.missed else 0
 

@@ -34,16 +34,16 @@ def run(
     store: Annotated[
         Path | None,
         typer.Option(
-            "--store", metavar="DIR", help="Keep finished analyses there; by default .workbench-store beside the study."
+            "--store",
+            metavar="DIR",
+            help="Folder in which finished analyses are kept; by default .workbench-store beside the study.",
         ),
     ] = None,
     no_store: Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what the store has.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what is in the store.")] = False,
     jobs: Jobs = None,
     timeout: Timeout = None,
-    example: Annotated[
-        bool, typer.Option("--example", help="Print a small study to begin with, or the one named.")
-    ] = False,
+    example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
     json_path: Json = None,
     csv_path: Csv = None,
     junit: Annotated[
@@ -116,7 +116,7 @@ def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> Stud
     for text in result.notes:
         note(text)
     if result.missing:
-        note(f"{interrupted()}: {result.missing} of {prepared.total} analyses were not run; the same command goes on")
+        note(f"{interrupted()}: {result.missing} of {prepared.total} analyses were not run; the same command continues")
     flush()
     return result
 

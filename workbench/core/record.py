@@ -432,7 +432,7 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     try:
         found = np.array(given, dtype=np.float64 if pairs else dtype)
     except (TypeError, ValueError) as error:
-        raise _WrongKeyError(f"'{where}' is no array of numbers: {error}") from None
+        raise _WrongKeyError(f"'{where}' is not an array of numbers: {error}") from None
     _refuse(found.ndim == 0, where, "a list", given)
     if pairs and found.size:
         found = np.ascontiguousarray(found).view(np.complex128)[..., 0]

@@ -60,7 +60,7 @@ def plot_cycles(result: FeedbackResult, path: str | Path | None = None) -> Figur
         InputError: no gain was looked at with a block; unknown suffix, file cannot be written.
     """
     if not result.cycles:
-        raise InputError(f"{result.model}: no nonlinear block was looked at, so there are no cycles to draw")
+        raise InputError(f"{result.model}: no nonlinear block was analysed, so there are no cycles to draw")
     title = f"{result.model}: what {result.block} sees, with feedback of {result.source}"
     figure, grid = panels(2, 2, title=title, width=10.0, height=3.6)
     chosen = [result.cycles[i] for i in np.unique(np.linspace(0, len(result.cycles) - 1, _VIEWS).astype(int)).tolist()]

@@ -60,7 +60,7 @@ def save(figure: Figure, path: str | Path) -> None:
     """
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
-        raise InputError(f"{path}: '{path.suffix}' is no picture format; {suggest(path.suffix, _SUFFIXES)}")
+        raise InputError(f"{path}: '{path.suffix}' is not a picture format; {suggest(path.suffix, _SUFFIXES)}")
     try:
         with mpl.rc_context(_STYLE):
             figure.savefig(path, dpi=160, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)

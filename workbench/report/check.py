@@ -48,7 +48,7 @@ def _line(line: HealthLine) -> str:
 
 
 def _tables(card: HealthCard) -> Iterator[Section]:
-    headings = ("check", "verdict", "evidence", "what follows here")
+    headings = ("check", "verdict", "evidence", "consequence")
     for component, interface in dict.fromkeys((c.component, c.interface) for c in card.checks):
         lines = [c for c in card.checks if (c.component, c.interface) == (component, interface)]
         rows = [(c.name, c.verdict, c.evidence, c.consequence) for c in lines]
@@ -65,4 +65,4 @@ def _pictures(card: HealthCard) -> Sequence[Section]:
 
 def _questions() -> Section:
     rows = [(name, check.question) for name, check in CHECKS.items()]
-    return Section("What the checks ask", tables=[Table(("check", "question"), rows)], folded=True, explains=True)
+    return Section("What the checks test", tables=[Table(("check", "question"), rows)], folded=True, explains=True)

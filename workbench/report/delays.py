@@ -51,8 +51,8 @@ def _connections(result: DelayReport) -> Section:
     ]
     headings = (
         "connection",
-        "what is seen over a step",
-        "late on average [ms]",
+        "value over a step",
+        "mean delay [ms]",
         "oldest [ms]",
         f"phase lost{at} [deg]",
     )
@@ -69,7 +69,7 @@ def _loops(result: DelayReport) -> list[Section]:
         )
         for p in result.loops
     ]
-    headings = ("loop", "late once around [ms]", "crossover [Hz]", "phase lost [deg]")
+    headings = ("loop", "delay around the loop [ms]", "crossover [Hz]", "phase lost [deg]")
     return [Section("Loops", tables=[Table(headings, rows, right=(1, 2, 3))])] if rows else []
 
 
@@ -88,6 +88,6 @@ def _outputs(result: DelayReport) -> list[Section]:
     headings = ("output", "change with half the step", "order", "estimated error", "range", "of the range [%]")
     words = (
         "From runs with the step, half and a quarter of it. The order says how fast the error falls with the step; "
-        "without one it falls unevenly, and the error is a guess."
+        "without one it falls unevenly, and the error is an estimate."
     )
     return [Section("Error at this step", paragraphs=[words], tables=[Table(headings, rows)])] if rows else []

@@ -78,7 +78,7 @@ def _model(model: ModelFacts) -> dict[str, str]:
     facts = {"model": model.name, "interface": _interface(model)}
     if single is None:
         return {**facts, "system": _system(model), "set": _pairs(model.start_values), "bias": _pairs(model.bias)}
-    made = f"{single.generation_tool or 'the FMU does not say by what'}, FMI {single.fmi_version}"
+    made = f"{single.generation_tool or 'the FMU does not name its tool'}, FMI {single.fmi_version}"
     return {
         **facts,
         "FMU": single.file,

@@ -26,12 +26,12 @@ def feedback_page(result: FeedbackResult) -> Page:
             "convention": CONVENTION,
             "from": bracketed(result.source, result.source_unit),
             "to": bracketed(result.target, result.target_unit),
-            "gains looked at": _limits(result.gains),
-            "open": f"{result.unstable_open} poles beyond the border of stability, linearised by {result.lin_method}",
+            "gains considered": _limits(result.gains),
+            "open": f"{result.unstable_open} unstable poles, linearised by {result.lin_method}",
             **({"nonlinear block": result.block} if result.block else {}),
         },
         sections=[
-            Section("Overview", figures=[(result.plot, "Poles over the gain, Nyquist curve, and what is left.")]),
+            Section("Overview", figures=[(result.plot, "Poles over the gain, Nyquist curve, and remaining cycles.")]),
             _stability(result),
             Section("Root locus", figures=[(result.plot_root_locus, "Poles over the gain.")]),
             Section("Nyquist curve", figures=[(result.plot_nyquist, "G(jω), and around its crossings.")]),
@@ -70,7 +70,7 @@ def _stability(result: FeedbackResult) -> Section:
         )
         for c in result.crossings
     ]
-    headings = ("gain", "frequency [Hz]", "G there", "poles beyond, gain below", "gain above")
+    headings = ("gain", "frequency [Hz]", "G there", "unstable poles below", "above")
     fastest = [
         f"gain {f.gain:.5g}: the slowest oscillation decays with {f.growth:.4g} 1/s at {f.frequency_hz:.4g} Hz "
         f"damped, the slowest pole of all with {f.slowest:.4g} 1/s"
@@ -93,7 +93,7 @@ def _cycles(result: FeedbackResult) -> list[Section]:
         gains = [c.gain for c in same]
         span = f"{gains[0]:.5g}" if len(gains) == 1 else f"{len(gains)}: {gains[0]:.5g} … {gains[-1]:.5g}"
         rows.append((span, str(small), str(large), words))
-    headings = ("gains", "poles beyond, small amplitude", "large amplitude", "what is left")
+    headings = ("gains", "unstable poles, small amplitude", "large amplitude", "remaining cycles")
     return [
         Section(
             f"Limit cycles that {result.block} leaves",
@@ -128,7 +128,7 @@ def _settling(study: SettlingStudy) -> Section:
     return Section(
         "Settling",
         paragraphs=[
-            f"Magnitude of {study.variable}, from closing on, compared with that before: {study.start.how}.",
+            f"Magnitude of {study.variable} after closing, compared with that before: {study.start.how}.",
             f"The best gain is that of a polynomial of order {study.settings.order} through the measured times.",
         ],
         figures=[(study.plot, "Settling times over the gain.")],

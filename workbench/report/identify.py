@@ -40,7 +40,7 @@ def identify_page(result: IdentifyResult) -> Page:
     return Page(
         title=f"Linear model of {result.data.name}",
         lead=_lead(result),
-        facts={**data_facts(result.data), "taken off before": f"{result.detrend}{cut}", **_estimated(result.estimate)},
+        facts={**data_facts(result.data), "removed before": f"{result.detrend}{cut}", **_estimated(result.estimate)},
         sections=sections,
         summary=[
             *(Verdict("failed", text) for text in result.warnings),
@@ -177,7 +177,7 @@ def validation_page(result: Validation) -> Page:
 
 def bootstrap_page(result: PoleBootstrap) -> Page:
     """Return the page of the poles' confidence regions."""
-    of = "all regions together" if result.joint else "each region for itself"
+    of = "all regions together" if result.joint else "each region separately"
     return Page(
         title="Confidence of identified poles",
         lead=f"The data determine {result.determined} of {counted(len(result.regions), 'pole')}.",

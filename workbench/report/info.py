@@ -70,7 +70,7 @@ def _snapshots(capabilities: Mapping[str, Any]) -> list[Verdict]:
 def _capabilities(capabilities: Mapping[str, Any]) -> Section:
     names = [key for key in _ABILITIES if any(key in c for c in capabilities.values())]
     rows = [(_ABILITIES[key], *("yes" if c.get(key) else "–" for c in capabilities.values())) for key in names]
-    return Section("What the FMU says it can", tables=[Table(("", *capabilities), rows)])
+    return Section("Declared capabilities", tables=[Table(("", *capabilities), rows)])
 
 
 def _variables(data: Mapping[str, Any]) -> list[Section]:
@@ -101,7 +101,9 @@ def system_page(data: Mapping[str, Any]) -> Page:
         lead=f"{counted(len(parts), 'component')}, {counted(len(wires), 'connection')}.",
         facts={},
         sections=[
-            Section("What it consists of", tables=[Table(("name", "what"), [(c["name"], c["what"]) for c in parts])]),
+            Section(
+                "Components and connections", tables=[Table(("name", "what"), [(c["name"], c["what"]) for c in parts])]
+            ),
             Section("Connections", tables=[_connections(wires)], folded=len(wires) > _MANY),
             *_variables(data),
         ],

@@ -184,7 +184,7 @@ def step_check_page(result: StepCheck) -> Page:
     height, error = f"{result.height:g}", f"{100.0 * result.error:.3g} %"
     return Page(
         title=f"Step of {result.input}: linear model against the model",
-        lead=f"After a step of {height} the linear {result.output} is off by {error} of its motion (rms).",
+        lead=f"After a step of {height} the linear {result.output} differs by {error} of its motion (rms).",
         facts={"input": result.input, "output": bracketed(result.output, result.unit), "height": height},
         sections=[Section("Step response", figures=[(result.plot, "Both responses to the same step.")])],
         kind="step check",

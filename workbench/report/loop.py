@@ -28,7 +28,10 @@ def loop_page(result: LoopResult) -> Page:
         title=f"Loop of {result.system} at {place.source}",
         lead=f"Opened at {place.label}, where the signal is {result.value:.6g}{unit} at the operating point.",
         facts={
-            "convention": "negative feedback: L is minus what returns over what is passed on; closed loop 1/(1 + L)",
+            "convention": (
+                "negative feedback: L is minus the ratio of the returned signal to the one passed on; closed loop "
+                "1/(1 + L)"
+            ),
             **({"measured so": result.why} if result.why else {}),
         },
         sections=[

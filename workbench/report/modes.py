@@ -13,7 +13,7 @@ __all__ = ["modes_page"]
 
 _KINDS = {
     "real axis": "meet on the real axis (a pair becomes two real poles, or the reverse)",
-    "unclear": "come so near to each other that it is not certain which goes on as which",
+    "unclear": "come so close that it is uncertain which is which afterwards",
 }
 
 

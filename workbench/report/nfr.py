@@ -17,9 +17,9 @@ __all__ = ["nfr_page"]
 _DROP_DB = 3.0
 _NO_EFFECT = "no effect"
 _MEANING = {
-    "averaged": "not settled: the value is known only as well as its error says",
+    "averaged": "not settled: the value is only as accurate as its error",
     "settled": "the response no longer changed from period to period",
-    _NO_EFFECT: "the input does not move the output, or by no more than rounding",
+    _NO_EFFECT: "the input does not move the output, or only by rounding errors",
 }
 
 

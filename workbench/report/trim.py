@@ -28,7 +28,7 @@ def trim_page(result: TrimResult) -> Page:
 
 
 def _lead(result: TrimResult) -> str:
-    what = "nothing moves" if result.converged else "the search ended; something still moves"
+    what = "nothing moves" if result.converged else "the search ended, but the model is not at rest"
     return f"States, inputs and outputs at {result.point.time:g} s where {what}; method: {result.method}."
 
 
@@ -54,7 +54,7 @@ def _point(result: TrimResult) -> Section:
 def _residuals(result: TrimResult) -> Section:
     rows = [(r.name, f"{r.value:.4g}", r.unit or "", f"{r.scaled:.2g}", _remark(r)) for r in result.residuals]
     table = Table(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
-    words = "What each equation leaves over, in units of what one nominal change of the unknowns makes."
+    words = "Residual of each equation, relative to the change made by one nominal change of the unknowns."
     figures = [(result.plot, words)] if result.residuals else []
     return Section("Residuals", figures=figures, tables=[table])
 
@@ -69,5 +69,8 @@ def _open(result: TrimResult) -> list[Section]:
     """Return directions in which the point may move and stays an equilibrium."""
     if not result.null_directions:
         return []
-    words = "The unknowns may change together like this, and every equation still holds: one of a family of equilibria."
+    words = (
+        "The unknowns can change together in this way while every equation still holds: the point is one of a family "
+        "of equilibria."
+    )
     return [Section("Open directions", paragraphs=[words], items=[str(d) for d in result.null_directions])]

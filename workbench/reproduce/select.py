@@ -57,7 +57,7 @@ def _meant(word: str, known: Mapping[str, Target]) -> list[Target]:
         return _of_chapter(chapter[1], known)
     if found := [t for t in known.values() if t.name.startswith(f"{word.lower()}-")]:
         return found
-    raise InputError(f"'{word}' is no chapter, figure or target; {suggest(word, _words(known))}")
+    raise InputError(f"'{word}' is not a chapter, figure or target; {suggest(word, _words(known))}")
 
 
 def _of_figure(number: int, known: Mapping[str, Target]) -> list[Target]:

@@ -151,6 +151,6 @@ def parse_targets(text: str, where: str) -> dict[str, Target]:
     found = {}
     for name, table in tables.items():
         if not isinstance(table, Mapping):
-            raise InputError(f"{where}: '{name}' is no table; a target is a table [{name}]")
+            raise InputError(f"{where}: '{name}' is not a table; a target is a table [{name}]")
         found[name] = read_table(Target, {**table, "name": name}, f"{where}: [{name}]")
     return found

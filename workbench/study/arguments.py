@@ -76,7 +76,7 @@ def _values(name: str, option: Option, value: Any) -> list[Word]:  # noqa: ANN40
 def _pairs(name: str, option: Option, values: Mapping[str, Any]) -> list[Word]:
     """Read a table as NAME=VALUE, several times or separated by commas as the option takes it."""
     if "=" not in option.metavar:
-        raise InputError(f"key '{name}' takes no table; it takes {option.metavar or 'one value'}")
+        raise InputError(f"key '{name}' is not a table; it takes {option.metavar or 'one value'}")
     # "NAME=A,B,.." is a list for each name; in "KEY=VALUE,.." the comma parts the pairs, and a list goes with colons.
     inner = "," if option.multiple and "," in option.metavar.partition("=")[2] else ":"
     pairs: list[Word] = []

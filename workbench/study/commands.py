@@ -57,7 +57,7 @@ class Command:
         """
         found = self.options.get(name) or self.options.get(name.replace("_", "-"))
         if found is None:
-            raise InputError(f"key '{name}' is no option of '{self.name}'; {suggest(name, self.options)}")
+            raise InputError(f"key '{name}' is not an option of '{self.name}'; {suggest(name, self.options)}")
         return found
 
 

@@ -94,7 +94,7 @@ def _check(run: Run, file: str, names: _Names) -> None:
     for key, name in _named(run.analysis.options):
         if name not in names.every:
             near = suggest(name, names.inputs if key.startswith("in") else names.outputs)
-            raise InputError(f"{key} '{name}' is no variable of {file}; {near}")
+            raise InputError(f"{key} '{name}' is not a variable of {file}; {near}")
 
 
 def _named(options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

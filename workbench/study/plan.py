@@ -169,7 +169,9 @@ class _Planner:
             return []
         where = f"[analyses.{analysis.name}]"
         if any(model.options != models[0].options for model in models):
-            raise InputError(f"{where}: '{command.name}' opens all its models alike, but their set, bias, … differ")
+            raise InputError(
+                f"{where}: '{command.name}' opens all its models in the same way, but their set, bias, … differ"
+            )
         options = {}
         for name, value in models[0].options.items():
             if name not in command.options:
@@ -182,7 +184,7 @@ class _Planner:
             return [*(str(model.model) for model in models), *arguments(command, options)]
 
     def _not_taken(self, where: str, command: Command, name: str, model: Change) -> None:
-        self._notes[f"{where}: '{command.name}' has no option {name}; it sees {model.model} as it is"] = None
+        self._notes[f"{where}: '{command.name}' has no option {name}; it uses {model.model} as it is"] = None
 
     def _renamed(self, words: Sequence[Word], point: Point) -> tuple[list[Word], list[Path]]:
         """Keep files that are written at several points apart; return the arguments and the files."""

@@ -145,7 +145,7 @@ def _grid(given: Mapping[str, Any], models: Mapping[str, Change]) -> Iterator[tu
         ):
             raise InputError(f"{where}: must be a list of values, as in [1.0, 2.0]")
         if len(set(map(repr, values))) < len(values):
-            raise InputError(f"{where}: a value stands twice")
+            raise InputError(f"{where}: a value appears twice")
         yield name, tuple(values)
 
 
@@ -214,7 +214,7 @@ def _requirements(
         where = _where(number, data)
         requirement = read_requirement(data, where)
         if any(r.name == requirement.name for r in found):
-            raise InputError(f"{where}: the name stands twice; name each requirement differently")
+            raise InputError(f"{where}: the name appears twice; give each requirement its own name")
         for name in requirement.analyses:
             known(where, "analysis", name, analyses)
         for name in requirement.configurations or ():

@@ -13,7 +13,7 @@ from workbench.study.place import known, place
 __all__ = ["check_arguments", "check_references", "words_of"]
 
 # The runner gives these itself.
-_OURS = {"json": "results stand in the JSON of the study", "store": "the study has its own store"}
+_OURS = {"json": "results are in the JSON of the study", "store": "the study has its own store"}
 
 
 def words_of(analysis: Analysis, commands: Commands) -> list[Word]:

@@ -58,7 +58,7 @@ class Agreement(_Pair):
         if (self.tolerance is None) == (self.relative is None):
             raise InputError(f"{where}: has no limit; give tolerance, or relative as a fraction (one of them)")
         if self.other is None and self.with_path is None:
-            raise InputError(f"{where}: agrees with itself; give with = an analysis, or with_path")
+            raise InputError(f"{where}: would be compared with itself; give with = an analysis, or with_path")
         with place(where):
             check_path(self.path)
             check_path(self.with_path or self.path)
@@ -67,7 +67,7 @@ class Agreement(_Pair):
         mine = numbers_at(results[0], self.path, self.name)
         theirs = numbers_at(results[1], self.with_path or self.path, self.name)
         if len(mine) != len(theirs):
-            raise NotMeasured(f"{len(mine)} numbers at {self.path}, but {len(theirs)} to hold them against")
+            raise NotMeasured(f"{len(mine)} numbers at {self.path}, but {len(theirs)} to compare them with")
         return worst([self._pair(where, a, b) for (where, a), (_, b) in zip(mine, theirs, strict=True)])
 
     def _pair(self, where: str, mine: float, theirs: float) -> Finding:
@@ -100,7 +100,9 @@ class ResponseAgreement(_Pair, OfResponse):
         if self.db is None and self.deg is None:
             raise InputError(f"{where}: has no limit; give db, deg or both")
         if self.band is not None and self.band[0] > self.band[1]:
-            raise InputError(f"{where}: band {self.band[0]:g} to {self.band[1]:g} Hz falls; write it rising")
+            raise InputError(
+                f"{where}: band {self.band[0]:g} to {self.band[1]:g} Hz falls; give the lower frequency first"
+            )
 
     def find(self, results: Sequence[Result]) -> Finding:
         mine, theirs = self._pair(results)

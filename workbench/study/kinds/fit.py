@@ -33,5 +33,5 @@ class Fit(Limited):
             raise InputError(f"{self.name}: output '{self.output}' is unknown; {suggest(self.output, fits)}")
         chosen = {name: fit for name, fit in fits.items() if self.output in (None, name)}
         if None in chosen.values():
-            raise NotMeasured("the model has no fit: its simulation leaves all bounds")
+            raise NotMeasured("the model has no fit: its simulation grows without bound")
         return [Value(value=fit, where=f"{name}, order {result['order']}", unit="%") for name, fit in chosen.items()]

@@ -37,7 +37,7 @@ class _OfCycles(Limited):
         every = [c for c in result["limit_cycles"] if self.unstable or c["stable"] is not False]
         found = [c for c in every if c["method"] == self.method]
         if every and not found:
-            raise NotMeasured(f"a limit cycle is predicted, but {self.method} has none")
+            raise NotMeasured(f"a limit cycle is predicted, but not by {self.method}")
         return found
 
 

@@ -32,7 +32,7 @@ class _Margin(Limited):
     def values(self, result: Result) -> list[Value]:
         found = [self._value(margins, label) for label, margins in _sources(result, self.source, self.amplitude)]
         if not found:
-            raise NotMeasured("the result holds no such loop: give the analysis an amplitude, or leave source out")
+            raise NotMeasured("the result has no such loop: give the analysis an amplitude, or leave source out")
         return found
 
     def _value(self, margins: Mapping[str, Any], label: str) -> Value:

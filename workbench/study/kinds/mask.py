@@ -86,7 +86,7 @@ class Mask(OfResponse):
 def _check_corners(where: str, corners: list[list[float]] | None) -> None:
     for corner in corners or ():
         if not corner[0] > 0.0:
-            raise InputError(f"{where}: {corner[0]:g} Hz is no frequency; corners are [frequency, value]")
+            raise InputError(f"{where}: {corner[0]:g} Hz is not a frequency; corners are [frequency, value]")
     for before, after in zip(corners or (), (corners or ())[1:], strict=False):
         if after[0] < before[0]:
             raise InputError(f"{where}: frequencies must rise; {after[0]:g} Hz comes after {before[0]:g} Hz")

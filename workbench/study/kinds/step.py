@@ -63,7 +63,7 @@ class _OfHistory(Limited):
         kept = [k for k in range(begin, len(result["time"])) if signals[name][k] is not None]
         if len(kept) < 3:
             raise NotMeasured(
-                f"the record ends at {result['time'][-1]:g} s, before anything happens after {self.after:g} s"
+                f"the record ends at {result['time'][-1]:g} s, before the signal changes after {self.after:g} s"
             )
         time = [result["time"][k] for k in kept]
         return _History(time, [signals[name][k] for k in kept], result["units"].get(name))

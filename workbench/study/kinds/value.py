@@ -44,7 +44,7 @@ class AnyValue(Limited):
             raise NotMeasured(f"there is no value at {self.path}{where}")
         if not isinstance(value, bool | int | float | str):
             raise InputError(
-                f"{self.name}: {self.path} is neither a number nor a word; go further, as in {self.path}.key"
+                f"{self.name}: {self.path} is neither a number nor a word; name a key in it, as in {self.path}.key"
             )
         if self.absolute and not isinstance(value, bool | str):
             value = abs(value)
