@@ -10,8 +10,7 @@ import pytest
 
 from workbench.analysis.describing.describe import STANDARD, describing_function, standard_block
 from workbench.analysis.describing.formulas import FormulaBlock, relay
-from workbench.analysis.describing.levels import find_levels
-from workbench.analysis.describing.static import StaticBlock, pointwise
+from workbench.analysis.describing.static import StaticBlock, find_levels, pointwise
 from workbench.errors import InputError
 from workbench.reproduce.targets import read_targets
 from workbench.session.base import Floats

@@ -12,8 +12,7 @@ import pytest
 import workbench as wb
 from tests.loop_models import S, transfer, unity
 from workbench.analysis.loop.crossings import gain_crossings, real_crossings
-from workbench.analysis.loop.margins import Margins, margins_of
-from workbench.analysis.loop.peak import peak
+from workbench.analysis.loop.margins import Margins, margins_of, peak
 from workbench.analysis.loop.request import loop
 from workbench.analysis.trim.request import trim
 from workbench.errors import InputError

@@ -14,9 +14,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import closeness, match
-from workbench.analysis.modes.modes import critical_values
+from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
 from workbench.analysis.modes.result import Critical, Mode
 from workbench.analysis.modes.source import Source

@@ -11,10 +11,8 @@ from tests.random_systems import pole_error
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.reduction.balanced import balanced_reduction
 from workbench.analysis.reduction.band_error import band_error
-from workbench.analysis.reduction.cancel import cancel, pair_distances
-from workbench.analysis.reduction.factored import Factored, factored
-from workbench.analysis.reduction.low_pass import low_pass
-from workbench.analysis.reduction.mirror import mirror
+from workbench.analysis.reduction.cancel import cancel, mirror, pair_distances
+from workbench.analysis.reduction.factored import Factored, factored, low_pass
 from workbench.analysis.reduction.sections import to_state_space
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError

@@ -14,7 +14,7 @@ from tests.random_systems import random_plant
 from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.subspace import estimate
 from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
-from workbench.analysis.validate.matching import match, match_clouds
+from workbench.analysis.validate.bootstrap import match, match_clouds
 from workbench.analysis.validate.regions import pole_regions
 from workbench.errors import InputError
 from workbench.session.base import Floats

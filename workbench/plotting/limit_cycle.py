@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from workbench.plotting.branch import draw_branch
 from workbench.plotting.figure import COLOURS, label, save
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.nyquist import draw_plane
@@ -20,8 +19,15 @@ from workbench.plotting.panels import LEGEND, panels
 if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.branch import BranchPoint
     from workbench.analysis.limit_cycle.result import LimitCycleResult
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-__all__ = ["plot_limit_cycle"]
+from workbench.plotting.figure import rows
+
+if TYPE_CHECKING:
+    from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+
+__all__ = ["draw_branch", "plot_branch", "plot_limit_cycle"]
 
 _SHOWN = 4  # periods of the simulation
 _OUTPUTS = 4  # panels
@@ -173,3 +179,49 @@ def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     ax.set(xlabel="time [periods]", ylabel="value over its amplitude", ylim=(-1.1, 1.2 + 0.28 * len(names)))
     ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0])
     ax.legend(**{**LEGEND, "loc": "upper left", "fontsize": 8.0})
+
+
+# -- pictures of limit cycles over a parameter -----------------------------------------------------
+
+
+def plot_branch(branch: Branch, path: str | Path | None = None) -> Figure:
+    """Draw amplitude and frequency over the parameter; unstable parts dashed, folds marked.
+
+    Args:
+        branch: what was followed.
+        path: also write the picture here; png, svg or pdf by suffix.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written.
+    """
+    figure, (size, frequency) = rows(2, title=f"limit cycles over {branch.parameter}")
+    draw_branch(size, branch, lambda p: p.amplitude)
+    draw_branch(frequency, branch, lambda p: p.frequency_hz)
+    size.set_ylabel("amplitude")
+    frequency.set_ylabel("frequency [Hz]")
+    frequency.set_xlabel(branch.parameter)
+    size.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def draw_branch(ax: Axes, branch: Branch, of: Callable[[BranchPoint], float]) -> None:
+    """Draw one quantity of a branch over the parameter.
+
+    Args:
+        ax: where.
+        branch: what was followed.
+        of: the quantity.
+    """
+    x = np.array([p.value for p in branch.points])
+    y = np.array([of(p) for p in branch.points])
+    solid = np.array([p.stable is not False for p in branch.points], dtype=bool)
+    for stable, style, words in ((True, "-", "stable"), (False, "--", "unstable")):
+        shown = solid == stable
+        # A segment belongs to the point it begins at, so that the parts meet.
+        shown = shown | np.append(False, shown[:-1])
+        if np.any(solid == stable):
+            ax.plot(x, np.where(shown, y, np.nan), style, color=COLOURS[0 if stable else 1], linewidth=1.4, label=words)
+    if branch.folds:
+        ax.plot([p.value for p in branch.folds], [of(p) for p in branch.folds], "o", color="#444444", label="fold")

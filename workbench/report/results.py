@@ -75,7 +75,7 @@ PICTURES: dict[str, str] = {
     "workbench.analysis.feedback.result.FeedbackResult": "workbench.plotting.feedback:plot_feedback",
     "workbench.analysis.feedback.run.FeedbackRun": "workbench.plotting.feedback_run:plot_feedback_run",
     "workbench.analysis.feedback.settling.SettlingStudy": "workbench.plotting.feedback_settling:plot_settling",
-    "workbench.analysis.limit_cycle.branch.Branch": "workbench.plotting.branch:plot_branch",
+    "workbench.analysis.limit_cycle.branch.Branch": "workbench.plotting.limit_cycle:plot_branch",
     "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.plotting.free_run:plot_free_run",
     "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.plotting.limit_cycle:plot_limit_cycle",
     "workbench.analysis.lin.compare.LinComparison": "workbench.plotting.lin_compare:plot_comparison",

@@ -8,16 +8,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from workbench.analysis.passes import rising_passes
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.plotting.figure import COLOURS, rows
 from workbench.reproduce.measurement import Experiment, Measurement, Picture
-from workbench.reproduce.oscillation import frequency, peak
 from workbench.reproduce.targets import read_targets
 from workbench.signals import Table
 from workbench.system.load import load
 
-__all__ = ["EXPERIMENTS", "PULSE"]
+__all__ = ["EXPERIMENTS", "PULSE", "frequency", "peak"]
+
+
+# -- frequency and amplitude of a recorded oscillation ---------------------------------------------
 
 Floats = NDArray[np.float64]
 
@@ -160,3 +163,26 @@ EXPERIMENTS = (
     ),
     Experiment("feedback closed", ("feedback-left", "feedback-deflection", "feedback-rate"), _feedback, 3.5),
 )
+
+
+def peak(values: Floats) -> float:
+    """Return half the range.
+
+    Args:
+        values: shape (n,).
+    """
+    return float(np.ptp(values)) / 2.0
+
+
+def frequency(time: Floats, values: Floats) -> float:
+    """Return the mean frequency between the first and the last rising crossing of the middle [Hz]; NaN without two.
+
+    Args:
+        time: shape (n,), rising [s].
+        values: shape (n,).
+    """
+    moved = values - (values.max() + values.min()) / 2.0
+    at = rising_passes(time, moved)
+    if len(at) < 2:
+        return float("nan")
+    return float((len(at) - 1) / (at[-1] - at[0]))

@@ -17,14 +17,14 @@ from workbench.fmi.binding import VERSIONS
 from workbench.fmi.description import Description
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
 from workbench.fmi.library import Library
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
+from workbench.session.forcing import convert
 from workbench.session.stand import named_states
-from workbench.system.composite_access import CompositeAccess
 from workbench.system.propagation import Propagation
 from workbench.system.tangent import Tangent
 
-__all__ = ["CompositeInstance", "Ports"]
+__all__ = ["CompositeAccess", "CompositeInstance", "Ports"]
 
 Floats = NDArray[np.float64]
 Ports = Mapping[str, tuple[tuple[int, Variable], ...]]
@@ -284,3 +284,45 @@ class CompositeInstance(Instance):
         tangent = Tangent(self._parts, self._wiring)
         moved = [(port, s) for v, s in zip(knowns, seed, strict=True) for port in self.ports(v)]
         return tangent.along(moved, [self.ports(v)[0] for v in unknowns])
+
+
+# -- reading and writing variables of a system: each part reads and writes its own -----------------
+
+
+class CompositeAccess(Access):
+    """Variables of several parts in one list; a system's input is written to all that it drives."""
+
+    def __init__(self, instance: CompositeInstance, variables: Sequence[Variable]) -> None:
+        self.variables = tuple(variables)
+        self.blocks, self.order = [], []  # those of the parts' own accesses
+        self._instance = instance
+        ports = [instance.ports(v) for v in self.variables]
+        self._readers = self._group([(p[0], i) for i, p in enumerate(ports)])
+        self._writers = self._group([(port, i) for i, p in enumerate(ports) for port in p])
+
+    def _group(self, pairs: Sequence[tuple[tuple[int, Variable], int]]) -> list[tuple[Access, list[int]]]:
+        """Return for each part its access, and where its variables stand in the list."""
+        found = []
+        for part in dict.fromkeys(number for (number, _), _ in pairs):
+            own = [(variable, i) for (number, variable), i in pairs if number == part]
+            access = self._instance.parts[part].access([v for v, _ in own])
+            found.append((access, [i for _, i in own]))
+        return found
+
+    def read(self) -> list[Any]:
+        self._instance.refresh()
+        values: list[Any] = [None] * len(self.variables)
+        for access, indices in self._readers:
+            for i, value in zip(indices, access.read(), strict=True):
+                values[i] = value
+        return values
+
+    def write(self, values: Sequence[Value]) -> None:
+        for access, indices in self._writers:
+            access.write([_fitting(v, values[i]) for v, i in zip(access.variables, indices, strict=True)])
+        self._instance.touch()
+
+
+def _fitting(variable: Variable, value: Value) -> Value:
+    """Return `value` as the part's variable takes it."""
+    return value if isinstance(value, str) or not variable.is_number else convert(variable, float(value))

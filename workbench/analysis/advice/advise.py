@@ -11,12 +11,10 @@ from workbench.analysis.advice.feedback import judge_feedback
 from workbench.analysis.advice.length import judge_length
 from workbench.analysis.advice.linearity import judge_linearity
 from workbench.analysis.advice.noise import judge_noise
-from workbench.analysis.advice.outliers import judge_outliers
-from workbench.analysis.advice.quantisation import judge_quantisation
+from workbench.analysis.advice.recording import judge_outliers, judge_quantisation, judge_settling
 from workbench.analysis.advice.result import Advice, Finding
 from workbench.analysis.advice.sampling import judge_sampling
 from workbench.analysis.advice.saturation import judge_saturation
-from workbench.analysis.advice.settling import judge_settling
 from workbench.analysis.advice.study import Study
 from workbench.analysis.advice.trend import judge_trend
 from workbench.analysis.experiment.experiment import Experiment

@@ -6,17 +6,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from workbench.analysis.check.dependencies import dependencies
-from workbench.analysis.check.determinism import determinism
 from workbench.analysis.check.directional import directional
-from workbench.analysis.check.drift import drift
 from workbench.analysis.check.inputs import inputs
-from workbench.analysis.check.instances import instances
 from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.memory import memory
 from workbench.analysis.check.nominals import nominals
-from workbench.analysis.check.reset import reset
+from workbench.analysis.check.repeatability import determinism, instances, reset
 from workbench.analysis.check.result import Finding
-from workbench.analysis.check.runs import runs
+from workbench.analysis.check.runs import drift, runs
 from workbench.analysis.check.snapshots import snapshots
 from workbench.analysis.check.start_time import start_time
 from workbench.analysis.check.step import step

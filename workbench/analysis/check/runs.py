@@ -1,12 +1,15 @@
-"""Does the FMU instantiate, initialise and run?"""
+"""Does the FMU run, and what does it do by itself?"""
 
 from __future__ import annotations
+
+import numpy as np
 
 from workbench.analysis.check.result import Finding
 from workbench.analysis.check.subject import Subject
 from workbench.errors import FmuError, SimulationError
+from workbench.session.base import Floats
 
-__all__ = ["runs"]
+__all__ = ["drift", "runs"]
 
 
 def runs(subject: Subject) -> Finding:
@@ -38,3 +41,48 @@ def _still(subject: Subject, failure: str) -> Finding:
             evidence = f"with inputs changed by a twentieth of their size it fails: {failure}"
             return Finding("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
     return Finding("broken", failure, "no analysis gets beyond this point; the other checks use a shorter run")
+
+
+# -- what does the FMU do by itself, with its inputs at rest ---------------------------------------
+
+_NOTHING = 1e-9
+_DECAY = 0.7  # of the movement in the first quarter: more in the last quarter is no settling
+_GROWTH = 100.0
+_MOVES = (
+    "this movement is added to every response: begin at rest (workbench trim), or use much larger amplitudes; nfr "
+    "reports it"
+)
+
+
+def drift(subject: Subject) -> Finding:
+    """Run with inputs at their start values; compare the movement in the first quarter with that in the last.
+
+    Movement is the range of a variable in a quarter over its range in the whole run. Good: nothing moves, or what
+    moves dies away (at most 0.7 of the first quarter's movement in the last). Watch: something goes on moving, as a
+    drift (more than half of it a straight line), a swing, or growing more than a hundredfold (unstable). No
+    promise is broken by any of it: a model may begin anywhere.
+    """
+    found = subject.run({})
+    parts = np.array_split(found.values, 4)
+    first, last = (np.ptp(p, axis=0) for p in (parts[0], parts[-1]))
+    size = np.abs(found.values).max(axis=0, initial=0.0)
+    moving = found.scale > _NOTHING * size
+    if not moving.any():
+        return Finding("good", f"nothing moves in {subject.span:.4g} s", numbers={"moving": 0})
+    lasting = moving & (last > _DECAY * first)
+    numbers = {"moving": int(moving.sum()), "lasting": int(lasting.sum())}
+    if not lasting.any():
+        return Finding("good", f"{numbers['moving']} variables move by themselves and then settle", numbers=numbers)
+    worst = int(np.argmax(np.where(lasting, np.ptp(found.values, axis=0) / np.maximum(size, 1e-300), -1.0)))
+    kind = _kind(found.time, found.values[:, worst], float(first[worst]), float(last[worst]))
+    return Finding("watch", f"{subject.names[worst]} {kind}", _MOVES, numbers)
+
+
+def _kind(time: Floats, y: Floats, first: float, last: float) -> str:
+    if last > _GROWTH * first > _GROWTH * _NOTHING * last:
+        return f"grows by itself, {last / first:.3g} times from the first to the last quarter"
+    slope, level = np.polyfit(time - time[0], y, 1)
+    rest = y - level - slope * (time - time[0])
+    if abs(slope) * (time[-1] - time[0]) > 0.5 * float(np.ptp(y)):
+        return f"drifts by itself, by {slope:.3g} per s"
+    return f"swings by itself, by ±{0.5 * float(np.ptp(rest)):.3g}"

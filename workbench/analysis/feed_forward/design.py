@@ -13,10 +13,8 @@ from workbench.analysis.feed_forward.request import FeedForward
 from workbench.analysis.feed_forward.step import FilterStep, Judge
 from workbench.analysis.reduction.balanced import BalancedReduction, balanced_reduction
 from workbench.analysis.reduction.band_error import BandError, band_error
-from workbench.analysis.reduction.cancel import cancel
-from workbench.analysis.reduction.factored import Factored, factored
-from workbench.analysis.reduction.low_pass import low_pass
-from workbench.analysis.reduction.mirror import mirror
+from workbench.analysis.reduction.cancel import cancel, mirror
+from workbench.analysis.reduction.factored import Factored, factored, low_pass
 from workbench.analysis.reduction.sections import to_state_space
 from workbench.core.linear import LinearPart
 from workbench.core.poles import natural_frequency_hz

@@ -11,7 +11,6 @@ import numpy as np
 
 from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
 from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
-from workbench.analysis.feedback.curve import curve
 from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Interval, count_poles, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
@@ -23,19 +22,22 @@ from workbench.analysis.feedback.settling import Settings, SettlingStudy, settli
 from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
 from workbench.core.blas import one_thread
 from workbench.core.forms import several
 from workbench.core.job import Job
-from workbench.core.linear import LinearPart
+from workbench.core.linear import Complex, LinearPart
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel
+from workbench.session.base import Floats
 from workbench.signals import Signal, signals_of
 from workbench.system.units import conversion, known_unit
 
-__all__ = ["run"]
+__all__ = ["curve", "run"]
 
 _INSIDE = 0.03  # of a stable interval, left out at its ends in a study
 _MOVES = 0.02  # of the range of gains: an optimum that moves by more is told
@@ -330,3 +332,30 @@ def _study_notes(study: SettlingStudy) -> list[str]:
         longest = max(r.rate_limited or 0.0 for r in slow)
         notes.append(f"the rate reached its limit with {len(slow)} gains, for at most {longest:.3g} s")
     return notes
+
+
+# -- G(jω) over frequencies dense enough for a picture ---------------------------------------------
+
+_POINTS = 2000
+
+
+def curve(plant: LinearPart, frequencies: Sequence[float]) -> tuple[Floats, Complex]:
+    """Return frequencies [Hz] and G there; a gap where G is infinite.
+
+    Args:
+        plant: G.
+        frequencies: that must lie inside [Hz].
+    """
+    sizes = natural_frequency_hz(plant.continuous_poles)
+    every = np.array([f for f in (*sizes.tolist(), *frequencies) if 0.0 < f < np.inf])
+    every = every[every > 1e-9 * every.max(initial=0.0)]
+    if not len(every):
+        every = np.array([1.0])
+    if plant.dt > 0.0:
+        f = np.linspace(0.0, plant.highest_hz, _POINTS + 1)[1:]
+        return f, plant.response(f)
+    band = (float(every.min()) * 0.1, float(every.max()) * 10.0)
+    f, value = adaptive_grid(plant, band)
+    between = 0.5 * (f[1:] + f[:-1])  # a picture shows angles of 3°
+    order = np.argsort(np.concatenate([f, between]), kind="stable")
+    return np.concatenate([f, between])[order], np.concatenate([value, plant.response(between)])[order]

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.analysis.lin.auto import choose
+import numpy as np
+
 from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import LinTask, make_task
+from workbench.analysis.lin.task import LinTask, make_task, open_base
 from workbench.core.job import Job
 from workbench.core.matrices import unheld
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import named
 
-__all__ = ["linearise", "run"]
+__all__ = ["choose", "linearise", "run"]
 
 
 def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
@@ -44,3 +45,36 @@ def run(task: LinTask, method: str) -> LinResult:
         note = f"converted to continuous time from a period of {result.dt:.6g} s, the input held over it"
         result = replace(result, A=A, B=B, dt=0.0, intersample=None, notes=(*result.notes, note))
     return result
+
+
+# -- choose a method and say why -------------------------------------------------------------------
+
+
+def choose(task: LinTask) -> tuple[str, str]:
+    """Return the name of the method for a task, and the reason in one line.
+
+    Co-simulation shows no states: response. Time events and discrete states: kalman-bertram. Given widths:
+    difference. Directional derivatives: exact. Else difference.
+
+    Args:
+        task: the linearisation.
+
+    Raises:
+        InputError, SimulationError: the model cannot be evaluated at the point.
+    """
+    if task.model.interface == "cs":
+        return "response", "auto: a co-simulation interface provides neither states nor derivatives"
+    try:
+        point = open_base(task)
+    except InputError:
+        if task.model.states:
+            raise
+        return "response", "auto: the model provides no states"
+    with point:
+        if len(point.ticks(1, np.inf)) and (point.memory or not point.states):
+            return "kalman-bertram", "auto: the model has time events and discrete states"
+        if task.dx is not None or task.du is not None:
+            return "difference", "auto: widths are given"
+        if why := point.why_not_exact():
+            return "difference", f"auto: {why}"
+    return "exact", "auto: the FMU offers directional derivatives"

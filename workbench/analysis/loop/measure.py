@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -9,19 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.loop.bench import Bench
-from workbench.analysis.loop.breaking import broken
 from workbench.analysis.loop.curve_margins import curve_margins
-from workbench.analysis.loop.cut import CutLoop
+from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.analysis.loop.injecting import injected
 from workbench.analysis.loop.linear import LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.settings import Settings
+from workbench.analysis.nfr.point import NfrPoint
 from workbench.core.job import Job
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers
 
-__all__ = ["MEASUREMENTS", "Measurement", "choose_measurement", "measure"]
+__all__ = ["MEASUREMENTS", "Measurement", "broken", "choose_measurement", "measure"]
 
 _SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
 _HANDFUL = 4
@@ -40,12 +41,6 @@ class Measurement:
 
     cut: Callable[[CutLoop], AbstractContextManager[DescribedModel]]
     run: Callable[[Bench, Settings, Sequence[tuple[float, float]]], list[LoopPoint]]
-
-
-MEASUREMENTS: Mapping[str, Measurement] = {
-    "break": Measurement(CutLoop.opened, broken),
-    "inject": Measurement(CutLoop.injected, injected),
-}
 
 
 def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, ...], str]:
@@ -187,3 +182,44 @@ def _worst(sizes: Sequence[tuple[float, LoopPoint]], limit: float, words: str) -
         return ""
     size, point = max(beyond, key=lambda x: x[0])
     return words.format(n=len(beyond), worst=100.0 * size, hz=point.frequency_hz)
+
+
+# -- measure the loop transfer with the loop broken: a sine is passed on, what returns is measured --
+
+
+def broken(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+    """Measure points of the broken loop.
+
+    The signal passed on is a pure sine around its value at the operating point: L is the describing function of the
+    loop, exactly. Not for loops that run away when they are open (an unstable part, an integrator on a mean that
+    is not quite zero): inject there.
+
+    Args:
+        bench: on the opened system.
+        settings: how long to wait.
+        wanted: frequency [Hz] and amplitude of the signal passed on.
+    """
+    tasks = [settings.task(PASSED, RETURNED, f, a) for f, a in wanted]
+    return [_point(p, settings.value) for p in bench.measure(tasks)]
+
+
+def _point(found: NfrPoint, mean: float) -> LoopPoint:
+    known = found.certificate
+    return LoopPoint(
+        frequency_hz=found.frequency,
+        amplitude=math.nan if found.response is None else found.amplitude,
+        value=None if found.response is None else -found.response,
+        mean=None if found.response is None else mean,
+        thd_passed=None if found.response is None else 0.0,
+        thd_returned=None if known is None else known.thd,
+        harmonics=() if known is None else known.harmonics,
+        status=found.status,
+        periods=found.periods,
+        reason=found.reason,
+    )
+
+
+MEASUREMENTS: Mapping[str, Measurement] = {
+    "break": Measurement(CutLoop.opened, broken),
+    "inject": Measurement(CutLoop.injected, injected),
+}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from workbench.analysis.modes.critical import find_root, sign_of
 from workbench.analysis.modes.match import match
 from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
@@ -24,7 +24,7 @@ from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.placing import find_point
 
-__all__ = ["critical_values", "run"]
+__all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
@@ -270,3 +270,74 @@ def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:
             first, why = next(iter(s.failed.items()))
             notes.append(f"{who}no linear model at {len(s.failed)} values, first at {first:g}: {why}")
     return tuple(notes)
+
+
+# -- where a mode becomes unstable: root of its real part over the parameter -----------------------
+
+Pole = Callable[[float], tuple[complex, float]]
+
+_MOST = 80
+
+
+@dataclass(frozen=True)
+class Root:
+    """A value of the parameter at which a mode leaves or enters stability.
+
+    Attributes:
+        value: of the parameter.
+        pole: there [1/s].
+        evaluations: of the model, needed for it.
+    """
+
+    value: float
+    pole: complex
+    evaluations: int
+
+
+def sign_of(pole: complex, uncertain: float) -> int:
+    """Return the sign of a pole's real part; 0 where rounding decides it.
+
+    Args:
+        pole: [1/s].
+        uncertain: how far rounding may have moved it [1/s].
+    """
+    return 0 if abs(pole.real) <= uncertain else 1 if pole.real > 0.0 else -1
+
+
+def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Root:
+    """Return the value between two at which the mode's real part passes zero, or leaves it.
+
+    Brent's method where the real part has both signs. A mode that is neutral on one side, such as those of an undamped
+    structure before they coalesce, has no sign there: bisection, for the last value at which it is neutral.
+
+    Args:
+        pole: parameter → pole of this mode and its uncertainty [1/s].
+        low: at one end of the bracket.
+        high: at the other.
+        tolerance: of the value.
+
+    Source: Brent, Algorithms for Minimization without Derivatives, chapter 4.
+    """
+    count = 0
+
+    def real(value: float) -> float:
+        nonlocal count
+        count += 1
+        return pole(value)[0].real
+
+    ends = [sign_of(*pole(v)) for v in (low, high)]
+    if ends[0] * ends[1] < 0:
+        value = float(brentq(real, low, high, xtol=tolerance, rtol=1e-15, maxiter=_MOST, disp=False))
+        return Root(value, pole(value)[0], count)
+    neutral, moving = (low, high) if ends[0] == 0 else (high, low)
+    while abs(moving - neutral) > tolerance and count < _MOST:
+        middle = 0.5 * (neutral + moving)
+        count += 1
+        if sign_of(*pole(middle)) == 0:
+            neutral = middle
+        else:
+            moving = middle
+    beyond = pole(moving)[
+        0
+    ]  # real: an undamped pair that slows down to a standstill and parts diverges, without flutter
+    return Root(0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0], count)

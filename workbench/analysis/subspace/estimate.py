@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.analysis.subspace.data import prepare
-from workbench.analysis.subspace.delays import advance, as_tuple
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.subspace.data import Record, prepare
+from workbench.analysis.subspace.delays import advance, as_tuple, with_chains
 from workbench.analysis.subspace.delivered import Delivered, cost, deliver
-from workbench.analysis.subspace.finish import model_of
 from workbench.analysis.subspace.horizon import candidates, largest_order
 from workbench.analysis.subspace.matrices import radius
 from workbench.analysis.subspace.order import OrderChoice, check_order, choose_order
@@ -23,13 +24,15 @@ from workbench.analysis.subspace.settings import (
     check_interval,
     check_order_wish,
 )
+from workbench.analysis.subspace.simulated import InputFit
+from workbench.analysis.subspace.states import Noise
 from workbench.analysis.subspace.trial import Trial, first_trial, look
 from workbench.analysis.subspace.weightings import oblique_loss, principal_angles
 from workbench.core.blas import one_thread
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 
-__all__ = ["estimate"]
+__all__ = ["estimate", "model_of"]
 
 _LOSS = 10.0  # from here on n4sid was 5 to 20 times less accurate than moesp in trials
 
@@ -78,7 +81,7 @@ def estimate(
         delay: known delay of all inputs or of each [samples].
         biased: A, B, C, D from the regression on the state sequence: less variance, and a bias that does not vanish
             with the length of the record. The source report's choice for real-life data.
-        stable: move poles outside the unit circle inside, see `workbench.analysis.subspace.stability`.
+        stable: move poles outside the unit circle inside, see `workbench.analysis.subspace.delivered`.
 
     Raises:
         InputError: data not finite, of unequal length, too short for the order or not exciting enough; unknown name.
@@ -176,3 +179,34 @@ def _stability(found: Delivered, settings: Settings) -> str:
     if size < 1.0:
         return ""
     return f"the model is not stable (|pole| = {size:.6g}); if the system is, use a lower order, or the option stable"
+
+
+# -- the model in the units of the record, delays included -----------------------------------------
+
+
+def model_of(
+    A: Floats, C: Floats, fit: InputFit, noise: Noise, *, record: Record, delays: tuple[int, ...], dt: float
+) -> IdentifiedModel:
+    """Return the identified model.
+
+    Args:
+        A: shape (n, n).
+        C: shape (p, n), of outputs of size one.
+        fit: B, D, x0 and constant part of channels of size one.
+        noise: likewise.
+        record: with the sizes of the channels.
+        delays: of the inputs [samples].
+        dt: sampling interval [s].
+    """
+    su, sy = record.u_scale, record.y_scale
+    B, C, D = fit.B / su, sy[:, None] * C, sy[:, None] * fit.D / su
+    m, p, chain = len(su), len(sy), sum(delays)
+    A, B, C, D = with_chains((A, B, C, D), delays)
+    model = IdentifiedModel(
+        A=A, B=B, C=C, D=D, K=np.vstack([noise.K / sy, np.zeros((chain, p))]),
+        x0=np.append(fit.x0, np.zeros(chain)), dt=dt, u0=np.zeros(m), y0=sy * fit.offset,
+        covariance=sy[:, None] * noise.covariance * sy, delay=delays if chain else (),
+        input_names=tuple(f"u{k + 1}" for k in range(m)), output_names=tuple(f"y{k + 1}" for k in range(p)),
+        input_units=(None,) * m, output_units=(None,) * p,
+    )  # fmt: skip
+    return replace(model, x0=model.initial_state(record.u * su, record.y * sy)) if chain else model

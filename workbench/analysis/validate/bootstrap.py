@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.march import march
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.estimator import Estimator
-from workbench.analysis.validate.matching import match_clouds
 from workbench.analysis.validate.regions import PoleRegion, pole_regions
 from workbench.core.blas import one_thread
 from workbench.core.record import Record, entry
@@ -21,7 +21,10 @@ from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 
-__all__ = ["PoleBootstrap", "bootstrap_poles"]
+__all__ = ["PoleBootstrap", "bootstrap_poles", "match", "match_clouds"]
+
+
+# -- which pole of one model is which of another ---------------------------------------------------
 
 Complex = NDArray[np.complex128]
 
@@ -270,3 +273,45 @@ def _words(region: PoleRegion, level: str) -> str:
     far = abs(region.bias) > 2.0 * region.spread
     doubt = f"; its replicates lie {abs(region.bias):.2g} beside it: biased, or the noise is not what the model says"
     return f"pole {name}: {level} region {size}{doubt if far else ''}"
+
+
+_FAR = 20.0  # robust deviations beyond which a pole is just elsewhere
+_PASSES = 2
+
+
+def match(reference: Complex, poles: Complex) -> Complex:
+    """Return `poles` in the order of `reference`, the sum of all distances smallest.
+
+    Args:
+        reference: shape (n,).
+        poles: shape (n,).
+    """
+    return _assigned(np.abs(poles[None, :] - reference[:, None]), poles)
+
+
+def match_clouds(reference: Complex, replicates: Complex) -> Complex:
+    """Return replicates of a set of poles in the order of `reference`, shape (R, n).
+
+    First by distance; then again by distance in units of each cloud's own (robust) spread from its median, so that a
+    pole that is found anywhere does not take a well known one's place.
+
+    Args:
+        reference: shape (n,).
+        replicates: shape (R, n).
+    """
+    ordered = np.array([match(reference, row) for row in replicates])
+    for _ in range(_PASSES):
+        middle = np.median(ordered.real, axis=0) + 1j * np.median(ordered.imag, axis=0)
+        spread = np.maximum(np.median(np.abs(ordered - middle), axis=0), 1e-9)
+        ordered = np.array([_assigned(_cost(row, middle, spread), row) for row in ordered])
+    return ordered
+
+
+def _cost(poles: Complex, middle: Complex, spread: Floats) -> Floats:
+    cost: Floats = np.minimum(np.abs(poles[None, :] - middle[:, None]) / spread[:, None], _FAR)
+    return cost
+
+
+def _assigned(cost: Floats, poles: Complex) -> Complex:
+    chosen: Complex = poles[linear_sum_assignment(cost)[1]]
+    return chosen

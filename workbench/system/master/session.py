@@ -13,9 +13,8 @@ from workbench.session.fmu import Setup
 from workbench.session.rows import Rows
 from workbench.system.master.control import StepControl
 from workbench.system.master.instance import MasterInstance
-from workbench.system.master.rows import UndoableRows
 
-__all__ = ["MasterSession"]
+__all__ = ["MasterSession", "UndoableRows"]
 
 _SAME = 1e-9  # of the communication step: instants closer than this are one
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
@@ -129,3 +128,20 @@ class MasterSession(CsSession):
             raise InputError("this snapshot belongs to another kind of session")
         super()._resume(memory[0])
         self._control = memory[1]
+
+
+# -- rows that can be taken back: those of a step that is refused ----------------------------------
+
+
+class UndoableRows(Rows):
+    """`Rows` with a way back."""
+
+    @property
+    def count(self) -> int:
+        """Number of rows so far."""
+        return len(self._times)
+
+    def cut(self, count: int) -> None:
+        """Forget all but the first `count` rows."""
+        for column in (self._times, self._values, self._inputs):
+            del column[count:]

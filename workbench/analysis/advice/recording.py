@@ -1,4 +1,4 @@
-"""Is an output recorded in coarse steps?"""
+"""How the record was made: single samples that are wrong, coarse steps, a beginning that inputs do not explain."""
 
 from __future__ import annotations
 
@@ -8,7 +8,40 @@ from workbench.analysis.advice.result import Finding
 from workbench.analysis.advice.study import Study
 from workbench.session.base import Floats
 
-__all__ = ["judge_quantisation", "resolution"]
+__all__ = ["judge_outliers", "judge_quantisation", "judge_settling", "resolution"]
+
+
+def judge_outliers(study: Study) -> Finding:
+    """Judge by `preprocess.find_outliers`; the other questions are asked about repaired data."""
+    found = study.outliers
+    values = {name: len(at) for name, at in found.items()}
+    if not found:
+        return Finding("outliers", "good", "none", "", values)
+    name, at = max(found.items(), key=lambda pair: len(pair[1]))
+    when = ", ".join(f"{study.experiment.time[k]:.6g}" for k in at[:3])
+    more = ", …" if len(at) > 3 else ""
+    some = f"{len(at)} samples of {name} stand out" if len(at) > 1 else f"1 sample of {name} stands out"
+    evidence = f"{some}, at {when}{more} s"
+    marks = {n: tuple(k + study.settling for k in a) for n, a in found.items()}
+    share = max(len(a) for a in found.values()) / study.experiment.n_samples
+    advice = "repair them with remove_outliers, or cut the record there"
+    return Finding("outliers", "poor" if share > 0.01 else "watch", evidence, advice, values, marks)
+
+
+# -- does the record begin with motion that its inputs do not explain ------------------------------
+
+
+def judge_settling(study: Study) -> Finding:
+    """Judge by `preprocess.settling_samples`; the other questions are asked about the rest of the record."""
+    count = study.settling
+    if not count:
+        return Finding("settling", "good", "the record begins settled, or nearly so", "", {"samples": 0})
+    evidence = f"the first {count} samples ({count * study.dt:.3g} s) still contain a transient from before the record"
+    advice = f"cut them off: cut_settling(samples={count})"
+    return Finding("settling", "watch", evidence, advice, {"samples": count})
+
+
+# -- is an output recorded in coarse steps ---------------------------------------------------------
 
 _COARSE = 20.0  # steps in a standard deviation; noise of 1.4 % of the signal
 _VERY_COARSE = 5.0
