@@ -43,7 +43,7 @@ LIES = {
     "clock": Lie("start-time", "watch", evidence="s later . is"),
     "random": Lie("determinism", "broken", evidence="in a second run . is"),
     "shared": Lie("instances", "broken", evidence="beside a second instance . is"),
-    "single": Lie("instances", "broken", evidence="two instances at once fail: .*refuses to be instantiated"),
+    "single": Lie("instances", "broken", evidence="two instances at once fail: .*cannot be instantiated"),
     "sticky-reset": Lie("reset", "broken", evidence="after a reset . is"),
     "refused-reset": Lie("reset", "watch", evidence="fmi2Reset returns status 3"),
     "euler": Lie("step", "watch", _CS, r"first order \((1\.0|0\.9).*error .* % at its own step 0\.01 s"),
