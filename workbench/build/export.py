@@ -53,6 +53,8 @@ class ExportResult(Record):
     renamed: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
+    _WHAT, _COMMAND = "a result of export", "export"
+
 
 @with_origin()
 def export(

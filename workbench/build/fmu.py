@@ -53,6 +53,8 @@ class BuildResult(Record):
     stiff: bool
     n_states: int = field(metadata=entry(key="states"))
 
+    _WHAT, _COMMAND = "a result of build", "build"
+
 
 @dataclass(frozen=True, slots=True)
 class Sources:

@@ -60,6 +60,8 @@ class ContainerResult(Record):
     parameters: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
+    _WHAT, _COMMAND = "a result of export", "export"
+
 
 @with_origin()
 def export_container(

@@ -83,6 +83,8 @@ class HealthCard(Record):
     checks: tuple[HealthLine, ...]
     notes: tuple[str, ...] = ()
 
+    _WHAT, _COMMAND = "a health card", "check"
+
     @property
     def worst(self) -> str:
         """The most serious verdict."""

@@ -88,6 +88,8 @@ class DelayReport(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
+    _WHAT, _COMMAND = "a report of delays", "delays"
+
     def derived(self) -> dict[str, Any]:
         """Return the name by which other results have the system."""
         return {"model": self.system}

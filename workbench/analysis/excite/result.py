@@ -73,6 +73,8 @@ class ExciteResult(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
+    _WHAT, _COMMAND = "a recorded experiment", "excite"
+
     @property
     def not_in_stream(self) -> str:
         """What `to_csv` leaves out where it writes to a stream; empty: nothing."""

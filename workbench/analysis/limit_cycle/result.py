@@ -122,6 +122,8 @@ class LimitCycleResult(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
+    _WHAT, _COMMAND = "a result of limit-cycle", "limit-cycle"
+
     @property
     def crossings(self) -> tuple[Crossing, ...]:
         """All crossings, rising in frequency."""

@@ -115,6 +115,8 @@ class LinComparison(Record):
     words: tuple[str, ...]
     operating_point: OperatingPoint
 
+    _WHAT, _COMMAND = "a comparison of linear models", "lin --compare"
+
     @property
     def compared(self) -> bool:
         """Whether anything was measured that a model could agree with or differ from."""

@@ -237,6 +237,8 @@ class ModesResult(Record):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
+    _WHAT, _COMMAND = "a result of modes", "modes"
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each mode of each configuration at each value."""
         rest = ("mode", "frequency_hz", "damping", "real", "imag", "natural_frequency_hz")

@@ -96,6 +96,8 @@ class MotionComparison(Record):
     operating_points: Mapping[str, OperatingPoint | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    _WHAT, _COMMAND = "a comparison of motions", "compare"
+
     def measure(self, system: str, signal: str, window: int = 0) -> Measure | None:
         """Return one entry; None: the run did not reach that window.
 
