@@ -16,6 +16,7 @@ import numpy as np
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.result import Motion
 from workbench.analysis.motions.units import Shown
+from workbench.reproduce.targets import Target
 
 
 def linear(kind: str) -> dict[str, Any]:
@@ -46,6 +47,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "Certificate": {"harmonics": (0.125,) * 9},
     "Coherence": {"multiple": np.full((2, 2), 0.5), "ordinary": np.full((2, 2, 2), 0.25)},
     "FeedbackRun": {**RECORDED, "watch": "watched", "closes_at": 1.0, "frequency_hz": 1.0},
+    "Drawing": {"svg": ""},
     "FeedbackResult": {"target_unit": "deg"},
     "Finding": {"topic": "feedback", "verdict": "good"},
     "GainRun": {"settled": {0.5: 1.0, 0.01: None}},
@@ -76,6 +78,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     },
     "Optimum": {"threshold": 0.5},
     "Settings": {"threshold": 0.5},
+    "Outcome": {"target": Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1)},
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
     "Start": {"signals": {}},

@@ -383,6 +383,8 @@ def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     inner = get_args(kind)
     if base is Any or base is object or base is Literal:
         return given
+    if isinstance(base, type) and isinstance(given, base) and not issubclass(base, (*_SIMPLE, tuple, Mapping)):
+        return given  # `restored` made it
     if base in (Union, UnionType):
         return _one_of(inner, given, lengths, where, said)
     if given is None and base is float:
@@ -390,9 +392,9 @@ def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     if base in _SIMPLE:
         return _SIMPLE[base](given, where)
     if base.__name__ == "ndarray":
-        return given if isinstance(given, base) else _array(inner[1], given, lengths, where, said)
+        return _array(inner[1], given, lengths, where, said)
     if hasattr(base, "__dataclass_fields__"):
-        return given if isinstance(given, base) else _read(base, given, lengths, where)
+        return _read(base, given, lengths, where)
     if base is tuple and inner[1:] != (...,):
         _refuse(not isinstance(given, Sequence) or len(given) != len(inner), where, f"a list of {len(inner)}", given)
         return tuple(_value(k, v, lengths, where, said) for k, v in zip(inner, given, strict=True))

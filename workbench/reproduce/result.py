@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
-from workbench.csv_file import write_csv
+from workbench.core.record import Part, Record, entry
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, Target
 
 __all__ = ["Drawing", "Outcome", "ReproduceResult", "plain"]
@@ -19,7 +19,7 @@ _MOST = 4  # numbers shown one by one; more as a range
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Part):
     """One target and what was measured.
 
     Attributes:
@@ -30,7 +30,7 @@ class Outcome:
         problem: why nothing was measured; "": it was.
     """
 
-    target: Target
+    target: Target = field(metadata=entry(kept=False))
     experiment: str
     measured: float | tuple[float, ...] | None
     remark: str = ""
@@ -70,25 +70,23 @@ class Outcome:
             shown = ", ".join(f"{x:.7g}" for x in found)
         return f"{shown} {self.target.unit}".strip()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
+    def derived(self) -> dict[str, Any]:
+        """Return the target's own keys, and how the measurement compares with it."""
         t = self.target
         return {
-            "name": t.name,
-            "chapter": t.chapter,
-            "figures": list(t.figures),
-            "what": t.what,
-            "unit": t.unit,
-            "origin": t.origin,
+            **t.model_dump(include={"name", "chapter", "figures", "what", "unit", "origin", "note"}),
             "target": t.value if t.value is not None else t.text,
-            "tolerance": {k: v for k in ("absolute", "relative", "low", "high") if (v := getattr(t, k)) is not None},
-            "measured": list(self.measured) if isinstance(self.measured, tuple) else self.measured,
+            "tolerance": t.model_dump(include={"absolute", "relative", "low", "high"}, exclude_none=True),
             "passed": self.passed,
             "verdict": self.verdict,
             "reason": self.reason,
-            "note": t.note,
-            "remark": self.remark or None,
+            "published": t.model_dump(),
         }
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the target as its file has it."""
+        return {**data, "target": Target.model_validate(data["published"])}
 
 
 @dataclass(frozen=True)
@@ -99,19 +97,19 @@ class Drawing:
         figures: numbers in the source report.
         words: what it shows.
         chapter: of the source report.
-        svg: the picture; empty: only files were written.
+        svg: the picture, not in JSON; empty: only files were written.
         files: that were written.
     """
 
     figures: tuple[int, ...]
     words: str
     chapter: str
-    svg: str = ""
+    svg: str = field(default="", metadata=entry(kept=False))
     files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReproduceResult:
+class ReproduceResult(Record):
     """The source report's figures beside what was measured now.
 
     Attributes:
@@ -124,13 +122,15 @@ class ReproduceResult:
         interrupted: whether Ctrl-C ended it before all was measured.
     """
 
-    outcomes: tuple[Outcome, ...]
-    drawings: tuple[Drawing, ...]
-    seconds: float
-    processor_seconds: Mapping[str, float]
+    outcomes: tuple[Outcome, ...] = field(metadata=entry(key="targets"))
+    drawings: tuple[Drawing, ...] = field(metadata=entry(key="pictures"))
+    seconds: float = field(metadata=entry(key="wall_seconds"))
+    processor_seconds: Mapping[str, float] = field(metadata=entry(key="experiments"))
     jobs: int
     selection: tuple[str, ...] = ()
     interrupted: bool = False
+
+    _WHAT, _COMMAND = "a result of reproduce", "reproduce"
 
     @property
     def missed(self) -> tuple[Outcome, ...]:
@@ -160,47 +160,17 @@ class ReproduceResult:
                 return found
         raise KeyError(name)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers, ready for JSON."""
-        return {
-            "selection": list(self.selection),
-            "jobs": self.jobs,
-            "words": self.words,
-            "passed": not self.missed,
-            "interrupted": self.interrupted,
-            "targets": [o.to_dict() for o in self.outcomes],
-            "pictures": [
-                {"figures": list(d.figures), "chapter": d.chapter, "words": d.words, "files": list(d.files)}
-                for d in self.drawings
-            ],
-            "experiments": {name: round(s, 3) for name, s in self.processor_seconds.items()},
-        }
+    def derived(self) -> dict[str, Any]:
+        """Return the whole in one line, and whether nothing is missed without a reason."""
+        return {"words": self.words, "passed": not self.missed}
 
-    def to_csv(self, path: str | Path | TextIO) -> None:
-        """Write one line for each target.
-
-        Args:
-            path: of the file, or an open text stream.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        head = ["name", "chapter", "figures", "what", "target", "tolerance", "measured", "verdict", "reason"]
-        rows = [
-            [
-                o.target.name,
-                o.target.chapter,
-                " ".join(str(n) for n in o.target.figures),
-                o.target.what,
-                o.target.text,
-                o.target.tolerance,
-                o.text,
-                o.verdict,
-                o.reason or "",
-            ]
-            for o in self.outcomes
-        ]
-        write_csv(path, [head, *rows])
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each target."""
+        yield ("name", "chapter", "figures", "what", "target", "tolerance", "measured", "verdict", "reason")
+        for o in self.outcomes:
+            t = o.target
+            figures = " ".join(map(str, t.figures))
+            yield (t.name, t.chapter, figures, t.what, t.text, t.tolerance, o.text, o.verdict, o.reason)
 
     def report(self, path: str | Path) -> None:
         """Write a page: every target, verdict and reason, and the pictures.
