@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from fractions import Fraction
 
 import control
@@ -119,6 +120,11 @@ def test_vectors_become_matrices() -> None:
     part = LinearPart(np.eye(2), np.ones(2), np.ones(2), 3.0)
     assert (part.B.shape, part.C.shape, part.D.shape) == ((2, 1), (1, 2), (1, 1))
     assert (part.b.tolist(), part.c.tolist(), part.d) == ([1.0, 1.0], [1.0, 1.0], 3.0)
+
+
+def test_a_part_goes_to_another_process_and_back() -> None:
+    part = pickle.loads(pickle.dumps(lag()))  # noqa: S301  made here
+    assert part.response(FREQUENCY) == pytest.approx(lag().response(FREQUENCY))
 
 
 def test_what_does_not_fit_is_refused() -> None:

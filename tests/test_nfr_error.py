@@ -24,7 +24,8 @@ from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.nfr.settling import Outcome, Settling
-from workbench.analysis.nfr.surroundings import LinearPart, surroundings
+from workbench.analysis.nfr.surroundings import LinearStart, surroundings
+from workbench.core.linear import LinearPart
 from workbench.session.base import Floats
 from workbench.signals import Sine
 
@@ -82,7 +83,7 @@ def test_the_aircraft_covers_the_exact_response() -> None:
 def test_the_twin_goes_through_the_periods_of_the_closed_form() -> None:
     # A lag from rest under sin ωt: y = |G| sin(ωt + φ) − Im(G)·e^(−t/τ).
     tau, f = 0.7, 1.3
-    part = LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0]), 0.0, np.zeros(1))
+    part = LinearStart(LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0])), np.zeros(1))
     twin = part.twin(f, 2.0)
     assert twin is not None
     omega = 2.0 * math.pi * f
@@ -98,7 +99,8 @@ def test_the_twin_goes_through_the_periods_of_the_closed_form() -> None:
 
 
 def test_integrators_in_series_have_a_twin_without_eigenvectors() -> None:
-    part = LinearPart(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([0.0, 1.0]), np.array([1.0, 0.0]), 0.0, np.zeros(2))
+    double = LinearPart(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([0.0, 1.0]), np.array([1.0, 0.0]))
+    part = LinearStart(double, np.zeros(2))
     twin = part.twin(0.5, 1.0)
     assert part.modes is None
     assert twin is not None

@@ -204,7 +204,7 @@ def test_picture_and_table(tmp_path: Path) -> None:
 
 
 def test_mistakes_are_one_line() -> None:
-    with pytest.raises(InputError, match="rise"):
+    with pytest.raises(InputError, match="the lower first"):
         nyquist(loop(), band=(10.0, 1.0))
     with pytest.raises(InputError, match="continuous"):
         nyquist(control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1))

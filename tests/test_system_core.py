@@ -278,7 +278,11 @@ def test_a_packed_recipe_needs_no_file() -> None:
         ({"a": "fmu:Rudderr"}, [], "component a: fmu:Rudderr: no bundled FMU of that name; did you mean Rudder"),
         ({"a": [1]}, [], "component a: list is not a component"),
         ({"a": float("nan")}, [], "component a: a gain must be a finite number"),
-        ({"a": control.tf([1.0], [1.0, 1.0], True)}, [], "component a: discrete, but without a sampling interval"),
+        (
+            {"a": control.tf([1.0], [1.0, 1.0], True)},
+            [],
+            "component a: the StateSpace is discrete",
+        ),
         ({"a": 1.0, "b": 2.0}, [("a.y", "b.u", {"gian": 2.0})], "'gian' is not an option; did you mean gain"),
         ({"a": 1.0, "b": 2.0}, [("a.y",)], 'give \\("component.output", "component.input"\\)'),
         ({"a": 1.0, "b": 2.0}, [("a.yy", "b.u")], "a.yy → b.u"),

@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.linear import Linear
 from workbench.core.record import read_json
 from workbench.errors import InputError
 
@@ -26,20 +27,14 @@ _UNWRITABLE = re.compile(r"[\x00-\x1f\x7f]")  # FMI forbids tabs and line breaks
 _HELD = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Matrices:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Matrices(Linear):
     """A linear model about a point.
 
     Continuous (dt = 0): dx/dt = dx0 + A x + B (u − u0); discrete (dt > 0): x(k+1) = A x(k) + B (u(k) − u0).
     Both: y = y0 + C x + D (u − u0). The state is a deviation; it starts at x0.
 
     Attributes:
-        A: shape (n, n).
-        B: shape (n, m).
-        C: shape (q, n).
-        D: shape (q, m).
-        dt: sample period [s], 0 for a continuous model.
-        state_names, input_names, output_names: of rows and columns, as they were given.
         u0: inputs at the point, shape (m,).
         y0: outputs at the point, shape (q,).
         x0: where the state starts, shape (n,).
@@ -49,14 +44,6 @@ class Matrices:
         notes: what of the source is not in these matrices, one line each.
     """
 
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    dt: float
-    state_names: tuple[str, ...]
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
     u0: Floats
     y0: Floats
     x0: Floats
@@ -121,11 +108,7 @@ def _of_control(model: object) -> Mapping[str, Any]:
             f"a linear model is needed, not {type(model).__name__}: a mapping with {', '.join(_REQUIRED)}, a result of "
             "lin, an identified model or a python-control StateSpace"
         )
-    dt = getattr(model, "dt")  # noqa: B009 - the attributes of an object of unknown type
-    if dt is True:
-        raise InputError("the StateSpace is discrete without a sample period: give it dt [s]")
-    matrices = {name: np.asarray(getattr(model, name)).tolist() for name in "ABCD"}
-    return {**matrices, "dt": dt or 0.0, **{key: list(getattr(model, name)) for key, name in labels.items()}}
+    return vars(Linear.from_state_space(model))
 
 
 def _hint(data: Mapping[str, Any]) -> str:

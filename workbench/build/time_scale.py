@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from workbench.build.describe import Experiment
 from workbench.build.fmu import DEFAULT_TOLERANCE
 from workbench.build.matrices import Matrices
+from workbench.core.matrices import resolvent
 
 __all__ = ["default_experiment", "nominals"]
 
 Floats = NDArray[np.float64]
 
 _AT_REST = 1e-9  # a pole so much slower than the fastest is an integrator
-_VANISHED = 1e-6  # a discrete pole smaller than this is over within a sample
 _A_CYCLE = 20.0  # steps in a cycle of the fastest pole
 _DECAYS = 10.0  # time constants of the slowest pole until the stop
 _MOST_STEPS = 10_000
@@ -41,12 +41,7 @@ def default_experiment(matrices: Matrices) -> Experiment:
 
 def _speeds(matrices: Matrices) -> Floats:
     """Return the distances of the poles from 0 [rad/s], without those at 0."""
-    if not matrices.A.size:
-        return np.zeros(0)
-    poles = np.linalg.eigvals(matrices.A).astype(np.complex128)
-    if matrices.dt > 0.0:
-        poles = np.asarray(np.log(poles[np.abs(poles) > _VANISHED]) / matrices.dt, dtype=np.complex128)
-    speeds = np.abs(poles)
+    speeds = np.abs(matrices.continuous_poles)
     moving = speeds[speeds > _AT_REST * float(np.max(speeds, initial=0.0))]
     return np.asarray(moving[moving > 0.0], dtype=np.float64)
 
@@ -70,8 +65,8 @@ def nominals(matrices: Matrices) -> Sequence[float | None]:
     if not A.size or not B.size:
         return [None] * len(A)
     # At its own frequency an undamped pole has no finite gain; a little beside it every pole has.
-    points = 1.1j * _speeds(matrices) if _speeds(matrices).size else np.array([1j])
-    gains = np.max([np.abs(np.linalg.solve(p * np.eye(len(A)) - A, B)) for p in points], axis=0)
+    speeds = _speeds(matrices) if _speeds(matrices).size else np.array([1.0 / 1.1])
+    gains = np.abs(resolvent(A, B, np.asarray(1.1j * speeds, dtype=np.complex128))).max(axis=0)
     return [_mean(row[row > 0.0]) for row in gains]
 
 

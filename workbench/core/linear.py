@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,6 +72,25 @@ class Linear(Part):
             names = getattr(self, f"{kind}_names")
             if names and len(names) != size:
                 raise InputError(f"{len(names)} {kind}_names are given for {size} {kind}s")
+
+    @classmethod
+    def from_state_space(cls, system: Any) -> Linear:  # noqa: ANN401 - python-control has no types
+        """Return a linear model of python-control.
+
+        Args:
+            system: a `control.StateSpace`, or what has its attributes.
+
+        Raises:
+            InputError: it is discrete, and has no period.
+        """
+        if system.dt is True:
+            raise InputError("the StateSpace is discrete without a sample period: give it dt [s]")
+        labels = (tuple(map(str, getattr(system, f"{kind}_labels", ()))) for kind in ("state", "input", "output"))
+        states, inputs, outputs = labels
+        return Linear(
+            system.A, system.B, system.C, system.D, dt=float(system.dt or 0.0), state_names=states,
+            input_names=inputs, output_names=outputs,
+        )  # fmt: skip
 
     @cached_property
     def poles(self) -> Complex:
@@ -227,7 +245,7 @@ class LinearPart(Linear):
         state_names: tuple[str, ...] = (),
         input_names: tuple[str, ...] = (),
         output_names: tuple[str, ...] = (),
-        units: Mapping[str, str | None] = MappingProxyType({}),
+        units: Mapping[str, str | None] | None = None,
         point: OperatingPoint | None = None,
     ) -> None:
         direct = np.asarray(D, dtype=np.float64)
@@ -235,7 +253,7 @@ class LinearPart(Linear):
             raise InputError(f"one input and one output are needed; D has {direct.size} entries")
         super().__init__(
             A, B, C, direct.reshape(1, 1), dt=dt, state_names=state_names, input_names=input_names,
-            output_names=output_names, units=units, point=point,
+            output_names=output_names, units=units or {}, point=point,
         )  # fmt: skip
 
     @classmethod

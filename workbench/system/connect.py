@@ -9,6 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from workbench.core.linear import Linear
 from workbench.core.loading import Loading
 from workbench.core.option import values_of
 from workbench.errors import InputError, one_line, suggest
@@ -242,34 +243,22 @@ def _linear(name: str, value: object) -> LinearComponent | None:
             raise InputError(f"component {name}: no state-space form: {one_line(str(error))}") from None
         if not isinstance(value, _StateSpace):
             raise InputError(f"component {name}: this kind of linear system cannot be connected; give a StateSpace")
-    a, b, c, d = (np.array(m, dtype=np.float64, ndmin=2) for m in (value.A, value.B, value.C, value.D))
-    n, m, p = a.shape[0] if a.size else 0, d.shape[1], d.shape[0]
-    a, b, c = a.reshape(n, n), b.reshape(n, m), c.reshape(p, n)
-    if not all(np.isfinite(x).all() for x in (a, b, c, d)):
+    try:
+        found = Linear.from_state_space(value)
+    except InputError as error:
+        raise InputError(f"component {name}: {error}") from None
+    A, B, C, D = found.A, found.B, found.C, found.D
+    if not all(np.isfinite(x).all() for x in (A, B, C, D)):
         raise InputError(f"component {name}: a matrix has entries that are not finite numbers")
     return LinearComponent(
-        name=name,
-        A=a,
-        B=b,
-        C=c,
-        D=d,
-        dt=_period(name, value.dt),
-        input_names=_labels(value, "input_labels", "u", m),
-        output_names=_labels(value, "output_labels", "y", p),
-        state_names=_labels(value, "state_labels", "x", n),
-        x0=np.zeros(n),
-    )
+        A, B, C, D, name=name, dt=found.dt, input_names=_labels(found.input_names, "u", B.shape[1]),
+        output_names=_labels(found.output_names, "y", len(C)), state_names=_labels(found.state_names, "x", len(A)),
+        x0=np.zeros(len(A)),
+    )  # fmt: skip
 
 
-def _period(name: str, dt: object) -> float:
-    if dt is True:
-        raise InputError(f"component {name}: discrete, but without a sampling interval; set its dt")
-    return float(dt or 0.0)  # type: ignore[arg-type]  # None and 0: continuous
-
-
-def _labels(value: object, attribute: str, letter: str, count: int) -> tuple[str, ...]:
+def _labels(labels: tuple[str, ...], letter: str, count: int) -> tuple[str, ...]:
     """Return python-control's names; its own defaults, "u[0]", become "u" or "u1" and so on."""
-    labels = tuple(str(s) for s in getattr(value, attribute, ()))
     if len(labels) == count and labels != tuple(f"{letter}[{i}]" for i in range(count)):
         return labels
     return (letter,) if count == 1 else tuple(f"{letter}{i + 1}" for i in range(count))

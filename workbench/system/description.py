@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.linear import Linear
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import Experiment
 from workbench.fmi.variable import Value, Variable
@@ -55,32 +56,16 @@ class FmuComponent:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearComponent:
-    """A linear system: dx/dt = A x + B u, or x(k+1) = A x(k) + B u(k) at multiples of dt; y = C x + D u.
+class LinearComponent(Linear):
+    """A linear system; a discrete one acts at multiples of its dt.
 
     Attributes:
         name: of the component.
-        A: shape (n, n).
-        B: shape (n, m).
-        C: shape (p, n).
-        D: shape (p, m).
-        dt: sample period [s]; 0: continuous.
-        input_names: of the m columns of B.
-        output_names: of the p rows of C.
-        state_names: of the n states.
         x0: shape (n,), where the state starts.
         units: input or output → unit; those left out have none.
     """
 
     name: str
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    dt: float
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    state_names: tuple[str, ...]
     x0: Floats
     units: Mapping[str, str] = field(default_factory=dict)
 

@@ -14,7 +14,7 @@ from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
 from workbench.analysis.nfr.settling import Outcome, Response, Settling
-from workbench.analysis.nfr.surroundings import LinearPart
+from workbench.analysis.nfr.surroundings import LinearStart
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model import Model
@@ -73,7 +73,7 @@ class PointTask:
     rows: int = ROWS
     fixed_step: bool = False
     stopped: Callable[[], bool] = _never
-    linear: LinearPart | None = None
+    linear: LinearStart | None = None
     rates: tuple[float, ...] = ()
     rtol: float = 0.0
 

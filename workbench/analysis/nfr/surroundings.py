@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.analysis.harmonics import NOTHING
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.rates import sample_rates
+from workbench.core.linear import LinearPart
+from workbench.core.matrices import Complex, held, resolvent
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
@@ -22,9 +23,7 @@ from workbench.session.base import Floats
 from workbench.session.point import Point
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Forced", "LinearPart", "Surroundings", "Twin", "surroundings"]
-
-Complex = NDArray[np.complex128]
+__all__ = ["Forced", "LinearStart", "Surroundings", "Twin", "surroundings"]
 
 # With more states the matrix exponentials of each point would cost more than its periods do.
 _MOST_STATES = 200
@@ -37,50 +36,40 @@ _LOOK = 1
 
 
 @dataclass(frozen=True, eq=False)
-class LinearPart:
-    """The linear model from the forced input to the output, ẋ = Ax + Bu + dx0, y = Cx + Du, x and u from the point.
+class LinearStart:
+    """The linear model from the forced input to the output where runs start, ẋ = Ax + Bu + dx0, y = Cx + Du.
 
     Attributes:
-        a, b, c: shapes (n, n), (n,), (n,).
-        d: feed-through.
+        part: A, B, C, D; x and u are counted from the point.
         dx0: derivatives at the point itself, shape (n,); 0 at an equilibrium.
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    d: float
+    part: LinearPart
     dx0: Floats
     _forced: dict[float, Forced] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def modes(self) -> tuple[Complex, Complex, Complex] | None:
         """Poles, eigenvectors and their inverse; None where they do not give A back (coinciding poles)."""
-        poles, vectors = np.linalg.eig(self.a.astype(np.complex128))
+        poles, vectors = np.linalg.eig(self.part.A.astype(np.complex128))
         try:
             inverse = np.linalg.inv(vectors)
         except np.linalg.LinAlgError:
             return None
         again = (vectors * poles) @ inverse
-        good = np.linalg.norm(again - self.a) <= _EXACT * np.linalg.norm(self.a)
+        good = np.linalg.norm(again - self.part.A) <= _EXACT * np.linalg.norm(self.part.A)
         return (poles, vectors, inverse) if good else None
 
     @cached_property
     def rest(self) -> Floats:
         """Distance of the operating point from where the linear model rests, shape (n,)."""
-        found, *_ = np.linalg.lstsq(self.a, self.dx0, rcond=None)
+        found, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
         return np.asarray(found, dtype=np.float64)
 
     def transition(self, period: float) -> tuple[Floats, Floats]:
-        """Return e^(AT) and its integral over T [s] (without eigenvectors: C. F. Van Loan 1978)."""
-        n = len(self.b)
+        """Return e^(AT) and its integral over T [s]."""
         if self.modes is None:
-            from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and rarely needed
-
-            block = np.zeros((2 * n, 2 * n))
-            block[:n, :n], block[:n, n:] = self.a, np.eye(n)
-            found: Floats = expm(block * period)
-            return found[:n, :n], found[:n, n:]
+            return held(self.part.A, np.eye(len(self.dx0)), period)
         poles, vectors, inverse = self.modes
         still = np.abs(poles) * period < 1e-12
         integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
@@ -116,7 +105,7 @@ class LinearPart:
         forced = self.forced(frequency)
         if forced is None:
             return None
-        at, steady = np.zeros(len(self.b)) if start is None else start, amplitude * forced.states.imag
+        at, steady = np.zeros(len(self.dx0)) if start is None else start, amplitude * forced.states.imag
         rows, rest = forced.rows / amplitude, forced.rest
         return Twin(forced, _rows=rows, _x=at + rest - steady, _steady=steady - rest)
 
@@ -145,25 +134,25 @@ class Forced:
     rest: Floats
 
     @classmethod
-    def of(cls, part: LinearPart, frequency: float) -> Forced:
+    def of(cls, start: LinearStart, frequency: float) -> Forced:
         """Return that of a frequency [Hz]."""
-        n, omega, period = len(part.b), 2.0 * math.pi * frequency, 1.0 / frequency
+        part, period = start.part, 1.0 / frequency
+        n, at = len(part.A), part.at_frequency(frequency)
         if n == 0:
             none = np.zeros(0)
             return cls(
                 complex(part.d), 0.0, abs(part.d), none.astype(np.complex128), np.zeros((0, 0)), np.zeros((3, 0)), none
             )
-        resolvent = 1j * omega * np.eye(n) - part.a
-        forced: Complex = np.linalg.solve(resolvent, part.b.astype(np.complex128)).astype(np.complex128)
-        twice = np.linalg.solve(resolvent, forced)
+        forced = part.states_at(frequency)[0]
+        twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
         response = complex(part.c @ forced) + part.d
-        phi, integral = part.transition(period)
+        phi, integral = start.transition(period)
         # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
-        first = -2j / period * np.linalg.solve(resolvent.T, part.c.astype(np.complex128)) @ (phi - np.eye(n))
+        first = -2j / period * resolvent(part.A.T, part.C.T, at)[0, :, 0] @ (phi - np.eye(n))
         rows = np.array([part.c @ integral / period, first.real, first.imag])
         sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
-        return cls(response, sensitivity, terms, forced, phi, rows, part.rest)
+        return cls(response, sensitivity, terms, forced, phi, rows, start.rest)
 
     @property
     def vanishes(self) -> bool:
@@ -210,7 +199,7 @@ class Surroundings:
         rates: sample periods [s], rising; none: it is continuous, or does not show any.
     """
 
-    linear: LinearPart | None = None
+    linear: LinearStart | None = None
     rates: tuple[float, ...] = ()
 
 
@@ -236,11 +225,11 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
             dx0 = point.at(point.x0, point.u0).dx
         if sampled or many:
             return Surroundings(rates=sample_rates(model) if sampled else ())
-        a, b, c, d = _difference(model, input, output, middle) if found is None else found
+        part = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()
-    finite = all(np.isfinite(m).all() for m in (a, b, c, d, dx0))
-    return Surroundings(LinearPart(a, b, c, d, dx0) if finite and len(dx0) == len(b) else None)
+    finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
+    return Surroundings(LinearStart(part, dx0) if finite and len(dx0) == len(part.A) else None)
 
 
 def _middle(model: Model, input: str) -> dict[str, float]:
@@ -250,8 +239,8 @@ def _middle(model: Model, input: str) -> dict[str, float]:
     return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe | SystemRecipe) else 0.0}
 
 
-def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Floats, float] | None:
-    """Return A, B, C, D from the FMU's directional derivatives; None where they do not reach input and output.
+def _exact(point: Point, input: str, output: str) -> LinearPart | None:
+    """Return the linear model from the FMU's directional derivatives; None where they do not reach input and output.
 
     They are not verified: the linear model counts only as far as it goes through the measured periods.
     """
@@ -263,12 +252,9 @@ def _exact(point: Point, input: str, output: str) -> tuple[Floats, Floats, Float
     column = n + inputs.index(input)
     state = np.eye(1, whole.shape[1], states.index(output) if output in states else 0)[0]
     row = whole[n + outputs.index(output)] if output in outputs else state
-    return whole[:n, :n], whole[:n, column], row[:n], float(row[column])
+    return LinearPart(whole[:n, :n], whole[:n, column], row[:n], row[column])
 
 
-def _difference(
-    model: Model, input: str, output: str, middle: Mapping[str, float]
-) -> tuple[Floats, Floats, Floats, float]:
-    """Return A, B, C, D by differences."""
-    found = run(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference")
-    return found.A, found.B[:, 0], found.C[0], float(found.D[0, 0])
+def _difference(model: Model, input: str, output: str, middle: Mapping[str, float]) -> LinearPart:
+    """Return the linear model by differences."""
+    return run(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference").part()

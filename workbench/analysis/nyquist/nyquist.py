@@ -16,7 +16,7 @@ from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.intersections import intersections
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.blas import one_thread
-from workbench.core.linear import LinearPart
+from workbench.core.linear import Linear, LinearPart
 from workbench.errors import InputError
 from workbench.origin import with_origin
 
@@ -103,11 +103,7 @@ def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a
 def _part(loop: LinearPart | LinearModel | control.StateSpace) -> LinearPart:
     if isinstance(loop, LinearPart):
         return loop
-    if isinstance(loop, LinearModel):
-        return LinearPart.from_lin(loop.result)
-    if loop.dt or loop.ninputs != 1 or loop.noutputs != 1:
-        raise InputError("the linear part of a loop must be continuous and have one input and one output")
-    return LinearPart(loop.A, loop.B, loop.C, loop.D)
+    return LinearPart.from_lin(loop.result if isinstance(loop, LinearModel) else Linear.from_state_space(loop))
 
 
 def _checked(band: tuple[float, float]) -> tuple[float, float]:

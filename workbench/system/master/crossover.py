@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
+from workbench.core.linear import LinearPart
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
@@ -73,17 +74,15 @@ def crossover(model: DescribedModel, factor: float) -> float | None:
     Raises:
         WorkbenchError: the model cannot be evaluated.
     """
-    a, b, c, d = _matrices(model)
+    loop = _opened(model).scaled(factor)
 
     def level(exponent: float) -> float:
-        s = 2j * np.pi * 10.0**exponent
-        gain = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
-        return math.log10(max(abs(factor * complex(gain)), 1e-300))
+        return float(np.log10(max(abs(loop.at(10.0**exponent)), 1e-300)))
 
-    if not len(a):
+    if not len(loop.A):
         return None
     grid = np.linspace(*_BAND, _POINTS)
-    levels = np.array([level(e) for e in grid])
+    levels = np.log10(np.maximum(np.abs(loop.response(10.0**grid)), 1e-300))
     falls = np.flatnonzero((levels[:-1] > 0.0) & (levels[1:] <= 0.0))
     if not len(falls):
         return None
@@ -91,8 +90,8 @@ def crossover(model: DescribedModel, factor: float) -> float | None:
     return float(10.0 ** brentq(level, float(grid[k]), float(grid[k + 1])))
 
 
-def _matrices(model: DescribedModel) -> tuple[Floats, Floats, Floats, float]:
-    """Return A, B, C, D from the one input to the one output where the model starts."""
+def _opened(model: DescribedModel) -> LinearPart:
+    """Return the model from its one input to its one output, linear where it starts."""
     with model.open_point() as point:
         n, x0, u0 = len(point.x0), point.x0, point.u0
 
@@ -107,4 +106,4 @@ def _matrices(model: DescribedModel) -> tuple[Floats, Floats, Floats, float]:
             e[i] = _STEP * max(1.0, abs(v0[i]))
             columns.append((both(v0 + e) - both(v0 - e)) / (2.0 * e[i]))
     full = np.array(columns).T
-    return full[:n, :n], full[:n, n], full[n, :n], float(full[n, n])
+    return LinearPart(full[:n, :n], full[:n, n], full[n, :n], full[n, n])
