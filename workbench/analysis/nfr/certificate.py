@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from workbench.analysis.harmonics import distortion
-from workbench.analysis.nfr.settling import Response, Settling
+from workbench.analysis.nfr.settling import PointResponse, Settling
 from workbench.core.record import Part
 
 __all__ = ["Certificate", "certify"]
@@ -49,7 +49,7 @@ class Certificate(Part):
     why: str | None = None
 
 
-def certify(settling: Settling, response: Response | None) -> Certificate:
+def certify(settling: Settling, response: PointResponse | None) -> Certificate:
     """Return the certificate of a point.
 
     Args:

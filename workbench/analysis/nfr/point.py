@@ -13,7 +13,7 @@ from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_pe
 from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
-from workbench.analysis.nfr.settling import Outcome, Response, Settling
+from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
 from workbench.core.record import Part
 from workbench.errors import SimulationError
@@ -166,7 +166,7 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
     settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
     sine = task.sine(session.time)
     longest: float | None = None
-    response: Response | None = None
+    response: PointResponse | None = None
     try:
         # A response that runs away may overflow before it is recognised; that is an answer, not a warning.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -255,7 +255,7 @@ def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Float
     return Period(found.values[task.output], drive, found.largest[task.output]), found.gap
 
 
-def _point(task: PointTask, response: Response, periods: int) -> NfrPoint:
+def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
     if response.outcome in _REASONS:
         failed = _failed(task, periods, f"{task.output} {_REASONS[response.outcome]}")
         return replace(failed, stable=False if response.outcome is Outcome.DIVERGED else None)

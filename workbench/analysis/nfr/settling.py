@@ -27,7 +27,7 @@ from workbench.analysis.nfr.error import (
 from workbench.analysis.nfr.transient import Limit, directions, remove_transient
 from workbench.session.base import Floats
 
-__all__ = ["NO_EFFECT", "Outcome", "Response", "Settling"]
+__all__ = ["NO_EFFECT", "Outcome", "PointResponse", "Settling"]
 
 # A defect (see `transient`) below this is the solver's noise; asking for less would never end.
 _NOISE = 1e-4
@@ -84,7 +84,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class Response:
+class PointResponse:
     """The response at one frequency and amplitude.
 
     Attributes:
@@ -159,7 +159,7 @@ class Settling:
     evidence: Evidence = field(default_factory=Evidence)
     periods: list[Period] = field(default_factory=list)
 
-    def add(self, period: Period) -> Response | None:
+    def add(self, period: Period) -> PointResponse | None:
         """Take one more period; return the response once it is known, else None."""
         self.periods.append(period)
         count = len(self.periods)
@@ -183,7 +183,7 @@ class Settling:
                     return found
         return self._last_resort() if count >= self.most else None
 
-    def _is_good(self, response: Response) -> bool:
+    def _is_good(self, response: PointResponse) -> bool:
         """Whether it is known as well as was asked for."""
         if self._beats_unseen():
             return False
@@ -223,7 +223,7 @@ class Settling:
         """Whether the sampling beats more slowly than was seen: the periods then say nothing of their mean."""
         return self.evidence.beat is not None and self.evidence.beat.length > len(self.periods)
 
-    def _of_beats(self, limit: Limit) -> Response:
+    def _of_beats(self, limit: Limit) -> PointResponse:
         """Return the mean over the beats of a sampled model."""
         if self.evidence.beat is None:
             return self._response(limit.harmonics, Outcome.SETTLED, math.inf)
@@ -234,12 +234,12 @@ class Settling:
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
 
-    def _of_limit(self, limit: Limit, outcome: Outcome) -> Response:
+    def _of_limit(self, limit: Limit, outcome: Outcome) -> PointResponse:
         last = self.periods[-1]
         error = error_of_limit(limit, abs(last.drive), last.size, self.evidence)
         return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
 
-    def _of_mean(self, limit: Limit, of_limit: Response, outcome: Outcome) -> Response:
+    def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: Outcome) -> PointResponse:
         half = limit.periods[len(limit.periods) // 2 :]
         mean = np.mean(half, axis=0)
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
@@ -250,7 +250,7 @@ class Settling:
             error = math.inf
         return self._response(mean, Outcome.SCATTERED if spread > 1.0 else outcome, spread, error)
 
-    def _last_resort(self) -> Response:
+    def _last_resort(self) -> PointResponse:
         last = self.periods[-1].harmonics
         if self._grows():
             return self._response(last, Outcome.DIVERGED, math.inf)
@@ -275,7 +275,7 @@ class Settling:
         """Return the fundamental below which there is none."""
         return self.evidence.floor(abs(self.periods[-1].drive), max(p.size for p in self.periods))
 
-    def _of_nothing(self) -> Response:
+    def _of_nothing(self) -> PointResponse:
         """Return the response 0; harmonics that are more than rounding are told."""
         last = self.periods[-1].harmonics
         dead = float(np.max(np.abs(last[1:]))) <= self._floor()
@@ -283,7 +283,7 @@ class Settling:
         nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
         return replace(nothing, why=NO_EFFECT if dead else _ELSEWHERE)
 
-    def _of_subharmonic(self, limit: Limit, every: int) -> Response:
+    def _of_subharmonic(self, limit: Limit, every: int) -> PointResponse:
         """Return the mean over the periods after which the response repeats."""
         periods = limit.periods
         last, before = periods[-every:].mean(axis=0), periods[-2 * every : -every].mean(axis=0)
@@ -295,7 +295,7 @@ class Settling:
             found, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
         )
 
-    def _why(self, limit: Limit, of_limit: Response) -> str:
+    def _why(self, limit: Limit, of_limit: PointResponse) -> str:
         """Return why the periods have not settled."""
         if self.evidence.sampled:
             return _SAMPLED
@@ -314,9 +314,9 @@ class Settling:
 
     def _response(
         self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0
-    ) -> Response:
+    ) -> PointResponse:
         value = fundamental(harmonics) / self.periods[-1].drive
-        return Response(value, float(harmonics[0]), outcome, harmonics, defect, error, beyond)
+        return PointResponse(value, float(harmonics[0]), outcome, harmonics, defect, error, beyond)
 
     def residual(self) -> tuple[float, float, float] | None:
         """Return what still changed from the last period but one to the last.
@@ -366,7 +366,7 @@ def _falls(sizes: Floats, count: int) -> float:
     return float(np.linalg.norm(sizes[:count])) / before if before > 0.0 else math.inf
 
 
-def _error(response: Response) -> float:
+def _error(response: PointResponse) -> float:
     return response.error
 
 
