@@ -15,6 +15,7 @@ __all__ = [
     "FmuError",
     "InputError",
     "SimulationError",
+    "StoppedError",
     "WorkbenchError",
     "article",
     "one_line",
@@ -59,6 +60,18 @@ class SimulationError(WorkbenchError):
     def __init__(self, message: str, *, time: float | None = None) -> None:
         super().__init__(message if time is None else f"{message} (at t = {time:.9g} s)")
         self.time = time
+
+
+class StoppedError(KeyboardInterrupt):
+    """A run was asked to stop while it was on its way.
+
+    Attributes:
+        before: what was recorded until then.
+    """
+
+    def __init__(self, before: object) -> None:
+        super().__init__()
+        self.before = before
 
 
 class EndedError(SimulationError):

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.errors import FmuError, InputError, SimulationError
+from workbench.errors import FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
 from workbench.kernel.native_record import NativeRecord
@@ -76,6 +76,8 @@ class CompiledSession(FmuSession):
         except SimulationError as error:
             error.before = self.loop.rows(record, self.forcing)
             raise
+        except KeyboardInterrupt:
+            raise StoppedError(self.loop.rows(record, self.forcing)) from None
         finally:
             self.forcing.written = forcing.written[: forcing.n]
         return self.loop.rows(record, self.forcing)

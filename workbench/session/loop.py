@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,23 @@ from workbench.session.compiled_errors import PAUSED, Situation, exception_of
 from workbench.session.forcing import Forcing
 from workbench.signals import Signal
 
-__all__ = ["Loop", "Recording", "closed"]
+__all__ = ["Loop", "Recording", "at_pauses", "closed"]
+
+_listening: list[Callable[[float], None]] = []  # to the pauses of runs under way
+
+
+@contextmanager
+def at_pauses(call: Callable[[float], None]) -> Iterator[None]:
+    """Call a function now and then while sessions advance; what it raises ends the run.
+
+    Args:
+        call: is given the session time [s].
+    """
+    _listening.append(call)
+    try:
+        yield
+    finally:
+        _listening.remove(call)
 
 
 @dataclass
@@ -109,6 +126,8 @@ class Loop:
         go_on = library.kernel_me_go_on if kind == "me" else library.kernel_cs_go_on
         done = start(address, float(targets[-1]), data, len(targets), record.address, new)
         while not done and self.system.structure.failure.code == PAUSED:
+            for call in _listening:
+                call(native.time)
             done = go_on(address)  # signal handlers of Python had their turn before
         self.system.sync_times()
         self.instance.time = self.system.instances[0].time

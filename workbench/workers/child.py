@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from workbench.model.base import Model
     from workbench.model.recipe import Recipe
 
-__all__ = ["BUG", "DONE", "ERROR", "ITEM", "MEMORY", "READY", "Task", "work"]
+__all__ = ["BUG", "DONE", "ERROR", "ITEM", "MEMORY", "READY", "STOP", "TOLD", "Task", "tell", "wanted_stop", "work"]
 
 # Kinds of messages to the parent, each followed by its content.
-READY, ITEM, DONE, ERROR, MEMORY, BUG = "ready", "item", "done", "error", "memory", "bug"
+READY, ITEM, TOLD, DONE, ERROR, MEMORY, BUG = "ready", "item", "told", "done", "error", "memory", "bug"
+
+# From the parent, in place of a task: end the task in work soon, with what there is.
+STOP = (None, None)
 
 Task = Callable[["Model", Any], Iterator[Any]]
 
@@ -39,6 +42,24 @@ _FAREWELL = 5.0
 _PATIENCE = 1.0
 
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+
+
+_pipes: list[Connection] = []  # to the parent: the one of this process
+
+
+def tell(item: Any) -> None:  # noqa: ANN401 - any task's
+    """Send an item of the task in work before it yields one; it is no result, and the time limit goes on.
+
+    Args:
+        item: as `Runner.run` gives it.
+    """
+    for pipe in _pipes:
+        pipe.send((TOLD, item))
+
+
+def wanted_stop() -> bool:
+    """Return whether the parent asked for the end of the task in work; it sends nothing else meanwhile."""
+    return any(pipe.poll() and pipe.recv() == STOP for pipe in _pipes)
 
 
 def work(pipe: Connection, recipe: Recipe, limits: Limits, scratch: str) -> None:
@@ -71,9 +92,11 @@ def _serve(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
     memory = MemoryWatch(limits.memory)
     with model:
         pipe.send((READY, None))
+        _pipes.append(pipe)
         while True:
             task, argument = pipe.recv()
-            pipe.send(_do(task(model, argument), pipe, memory))
+            if task is not None:  # else it was asked to stop what is done already
+                pipe.send(_do(task(model, argument), pipe, memory))
 
 
 def _do(items: Iterator[Any], pipe: Connection, memory: MemoryWatch) -> tuple[str, Any]:

@@ -16,7 +16,7 @@ from workbench.core.where import Limits
 from workbench.errors import WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers import reasons
-from workbench.workers.child import BUG, DONE, ERROR, ITEM, MEMORY, READY, Task
+from workbench.workers.child import BUG, DONE, ERROR, ITEM, MEMORY, READY, TOLD, Task
 from workbench.workers.process import WorkerProcess
 from workbench.workers.runner import Lost, Reply, Runner
 
@@ -24,6 +24,9 @@ __all__ = ["Pool"]
 
 # So often is looked whether somebody wants to stop [s].
 _PATIENCE = 0.1
+
+# What was asked to end soon is ended by force after so long [s].
+_GRACE = 5.0
 
 
 class Pool(Runner):
@@ -40,6 +43,7 @@ class Pool(Runner):
         self._workers: list[WorkerProcess] = []
         self._in_work: dict[int, Any] = {}
         self._begun = 0
+        self._patient_until: float | None = None  # after `end_soon`
 
     @property
     def pids(self) -> list[int]:
@@ -59,13 +63,21 @@ class Pool(Runner):
             if self._in_work:
                 self.close()
 
+    def end_soon(self) -> None:
+        if self._in_work and self._patient_until is None:
+            self._patient_until = time.monotonic() + _GRACE
+            for worker in self._workers:
+                worker.end_soon()
+        else:
+            self.stop()
+
     def close(self) -> None:
         while self._workers:
             self._workers.pop().kill()
         self._in_work = {}
 
     def _raise_if_stopped(self) -> None:
-        if self.stopped:
+        if self.stopped or (self._patient_until is not None and time.monotonic() > self._patient_until):
             raise KeyboardInterrupt
 
     def _dispatch(self, task: Task, jobs: deque[Any]) -> None:
@@ -97,6 +109,8 @@ class Pool(Runner):
             worker.restart_clock()
             yield Reply(self._in_work[worker.index or 0], content)
             worker.restart_clock()
+        elif kind == TOLD:
+            yield Reply(self._in_work[worker.index or 0], content)
         elif kind == DONE:
             self._free(worker)
         elif kind == MEMORY:

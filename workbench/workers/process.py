@@ -13,7 +13,7 @@ import threading
 import time
 import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
@@ -21,7 +21,7 @@ from typing import Any
 from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.model.recipe import Recipe
-from workbench.workers.child import Task, work
+from workbench.workers.child import STOP, Task, work
 
 __all__ = ["WorkerProcess"]
 
@@ -73,6 +73,11 @@ class WorkerProcess:
             self.pipe.send((task, argument))
         except OSError:
             return
+
+    def end_soon(self) -> None:
+        """Ask for the end of the present task."""
+        with suppress(OSError):
+            self.pipe.send(STOP)
 
     def restart_clock(self) -> None:
         """Give the present task its full time again."""

@@ -75,6 +75,10 @@ class Runner(ABC):
         """Let `run` end."""
         self.stopped = True
 
+    def end_soon(self) -> None:
+        """Let the jobs under way end with what they have, where they can, then `run`; a signal handler may call it."""
+        self.stop()
+
     @abstractmethod
     def close(self) -> None:
         """End what runs."""

@@ -47,6 +47,8 @@ class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
     algorithm = "workbench.analysis.simulate.run:run"
     example = "workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png"
 
+    counts = "percent of the run"
+
     _: KW_ONLY
     stop: float | None = option(
         "End of the run; by default that of the FMU's default experiment.", unit="s", metavar="T", default=None

@@ -15,12 +15,13 @@ from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import EndedError, InputError, SimulationError, article, suggest
+from workbench.errors import EndedError, InputError, SimulationError, StoppedError, article, suggest
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Record, Session
+from workbench.session.loop import at_pauses
 from workbench.signals import Signal, signals_of
 
 __all__ = ["run"]
@@ -48,8 +49,19 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     points = None if asked.points is None else several(asked.points)
     rows = _points(start, stop, interval, points, grid=model.grid)
     running = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
+
+    def tell(time: float) -> None:
+        part = int(100.0 * (time - start) / (stop - start))
+        job.done(f"t = {time:.6g} s", part, 100)
+
     try:
-        found = running.once(None)
+        with at_pauses(tell):
+            found = running.once(None)
+    except StoppedError as error:
+        if isinstance(error.before, Record):
+            ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
+            job.partial = lambda: replace(ended, ended_at=float(ended.time[-1]))
+        raise
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
         if isinstance(error.before, Record):

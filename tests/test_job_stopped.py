@@ -1,0 +1,59 @@
+"""A simulation that is stopped on its way leaves the rows that it has: here and in a worker process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.analysis.simulate.request import Simulate
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.job import Job
+from workbench.core.where import Worker
+
+LONG = 1e5  # [s]: minutes of work
+STEP = 0.05
+
+
+def asked(stop: float, workers: Worker | None = None) -> Simulate:
+    return Simulate(stop=stop, interval=STEP, inputs={"u": "sine:amplitude=1,frequency=1"}, workers=workers)
+
+
+@pytest.mark.parametrize("place", [None, Worker(in_process=True), Worker()])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_what_was_simulated_is_kept(place: Worker | None, interface: str) -> None:
+    told: list[tuple[int, int]] = []
+
+    def stop_soon(_: object, done: int, total: int) -> None:
+        told.append((done, total))
+        job.stop()
+
+    job = Job(stop_soon)
+    with wb.load("fmu:FirstOrderLag", interface=interface, step=STEP) as model:
+        with pytest.raises(KeyboardInterrupt):
+            asked(LONG, place).run(model, job)
+        cut = job.partial()
+        assert isinstance(cut, SimulationResult)
+        end = float(cut.time[-1])
+        assert 0.0 < end < LONG
+        assert cut.ended_at == end
+        assert told[0][1] == 100
+        # The rows are those of a run that nobody stopped.
+        whole = asked(end + 1.0).run(model, Job())
+    n = len(cut.time) - 1
+    assert np.array_equal(cut.time[:n], whole.time[:n])
+    # The length of a run has a part in the solver's steps: equal within ten times its tolerance.
+    assert cut["y"][:n] == pytest.approx(whole["y"][:n], abs=1e-5)
+
+
+def test_progress_comes_from_the_worker() -> None:
+    told: list[tuple[int, int]] = []
+    with wb.load("fmu:FirstOrderLag") as model:
+        here = wb.simulate(model, stop=300.0, interval=STEP, inputs={"u": 1.0})
+        there = wb.simulate(
+            model, stop=300.0, interval=STEP, inputs={"u": 1.0}, workers=Worker(),
+            progress=lambda _, done, total: told.append((done, total)),
+        )  # fmt: skip
+    assert np.array_equal(here["y"], there["y"])
+    assert told == sorted(told)
+    assert all(0 <= done <= total == 100 for done, total in told)
