@@ -47,7 +47,7 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "no limit": ("min = -10", "", "has no limit; give min, max, or equal"),
     "min above max": ("min = -10", "min = -10\nmax = -20", "min -10 is above max -20"),
     "equal without tolerance": ("min = -10", "equal = -10", "equal needs a tolerance"),
-    "unknown output": ('output = "y"', 'output = "z"', "output 'z' is not a variable of fmu:FirstOrderLag; known: x, y"),
+    "unknown output": ('output = "y"', 'output = "z"', "output 'z' is not a variable of fmu:FirstOrderLag; known: x"),
     "unknown input": ('input = "u"', 'input = "v"', "input 'v' is not a variable of fmu:FirstOrderLag; known: u"),
     "unknown parameter": ("[models]", '[grid]\n"lag.taw" = [1]\n[models]', "\"lag.taw\": 'taw' is not a variable"),
     "model of the grid": ("[models]", '[grid]\n"leg.tau" = [1]\n[models]', "model 'leg' is unknown; did you mean lag?"),

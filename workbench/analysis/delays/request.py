@@ -41,7 +41,7 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
 
     command = "delays"
     algorithm = "workbench.analysis.delays.run:run"
-    example = "workbench delays drive.toml --stop 5 --input reference=1 --step 0.01"
+    example = "workbench delays system:rudder_loop --stop 2 --input reference=1 --step 0.01"
     withheld = ("step",)
     unwritten = ("csv_path", "plot")
 

@@ -1,0 +1,73 @@
+"""Command lines that users copy: the examples of `--help` and the lines of the README.
+
+All of them are read as the command line reads them; those that take seconds are run as well. The slow ones (limit
+cycles, flutter, studies, reproduction) are run by the tests of the tutorials and of their commands.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from docs.tools.command_pages import command_names, command_page
+from docs.tools.examples import blocks_of, run_page
+from workbench.cli.program import Lazily
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+SLOW = {"limit-cycle", "feedback", "feed-forward", "modes", "compare", "check", "identify", "run", "reproduce", "build"}
+# Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
+NOT_RUN = re.compile(r"actuator\.|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml")
+
+
+def lines(text: str) -> list[str]:
+    """The calls of the workbench in a block of commands, one each."""
+    joined = (" ".join(line.split()) for line in text.replace("\\\n", " ").splitlines())
+    return [line for line in joined if line.startswith("workbench ")]
+
+
+def quick(text: str) -> list[str]:
+    return [line for line in lines(text) if line.split()[1] not in SLOW and not NOT_RUN.search(line)]
+
+
+EXAMPLES = [
+    line
+    for name in command_names()
+    for block in re.findall(
+        r"^```bash\n(.*?)^```$", command_page(name).partition("**Example")[2], re.MULTILINE | re.DOTALL
+    )
+    for line in lines(block)
+    if "[OPTIONS]" not in line  # how it is used
+]
+LINES = [line for block in blocks_of(README) if block.language == "sh" for line in lines(block.text)]
+
+
+def test_every_command_has_an_example() -> None:
+    assert {line.split()[1] for line in EXAMPLES} == set(command_names())
+
+
+@pytest.mark.parametrize("line", [*EXAMPLES, *LINES])
+def test_what_is_copied_is_a_command_line(line: str) -> None:
+    _, name, *words = shlex.split(line, comments=True)
+    command = Lazily()[name]
+    with command.make_context(name, words) as context:
+        sources = [context.get_parameter_source(p.name) for p in command.params]
+    assert any(s is not None and s.name == "COMMANDLINE" for s in sources)
+
+
+def test_quick_examples_of_help_run(tmp_path: Path) -> None:
+    found = sorted(quick("\n".join(EXAMPLES)), key=lambda line: "workbench trim" not in line)  # it writes trim.json
+    assert len(found) > 5
+    run_page("\n".join(["```sh", *found, "```", ""]), tmp_path)
+
+
+def test_quick_lines_of_the_readme_run(tmp_path: Path) -> None:
+    """Its files, Python and quick commands, in their order and in one folder."""
+    page = []
+    for block in blocks_of(README):
+        text = "\n".join([*quick(block.text), ""]) if block.language == "sh" else block.text
+        title = f' title="{block.title}"' if block.title else ""
+        page.append(f"```{block.language}{title}\n{text}```\n")
+    assert run_page("\n".join(page), tmp_path)
