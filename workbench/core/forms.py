@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,7 @@ __all__ = [
     "Limits",
     "Names",
     "Numbers",
+    "Ranges",
     "Settings",
     "Values",
     "Widths",
@@ -220,6 +222,24 @@ _LIMITS = Form(
 )
 
 
+def _take_ranges(value: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401
+    found = {str(name): tuple(map(float, ends)) for name, ends in dict(value or {}).items()}
+    for name, ends in found.items():
+        if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
+            written = ":".join(f"{x:g}" for x in ends)
+            raise ValueError(f"{name}={written} is not of the form NAME=LO:HI with LO < HI")
+    return {name: (ends[0], ends[1]) for name, ends in found.items()}
+
+
+_RANGES = replace(
+    _LIMITS,
+    read=lambda texts: _take_ranges(
+        {name: [_named(name, x) for x in text.split(":")] for name, text in pairs(texts, "NAME=LO:HI").items()}
+    ),
+    take=_take_ranges,
+)
+
+
 def varied(text: str) -> tuple[str, str]:
     """Return the name and the values, LO:HI or A,B,.., of what is varied; no values where there is a name alone.
 
@@ -305,6 +325,7 @@ if TYPE_CHECKING:
     Names = Sequence[str]
     Values = Mapping[str, float]
     Limits = Mapping[str, tuple[float, float]]
+    Ranges = Mapping[str, tuple[float, float]]
     Grid = Mapping[str, Sequence[float]]
     Widths = float | Sequence[float] | Mapping[str, float]
     Settings = Mapping[str, float | int | bool | str]
@@ -316,6 +337,7 @@ else:
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]
     Limits = Annotated[object, _LIMITS]
+    Ranges = Annotated[object, _RANGES]
     Grid = Annotated[object, _GRID]
     Widths = Annotated[object, _WIDTHS]
     Settings = Annotated[object, _SETTINGS]

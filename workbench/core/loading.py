@@ -52,8 +52,8 @@ class Loading(Options):
         default=None,
     )
     tolerance: float | None = option(
-        "Relative tolerance of the integrator; by default that of the FMU's default experiment, or 1e-6 (nfr, excite "
-        "and loop: always 1e-8).",
+        "Relative tolerance of the integrator; by default that of the FMU's default experiment, or 1e-6 (commands "
+        "nfr, excite and loop: 1e-8).",
         positive=True,
         below=1.0,
         default=None,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, Limits, Names
+from workbench.core.forms import Band, Names, Ranges
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InWorkers
@@ -94,9 +93,9 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
         default=METHODS,
     )
     periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
-    vary: Limits = option(
-        "Follow the cycles over a parameter between two finite limits by harmonic balance, also around folds; gain is "
-        "a factor on the linear part.",
+    vary: Ranges = option(
+        "Follow the cycles over a parameter by harmonic balance, also around folds; gain is a factor on the linear "
+        "part.",
         default_factory=dict,
     )
     run_until: float | None = option(
@@ -124,9 +123,6 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
         for method in self.methods:
             if method not in METHODS:
                 raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")
-        for name, (low, high) in self.vary.items():
-            if not -math.inf < low < high < math.inf:
-                raise InputError(f"vary: {name}={low:g}:{high:g} is not of the form NAME=LO:HI with LO < HI")
         if self.inputs and self.run_until is None:
             raise InputError("inputs force the run from rest; give its end, run_until")
 
