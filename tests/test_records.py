@@ -241,3 +241,16 @@ def test_a_file_of_something_else_is_refused_in_one_line(kind: type[Record]) -> 
     with pytest.raises(InputError, match=r"^is not an? .*\w") as caught:
         kind.from_dict({"command": "info"})
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
+def test_every_array_over_named_axes_goes_to_xarray(kind: type[Record]) -> None:
+    record = example(kind)
+    if not any(f.metadata.get("dims") for f in fields(kind)):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="has no array over named axes"):
+            record.to_xarray()
+        return
+    data = record.to_xarray()
+    assert data.data_vars
+    for name, array in data.data_vars.items():
+        np.testing.assert_array_equal(array, record[name])

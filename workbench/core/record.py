@@ -24,6 +24,7 @@ from typing import (
     get_type_hints,
 )
 
+from workbench.core.named import named
 from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 
@@ -129,11 +130,11 @@ class Reportable:
 
     def __repr__(self) -> str:
         """Return one line: what it is, and its page's first sentence."""
-        return str(_shown("line_of")(self))
+        return str(named(f"{_SHOWS}:line_of")(self))
 
     def _repr_html_(self) -> str:
         """Return the page for a notebook."""
-        return str(_shown("notebook_of")(self))
+        return str(named(f"{_SHOWS}:notebook_of")(self))
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the result.
@@ -144,7 +145,7 @@ class Reportable:
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        figure: Figure = _shown("picture_of")(self, path)
+        figure: Figure = named(f"{_SHOWS}:picture_of")(self, path)
         return figure
 
     def report(self, path: str | Path) -> None:
@@ -156,7 +157,7 @@ class Reportable:
         Raises:
             InputError: another suffix, or the file cannot be written.
         """
-        _shown("write_report")(self, path)
+        named(f"{_SHOWS}:write_report")(self, path)
 
 
 class Record(Part, Reportable):
@@ -194,17 +195,17 @@ class Record(Part, Reportable):
         return frame
 
     def to_xarray(self) -> Dataset:
-        """Return the arrays of the result for xarray, each with its coordinates and unit.
+        """Return the arrays of the result for xarray, each with its coordinates, where it has some, and its unit.
 
         Raises:
-            InputError: xarray is not installed, or there is no array with coordinates.
+            InputError: xarray is not installed, or there is no array over named axes.
         """
         library = _library("xarray")
         arrays = {name: (dims, array, {"unit": unit} if unit else {}) for name, dims, array, unit in self._arrays()}
         if not arrays:
-            raise InputError(f"{type(self).__name__} has no array with coordinates")
-        axes = dict.fromkeys(axis for dims, _, _ in arrays.values() for axis in dims)
-        coordinates = {name: arrays.pop(name, (name, list(getattr(self, name.removesuffix("_2"))))) for name in axes}
+            raise InputError(f"{type(self).__name__} has no array over named axes")
+        axes = dict.fromkeys(axis for dims, _, _ in arrays.values() for axis in dims if self._axis(axis) is not None)
+        coordinates = {name: arrays.pop(name, (name, list(self._axis(name)))) for name in axes}
         data: Dataset = library.Dataset(arrays, coordinates)
         return data
 
@@ -221,11 +222,12 @@ class Record(Part, Reportable):
 
     def _arrays(self) -> Iterator[tuple[str, tuple[str, ...], Any, str]]:
         """Yield name, dimensions, array and unit; those in mappings by their own names."""
-        units: Mapping[str, str | None] = getattr(self, "units", {})
+        known = getattr(self, "units", None)
+        units: Mapping[str, str | None] = known if isinstance(known, Mapping) else {}
         for declared in fields(self):  # type: ignore[arg-type]  # every record is a dataclass
             said, held = declared.metadata, getattr(self, declared.name)
             dims = said.get("dims", ())
-            if not dims or not all(hasattr(self, str(axis)) for axis in dims):
+            if not dims or not isinstance(dims[0], str):
                 continue
             dims = tuple(f"{axis}_2" if axis in dims[:k] else axis for k, axis in enumerate(dims))
             several = held if isinstance(held, Mapping) else {declared.name: held}
@@ -235,11 +237,16 @@ class Record(Part, Reportable):
     def _table(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the axes and the columns of the arrays with the most dimensions."""
         arrays = list(self._arrays())
-        dims = max((dims for _, dims, _, _ in arrays), key=len, default=())
+        tables = [dims for _, dims, _, _ in arrays if all(self._axis(axis) is not None for axis in dims)]
+        dims = max(tables, key=len, default=())
         if not dims:
             raise InputError(f"{type(self).__name__} has no table")
         columns = {name: array for name, over, array, _ in arrays if over == dims and name not in dims}
-        return {axis: getattr(self, axis.removesuffix("_2")) for axis in dims}, columns
+        return {axis: self._axis(axis) for axis in dims}, columns
+
+    def _axis(self, name: str) -> Any:  # noqa: ANN401 - an array or names
+        """Return the coordinates or names along an axis; None: it is counted."""
+        return getattr(self, name.removesuffix("_2"), None)
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds, a line each
@@ -492,11 +499,6 @@ _SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
 
 
 # -- what is loaded when it is needed ------------------------------------------------------------
-
-
-def _shown(name: str) -> Callable[..., Any]:
-    function: Callable[..., Any] = getattr(import_module(_SHOWS), name)
-    return function
 
 
 def _library(name: str) -> Any:  # noqa: ANN401 - a module
