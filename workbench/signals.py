@@ -298,7 +298,7 @@ def pulse(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
 
     Args:
         time: when it begins [s].
-        value: its height.
+        value: height of the pulse.
         duration: how long it lasts [s], positive.
 
     Raises:
@@ -322,7 +322,7 @@ def gust(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
 
     Args:
         time: when it begins [s].
-        value: its height, in the middle.
+        value: height of the gust, in the middle.
         duration: how long it lasts [s], positive.
 
     Raises:

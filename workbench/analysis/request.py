@@ -41,7 +41,7 @@ class Subject:
     """What a request is run on.
 
     Attributes:
-        name: of the argument.
+        name: name of the argument.
         type: in Python.
         help: in Python.
         metavar: what `--help` shows in its place.
@@ -124,7 +124,7 @@ class Request(Options, Generic[_Subject, _Record]):
         """Return whether the record is what was asked for; a command line ends with 1 otherwise.
 
         Args:
-            record: of this request.
+            record: record of this request.
         """
         return True
 

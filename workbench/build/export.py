@@ -32,7 +32,7 @@ class ExportResult(Record):
     Attributes:
         model: name of the model in the FMU.
         file: the FMU.
-        fmi: its FMI version, 2 or 3.
+        fmi: FMI version, 2 or 3.
         dt: sample period [s], 0 for a continuous model.
         n_states, n_inputs, n_outputs: sizes.
         platforms: FMI 3 platform tuples of the binaries inside.
@@ -79,7 +79,7 @@ def export(
             python-control StateSpace.
         out: the FMU to write.
         fmi: FMI version, 2 or 3.
-        name: of the model in the FMU, a C identifier; by default made from the file's name.
+        name: name of the model in the FMU, a C identifier; by default made from the file's name.
         platforms: FMI 3 platform tuples to build for; default: all five.
         stiff: integrator of co-simulation: implicit where True, explicit where False; default: chosen from the
             eigenvalues of A.
@@ -126,7 +126,7 @@ def check_linear_file(path: Path) -> None:
     """Refuse a file that `write_linear` could not write.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Raises:
         InputError: another suffix than .json or .fmu, a folder that does not exist.
@@ -145,7 +145,7 @@ def write_linear(linear: Mapping[str, Any], path: Path) -> None:
 
     Args:
         linear: matrices and names, as `export` takes them.
-        path: of the file; its suffix says which.
+        path: path of the file; its suffix says which.
 
     Raises:
         InputError: the file cannot be written.

@@ -148,8 +148,8 @@ class Linear(Part):
         """Return what leads from one input to one output.
 
         Args:
-            input: its number.
-            output: its number.
+            input: number of the input.
+            output: number of the output.
             sign: factor of the input.
         """
         return LinearPart(
@@ -210,7 +210,7 @@ class Linear(Part):
         """Return the model for python-control; dots in names, which it forbids, become underscores.
 
         Args:
-            name: of the model there.
+            name: name of the state space.
         """
         import control as ct  # noqa: PLC0415  slow to import
 
@@ -220,7 +220,7 @@ class Linear(Part):
         """Return names as python-control's StateSpace takes them.
 
         Args:
-            name: of the model.
+            name: name of the model.
         """
         names = {"states": self.state_names, "inputs": self.input_names, "outputs": self.output_names}
         given: dict[str, Any] = {key: _undotted(value) for key, value in names.items() if value}
@@ -397,7 +397,7 @@ class LinearPart(Linear):
 
         Args:
             gain: N.
-            frequency: at which a complex N holds [Hz].
+            frequency: frequency at which a complex N is valid [Hz].
         """
         if gain.imag == 0.0 and self.solvable(-gain.real):
             return self.poles_at(-gain.real)
@@ -422,7 +422,7 @@ class LinearPart(Linear):
 
         Args:
             gain: N.
-            frequency: at which a complex N holds [Hz].
+            frequency: frequency at which a complex N is valid [Hz].
         """
         if gain.imag != 0.0 or not self.solvable(-gain.real):
             found = self.closed_poles(gain, frequency)

@@ -65,7 +65,7 @@ class OperatingPoint(Part):
         """Return inputs and states in one line, e.g. for a table.
 
         Args:
-            most: so many of each are named.
+            most: largest number of each that is named.
         """
         shown = [self._listed(values, most) for values in (self.u, self.x, self.discrete)]
         return "; ".join([*filter(None, shown), f"t = {self.time:g} s"])

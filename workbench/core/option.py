@@ -44,7 +44,7 @@ class Option:
 
     Attributes:
         help: one sentence that stands alone, with a full stop.
-        unit: of the value; empty: it has none, or the sentence says it.
+        unit: unit of the value; empty: it has none, or the sentence says it.
         flag: on the command line, "--max-periods"; empty: made from the name.
         also: another flag of the same meaning; empty: none.
         metavar: what `--help` shows in place of the value; empty: that of its form.
@@ -84,8 +84,8 @@ class Declared:
     """An option of a request, complete.
 
     Attributes:
-        name: of the field.
-        type: of the value, without None and its form.
+        name: name of the field.
+        type: type of the value, without None and its form.
         form: how values are written as text; None: as their type is.
         default: if it is not given.
         required: whether there is no default.
@@ -298,7 +298,7 @@ def with_options(
     Args:
         request: class of the options.
         make: what the function does with the object and the request.
-        name: of the function.
+        name: name of the function.
         first: name, type and help of the object.
         returns: type of what the function returns; empty: as `make` says.
         words: what comes before the docstring of the request.

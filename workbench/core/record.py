@@ -52,7 +52,7 @@ def entry(
         named: in JSON, dimensions after the first are keys: name → … → values along the first.
         dims: what the axes of an array, or of all arrays in a mapping, run over: fields that hold the coordinates or
             names, or a fixed length.
-        unit: of an array.
+        unit: unit of an array.
         null: the number that null stands for in JSON.
     """
     return {"key": key, "kept": kept, "inline": inline, "named": named, "dims": tuple(dims), "unit": unit, "null": null}
@@ -108,7 +108,7 @@ class Part:
         """Return what a JSON file holds: one that the command line wrote, or `to_dict`.
 
         Args:
-            path: of the file.
+            path: path of the file.
 
         Raises:
             InputError: no such file, not JSON, or something else.
@@ -152,7 +152,7 @@ class Reportable:
         """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.
 
         Args:
-            path: of the page, .html.
+            path: path of the page, .html.
 
         Raises:
             InputError: another suffix, or the file cannot be written.
@@ -177,7 +177,7 @@ class Record(Part, Reportable):
         """Write the table of the result; its first line is the heading.
 
         Args:
-            path: of the file, or an open text stream.
+            path: path of the file, or an open text stream.
 
         Raises:
             InputError: the file cannot be written, or there is no table.
@@ -285,7 +285,7 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
     """Return what a JSON file holds.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Raises:
         InputError: no such file, or not JSON.

@@ -147,7 +147,7 @@ class Model(ABC):
 
         Args:
             time: session time [s]; None: where the model's sessions begin.
-            values: as for `open_at`.
+            values: values at the point, see `open_at`.
 
         Raises:
             InputError: the model cannot do that.

@@ -145,7 +145,7 @@ class DescribedModel(Model):
         """Return a session on an instance that stands before its initialisation, say after a reset.
 
         Args:
-            instance: of this model; closed with the session.
+            instance: instance of this model; closed with the session.
             start_time: session time at which it is initialised [s].
             step: communication step [s] in place of the model's.
 

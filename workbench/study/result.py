@@ -80,7 +80,7 @@ class StudyResult:
         reused: how many came from the store.
         missing: how many were not run, since the study was interrupted.
         notes: one line each.
-        command: that made it.
+        command: command that made the result.
     """
 
     study: Study
@@ -152,7 +152,7 @@ class StudyResult:
         """Write one line for each requirement at each point.
 
         Args:
-            path: of the file, or an open text stream.
+            path: path of the file, or an open text stream.
 
         Raises:
             InputError: the file cannot be written.
@@ -163,7 +163,7 @@ class StudyResult:
         """Write one test case for each requirement at each point, as JUnit XML.
 
         Args:
-            path: of the file.
+            path: path of the file.
 
         Raises:
             InputError: the file cannot be written.
@@ -182,7 +182,7 @@ class StudyResult:
         """Write the page.
 
         Args:
-            path: of the file, .html.
+            path: path of the file, .html.
 
         Raises:
             InputError: another suffix, or the file cannot be written.

@@ -82,14 +82,14 @@ def connect(
         inputs: system input → component input, or several of them; names alone ("controller.w_ref") are inputs of
             that name.
         outputs: system output → component variable; names alone as for inputs.
-        name: of the system.
+        name: name of the system.
         solver: "vkm", "gear", or "auto".
         step: communication step of co-simulation [s]; model exchange needs none.
         tolerance: relative tolerance of the integration; None: 1e-6.
         start: time at which sessions begin [s]; None: 0.
-        start_values: by full name, "component.variable".
+        start_values: start values by full name, "component.variable".
         bias: constants added to the system's inputs.
-        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
+        order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
         hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
 
@@ -148,7 +148,7 @@ def open_description(
     Args:
         description: the system.
         asked: how; None: all at its default.
-        order: of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
+        order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
 
     Raises:

@@ -43,7 +43,7 @@ class ContainerResult(Record):
     Attributes:
         model: name of the system.
         file: the FMU.
-        fmi: its FMI version, 2 or 3.
+        fmi: FMI version, 2 or 3.
         step: communication step between the parts [s].
         components: names of the parts.
         inputs, outputs, parameters: names of the container's variables.

@@ -37,7 +37,7 @@ class FmuComponent:
     """An FMU in a system.
 
     Attributes:
-        name: of the component; its variables are "name.variable" in the system.
+        name: name of the component; its variables are "name.variable" in the system.
         file: absolute path of an .fmu or an unpacked one, or `fmu:NAME`.
         interface: "auto", "me" or "cs".
         set: parameters and start values, by the FMU's names.
@@ -60,7 +60,7 @@ class LinearComponent(Linear):
     """A linear system; a discrete one acts at multiples of its dt.
 
     Attributes:
-        name: of the component.
+        name: name of the component.
         x0: shape (n,), where the state starts.
         units: input or output → unit; those left out have none.
     """
@@ -75,7 +75,7 @@ class GainComponent:
     """y = gain · u, with the input `u` and the output `y`.
 
     Attributes:
-        name: of the component.
+        name: name of the component.
         gain: the factor.
         units: "u" and "y" → unit; those left out have none.
     """
@@ -90,9 +90,9 @@ class SumComponent:
     """y = Σ signs[k] · u(k+1), with the inputs `u1`, `u2`, … and the output `y`.
 
     Attributes:
-        name: of the component.
+        name: name of the component.
         signs: +1.0 or -1.0 (any factor works) for each input.
-        unit: of all inputs and the output; None: none.
+        unit: unit of all inputs and the output; None: none.
     """
 
     name: str
@@ -105,7 +105,7 @@ class FunctionComponent:
     """y = function(u), a static Python function; it lives in this process only and is called at every evaluation.
 
     Attributes:
-        name: of the component.
+        name: name of the component.
         function: takes shape (m,), returns shape (p,) (a number where p = 1).
         inputs: names of the m inputs.
         outputs: names of the p outputs.
@@ -150,7 +150,7 @@ class SystemDescription:
     """A system as it is written down; nothing is opened or checked against FMUs yet (`health.resolve` does that).
 
     Attributes:
-        name: of the system.
+        name: name of the system.
         components: in the order of the file.
         connections: in the order of the file.
         inputs: the system's input → the component inputs it drives.
@@ -181,7 +181,7 @@ class Port:
 
     Attributes:
         component: position in `SystemDescription.components`.
-        variable: of that component.
+        variable: variable of that component.
     """
 
     component: int

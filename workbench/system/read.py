@@ -29,7 +29,7 @@ def read_system(path: str | Path) -> SystemDescription:
     The FMUs are there, but nothing is connected yet: `health.resolve` checks names, types and units.
 
     Args:
-        path: of the file or folder, or `system:NAME`, a bundled one.
+        path: path of the file or folder, or `system:NAME`, a bundled one.
 
     Raises:
         InputError: one line: no such file, or what in it is wrong, where, and what to do.

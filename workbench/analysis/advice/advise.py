@@ -56,7 +56,7 @@ def advise(
 
     Args:
         experiment: recorded data, as they came: not detrended, not scaled.
-        order: of the model they are meant for; None: not known yet.
+        order: order of the model they are meant for; None: not known yet.
         limits: output → lowest and highest value that the system allows, where they are known; two-level inputs
             leave no other way to tell a limit from a settled response.
         feedthrough: the plant may have a direct feedthrough; False: it has none, so that inputs and outputs that move

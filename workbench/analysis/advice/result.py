@@ -50,7 +50,7 @@ class Advice(Record):
         findings: in the order of `advise.TOPICS`.
         excited_orders: order of persistent excitation of all inputs jointly; None: at least as high as was tested.
         single_sine: an input whose excitation is one sine, or constant.
-        order: of the model these data are meant for, None where none was given.
+        order: order of the model these data are meant for, None where none was given.
     """
 
     experiment: Experiment
@@ -74,7 +74,7 @@ class Advice(Record):
         """Return the finding about a topic.
 
         Args:
-            topic: its name.
+            topic: name of the topic.
 
         Raises:
             InputError: no such topic.
@@ -91,7 +91,7 @@ class Advice(Record):
         parameters; whatever else a model of higher order says is made up.
 
         Args:
-            order: of the model.
+            order: order of the model.
 
         Raises:
             InputError: the model needs more orders than the inputs excite.

@@ -40,7 +40,7 @@ class HealthLine(Part):
     Attributes:
         component: name in the system; empty where the card is of one FMU.
         interface: "me" or "cs"; "file": the description, without running it.
-        name: of the check, a key of `CHECKS`.
+        name: name of the check, a key of `CHECKS`.
         verdict, evidence, consequence, numbers: see `Finding`.
         seconds: how long it took.
     """
@@ -105,9 +105,9 @@ class HealthCard(Record):
         """Return one line.
 
         Args:
-            name: of the check.
+            name: name of the check.
             interface: "me", "cs" or "file".
-            component: of a system.
+            component: component of a system.
 
         Raises:
             InputError: there is no such line.

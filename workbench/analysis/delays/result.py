@@ -56,7 +56,7 @@ class DelayReport(Record):
     """What the master costs at this communication step.
 
     Attributes:
-        system: its name.
+        system: name of the system.
         order: "gauss-seidel" or "jacobi".
         stages: the units in the order in which they are stepped; those of one stage side by side.
         step: communication step [s].
@@ -67,7 +67,7 @@ class DelayReport(Record):
         loops: through several units.
         outputs: how they change when the step is halved, and their estimated error.
         stop: length of the runs [s].
-        interface, solver: of the system.
+        interface, solver: interface and solver of the system.
         notes: remarks on the operating point.
         operating_point: where they start; None: not known.
     """

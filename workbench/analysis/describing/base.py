@@ -46,7 +46,7 @@ class Block(ABC):
 
         Args:
             v: coefficients of the input, shape (m,).
-            frequency: of the fundamental [Hz].
+            frequency: frequency of the fundamental [Hz].
             count: highest harmonic.
         """
 
@@ -58,7 +58,7 @@ class Block(ABC):
         """Return the coefficients of the output for amplitude · sin θ, shape (count + 1,).
 
         Args:
-            amplitude: of the sine.
+            amplitude: amplitude of the sine.
             frequency: [Hz]; without effect where the block does not depend on it.
             count: highest harmonic.
         """
@@ -68,7 +68,7 @@ class Block(ABC):
         """Return the describing function N(amplitude): fundamental of the output over that of the input.
 
         Args:
-            amplitude: of the sine.
+            amplitude: amplitude of the sine.
             frequency: [Hz]; without effect where the block does not depend on it.
         """
         found = complex(self.harmonics(amplitude, frequency, 1)[1] / (-1j * amplitude))

@@ -44,7 +44,7 @@ class DescribingFunction(Record):
     """N(A, f) of one block.
 
     Attributes:
-        block: its name.
+        block: name of the block.
         method: "closed form", "quadrature", "measured".
         amplitude: shape (n,), of the sine at the input.
         frequency_hz: shape (m,) [Hz]; one value that means nothing where the block does not depend on it.
@@ -95,7 +95,7 @@ def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> 
 
     Args:
         kind: a name in `STANDARD`.
-        parameters: of that block, by name.
+        parameters: parameters of that block, by name.
 
     Raises:
         InputError: unknown kind or parameter, value out of range.
@@ -131,10 +131,10 @@ def describing_function(
     Args:
         block: a standard block (`standard_block`), a static function of an array of inputs, or a model, which is
             measured (it may have dynamics of its own).
-        amplitudes: of the sine, positive.
+        amplitudes: amplitudes of the sine, positive.
         frequencies: [Hz]; needed for a model, and for blocks that depend on it.
-        input: of a model; None: its only one.
-        output: of a model; None: its only one.
+        input: input of a model; None: its only one.
+        output: output of a model; None: its only one.
         errcrit: error criterion of the measurement, see `workbench.nfr`.
         workers: where a model is measured.
 

@@ -35,7 +35,7 @@ class MultisineDesign(Design):
     Attributes:
         amplitude: the largest deviation from the middle; one, or one for each input.
         band: lowest and highest frequency [Hz], below half the sampling rate.
-        periods: so often the signal is repeated in the identification part.
+        periods: how often the signal is repeated in the identification part.
         lines: "all" multiples of the fundamental, or the "odd" ones: what then appears at even ones is
             the model's nonlinearity.
         seed: which set of phases.

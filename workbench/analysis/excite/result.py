@@ -24,7 +24,7 @@ class SignalFacts:
         dt: sampling interval [s].
         period: after which the signal repeats [s].
         clock: how often the value may change [Hz]; None for a multisine.
-        order: of the shift register; None for a multisine.
+        order: order of the shift register; None for a multisine.
         lines: excited frequencies of an input; None for a PRBS, which has all.
         band: lowest and highest frequency between which the spectrum of the sampled signal holds −3 dB [Hz].
         amplitude: half the range that each input covers in the identification part.
@@ -90,7 +90,7 @@ class ExciteResult(Record):
         """Write the identification part to `path`, the validation part beside it as NAME_validation.
 
         Args:
-            path: of the first file, or an open text stream for the identification part alone.
+            path: path of the first file, or an open text stream for the identification part alone.
 
         Returns:
             The files written.

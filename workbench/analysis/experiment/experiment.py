@@ -49,7 +49,7 @@ class Experiment(Part):
         time: shape (n,) [s].
         u: inputs, shape (n, m).
         y: outputs, shape (n, p).
-        input_names, output_names: of the columns.
+        input_names, output_names: names of the columns.
         input_units, output_units: None where there is none.
         name: model or file the data come from.
         notes: what was bent or decided on the way.
@@ -100,7 +100,7 @@ class Experiment(Part):
         """Return the samples [first, last).
 
         Args:
-            first: of the samples that are kept, counted from 0.
+            first: first of the samples that are kept, counted from 0.
             last: the first one after them; None: to the end.
 
         Raises:
@@ -183,7 +183,7 @@ class Experiment(Part):
         Data out of a closed loop say so in a remark before, a line that begins with "# closed loop".
 
         Args:
-            path: of the file, or an open stream.
+            path: path of the file, or an open stream.
 
         Raises:
             InputError: the file cannot be written.
@@ -274,7 +274,7 @@ def read_experiment(
     Files of other tools are read too: see `data_table.read_table`; what was bent is in `notes`.
 
     Args:
-        path: of the file.
+        path: path of the file.
         inputs: columns that force; None: all that are no outputs.
         outputs: columns that follow; None: all that are no inputs. Without both, the file must have
             two columns besides time: the first one is the input.

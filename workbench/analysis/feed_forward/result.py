@@ -35,14 +35,14 @@ class FeedForwardResult(Record):
         input, output: full names of its input v and its output w.
         target: full name of the control input u.
         source: full name of the variable that is fed back; None: no feedback.
-        gain: of the scalar feedback.
-        filter_units: of w and u, None where undeclared.
+        gain: gain of the scalar feedback.
+        filter_units: units of w and u, None where undeclared.
         band: frequencies in which errors count [Hz].
         frequency_hz: shape (n,), rising [Hz].
         g: shape (n,), response from u to v with the feedback.
         h: shape (n,), response from w to v with the feedback, sign turned: v = G u − H w.
         open_unstable: poles right of the imaginary axis without feedback [1/s].
-        closed_unstable: likewise with it.
+        closed_unstable: unstable poles with the feedback.
         design: reductions, steps and the filter.
         limit_cycles: predicted by the describing function with the feedback alone and with the filter; None: the block
             has a memory, see the notes.

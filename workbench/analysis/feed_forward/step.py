@@ -62,9 +62,9 @@ class Judge:
         """Return the step with its errors.
 
         Args:
-            name: of the step.
-            response: of the filter.
-            order: of it.
+            name: name of the step.
+            response: response of the filter.
+            order: order of the filter.
             unstable: its poles right of the axis.
             remark: what was done.
         """

@@ -33,7 +33,7 @@ class Trial(Part):
     """One simulation.
 
     Attributes:
-        name: of the control, such as "scalar feedback" or "feed-forward".
+        name: name of the control, such as "scalar feedback" or "feed-forward".
         limited: whether the actuator with its limits was in front of the target.
         closes_at: [s].
         time: shape (n,) [s].
@@ -44,7 +44,7 @@ class Trial(Part):
             None: it does not.
         rest: largest magnitude at the end over `before`; None: it did not get there.
         largest_target: magnitude of the control input after closing.
-        largest_target_rate: of its rate, from differences [per s].
+        largest_target_rate: largest rate of the target, from differences [per s].
         divergence: what grew without bound; None: nothing.
         failure: why the run stopped; "": it did not.
     """
@@ -89,7 +89,7 @@ def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run:
         loops: what is connected; without actuator there are no limits.
         part: the filter; None: feedback alone.
         run: how long, from which inputs.
-        name: of the trial.
+        name: name of the trial.
 
     Raises:
         InputError: see `closed`.
@@ -165,7 +165,7 @@ def settling(time: Floats, values: Floats, begin: float, level: float) -> float 
         time: shape (n,) [s].
         values: shape (n,).
         begin: [s].
-        level: of the magnitude.
+        level: level of the magnitude.
     """
     above = np.flatnonzero((np.abs(values) > level) & (time >= begin))
     if not len(above):

@@ -37,7 +37,7 @@ class FeedbackResult(Record):
 
     Attributes:
         model, interface, solver: what was analysed.
-        source, target: of the feedback, as they were named.
+        source, target: output and input of the feedback, as they were named.
         source_unit, target_unit: the gain is in target_unit / source_unit; None: none declared.
         gains: lowest and highest gain looked at; infinite: none.
         plant: G from target to source, the feedback open (with the actuator, if there is one).
@@ -49,7 +49,7 @@ class FeedbackResult(Record):
         fastest: for each stable interval the gain with which the slowest oscillation decays fastest; None: nothing
             oscillates.
         locus: poles over a range of gains worth a picture.
-        frequency_hz: of the Nyquist curve, shape (k,) [Hz].
+        frequency_hz: frequency of the Nyquist curve, shape (k,) [Hz].
         response: G there, shape (k,), complex.
         block: component taken as the nonlinear block; None: there is none.
         cycles: limit cycles that are left, for gains in the stable intervals.

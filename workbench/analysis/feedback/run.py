@@ -31,13 +31,13 @@ class FeedbackRun(Record):
     Attributes:
         model: name of the system.
         gain: g.
-        source, target: of the feedback.
+        source, target: output and input of the feedback.
         watch: variable whose magnitude counts.
         closes_at: when the feedback closes [s].
-        frequency_hz: of the motion before [Hz].
+        frequency_hz: frequency of the motion before [Hz].
         time: shape (k,) [s].
         signals: source, watch, what is handed to the target, further outputs; each of shape (k,).
-        units: of these; None where none is declared.
+        units: units of these variables; None where none is declared.
         limit, rate_limit: of what is handed to the target [its unit, its unit / s]; None: not known.
     """
 
@@ -105,12 +105,12 @@ def feedback_run(
     """Simulate: the motion, the feedback closing on it, what becomes of it.
 
     Args:
-        place: of the feedback.
+        place: place of the feedback.
         start: the motion.
         gain: g.
         begin: session time at which a motion that was excited by signals begins [s].
         watch: variable whose magnitude counts, by the model's name.
-        y0: of the source at rest.
+        y0: value of the source at rest.
         actuator: between gain and target; None: none.
         outputs: further variables, by the model's names.
         stop: session time of the end [s]; None: 160 cycles after closing.

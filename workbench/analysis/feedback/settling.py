@@ -38,7 +38,7 @@ class Settings:
     Attributes:
         threshold: part of the magnitude at the beginning below which the motion counts as settled.
         thresholds: others, for the table.
-        order: of the polynomial.
+        order: order of the polynomial.
         longest: after which a run is given up [s]; None: 250 cycles.
         tolerance: relative, of the integration.
     """
@@ -108,9 +108,9 @@ class SettlingStudy(Record):
 
     Attributes:
         variable: whose magnitude counts.
-        unit: of it.
+        unit: unit of the variable.
         target: what the feedback drives.
-        target_unit: of it.
+        target_unit: unit of the target.
         settings: how it was made.
         start: the motion before the feedback closes.
         actuator: between gain and target; None: none.
@@ -189,11 +189,11 @@ def settling_study(
     """Close the feedback with each gain on the same motion and measure how fast it settles.
 
     Args:
-        place: of the feedback.
+        place: place of the feedback.
         start: the motion.
         gains: rising.
         watch: variable whose magnitude counts, by the model's name.
-        y0: of the source at rest.
+        y0: value of the source at rest.
         actuator: between gain and target; None: none.
         settings: threshold, polynomial, patience.
         job: is told each gain.

@@ -38,7 +38,7 @@ class IdentifiedModel(Linear):
         input_units, output_units: None where not known.
         delay: samples per input, shape (m,); the last sum(delay) states are these delays, so that A, B, C, D are the
             whole model.
-        name: of the model or file the data come from.
+        name: name of the model or file the data come from.
         notes: what else should be known, one line each.
     """
 
@@ -196,7 +196,7 @@ class IdentifiedModel(Linear):
             output_names: shape (p,).
             input_units: shape (m,).
             output_units: shape (p,).
-            name: of the model.
+            name: name of the model.
             u0: shape (m,), what was taken off the inputs before.
             y0: shape (p,), what was taken off the outputs before.
 

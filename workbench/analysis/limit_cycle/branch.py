@@ -16,12 +16,12 @@ class BranchPoint:
     """One cycle of a branch, by harmonic balance.
 
     Attributes:
-        value: of the parameter.
+        value: value of the parameter.
         frequency_hz: [Hz].
         amplitude: half the peak-to-peak value of the block's input.
         fundamental: amplitude of its fundamental.
-        mean: of the block's input, in its unit.
-        stable: by Floquet multipliers; None: not computed.
+        mean: mean of the block's input, in its unit.
+        stable: stability by Floquet multipliers; None: not computed.
     """
 
     value: float

@@ -35,7 +35,7 @@ class Span(Part):
         frequency_hz: periods over time [Hz]; None: fewer than two periods.
         scatter: largest relative deviation of a period from the mean; large where two oscillations beat.
         amplitude: largest half distance between neighbouring extremes.
-        growth: of the amplitude, by a straight line through its logarithm [1/s].
+        growth: growth of the amplitude, by a straight line through its logarithm [1/s].
     """
 
     begin: float
@@ -51,7 +51,7 @@ class FreeRun(Record):
     """A simulated signal and what it oscillates with, period by period.
 
     Attributes:
-        signal: its name.
+        signal: name of the signal.
         unit: None where the model declares none.
         time: shape (n,) [s].
         value: shape (n,).
@@ -144,7 +144,7 @@ def oscillation_history(
 
     Args:
         signal: name.
-        unit: of the values.
+        unit: unit of the values.
         time: shape (n,), not falling [s].
         value: shape (n,).
         centre: about which it oscillates, such as its value at rest; None: the mean of the second half.

@@ -27,11 +27,11 @@ class LimitCycle(Part):
         frequency_hz: [Hz].
         amplitude: half the peak-to-peak value of the block's input.
         fundamental: amplitude of its fundamental.
-        mean: of the block's input, in its unit.
+        mean: mean of the block's input, in its unit.
         stable: by pole counts (describing function), Floquet multipliers (harmonic balance, shooting), or because
             the simulation stayed; None: not known, as where no multiplier is 1.
         multiplier: largest Floquet multiplier besides the one at 1, its size; None: not computed.
-        residual: of the method's equations, relative; None: it has none.
+        residual: residual of the method's equations, relative; None: it has none.
         states: state → value at one point of the cycle; empty: not known.
     """
 
@@ -68,7 +68,7 @@ class SimulatedCycle(Part):
         time: shape (n,), of the last periods [s].
         values: variable → shape (n,).
         predicted_frequency_hz: where it began [Hz].
-        predicted_amplitude: of the block's input, where it began.
+        predicted_amplitude: predicted amplitude of the block's input, where it began.
     """
 
     crossing: int | None
@@ -95,7 +95,7 @@ class LimitCycleResult(Record):
         input, output: full names of the block's input and output.
         input_unit: unit of the block's input.
         nyquist: the curve of the linear part with −1/N.
-        limit_cycles: by crossing and method.
+        limit_cycles: limit cycles by crossing and method.
         simulated: None: no stable cycle was predicted, or its simulation failed (see the notes).
         branches: the cycles followed over each parameter that was asked for.
         observed: free runs from disturbed operating points, made where no cycle is predicted.

@@ -48,8 +48,8 @@ class Verdict(Part):
     Attributes:
         method: which linear model.
         frequency_hz: [Hz].
-        gain_db: its gain less the measured gain [dB]; −∞ where it has none; NaN where nothing was measured.
-        phase_deg: its phase less the measured phase, within ±180 [deg]; NaN where either has no gain.
+        gain_db: gain of the model less the measured gain [dB]; −∞ where it has none; NaN where nothing was measured.
+        phase_deg: phase of the model less the measured phase, within ±180 [deg]; NaN where either has no gain.
         agrees: within 0.5 dB and 5 deg; None where nothing was measured, or nothing moved.
         measured_gain: what was measured; NaN where nothing was.
     """
@@ -94,7 +94,7 @@ class LinComparison(Record):
         model, interface, solver: what was linearised.
         input, output: names.
         results: "method (interface)" → linear model.
-        failed: likewise → why it does not apply, one line.
+        failed: name of a method → why it does not apply, one line.
         measured: frequency response of small amplitude; None where it could not be measured.
         verdicts: every model at every frequency.
         interfaces: co-simulation against model exchange; None where the FMU does not offer both.

@@ -172,7 +172,7 @@ class LinResult(Linear, Record):
         """Return the model for python-control, with names.
 
         Args:
-            name: of the model there; None: its own.
+            name: name of the state space; None: its own.
         """
         model: LinearModel = named("workbench.analysis.lin.state_space:LinearModel")(self, name)
         return model

@@ -28,7 +28,7 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
 
     Args:
         result: the linearisation.
-        name: of the model; None: its own.
+        name: name of the model; None: its own.
 
     Attributes:
         result: the linearisation with its point, method, doubts and notes.

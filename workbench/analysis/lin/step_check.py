@@ -27,8 +27,8 @@ class StepCheck(Record):
 
     Attributes:
         input, output: names.
-        height: of the step [unit of the input].
-        unit: of the output, None where the model names none.
+        height: height of the step [unit of the input].
+        unit: unit of the output, None where the model names none.
         time: since the step, shape (k,) [s].
         linear: the linear model's output with the offset of the point, shape (k,).
         nonlinear: the model's own, shape (k,).
@@ -55,7 +55,7 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
             inside the FMU makes errors of its own, which another linear model does not have.
         input: which input steps at the point.
         output: which output is watched.
-        height: of the step [unit of the input].
+        height: height of the step [unit of the input].
         stop: how long [s].
 
     Raises:

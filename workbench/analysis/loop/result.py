@@ -37,14 +37,14 @@ class LoopResult(Record):
     closed loop is S = 1/(1 + L) and T = L/(1 + L) wherever the minus sign of the loop lies.
 
     Attributes:
-        system: its name.
+        system: name of the system.
         place: the connections that are opened.
-        value: of the signal there at the operating point [unit of the source].
-        linear: from `lin` at that point; None where it failed, `notes` say why.
+        value: value of the signal there at the operating point [unit of the source].
+        linear: result of `lin` at that point; None where it failed, `notes` say why.
         curves: measured at amplitudes, in the order of measurement and amplitude; empty: none were asked for.
         why: why it was measured so; empty without amplitudes.
         notes: one line each.
-        operating_point: of the closed loop; None: not known.
+        operating_point: operating point of the closed loop; None: not known.
     """
 
     system: str

@@ -32,7 +32,7 @@ class Mode:
     Attributes:
         number: from 1 on, by rising damped frequency at the first value; what appears later (two real poles of what
             was a pair) comes after.
-        pole: of the pair that with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
+        pole: of a pair the one with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
         uncertain: how far rounding may have moved it, shape (k,) [1/s].
         states: those that take most part in it, at its first value.
     """
@@ -74,8 +74,8 @@ class Critical(Part):
 
     Attributes:
         mode: number.
-        value: of the parameter, to `ModesResult.tolerance`.
-        frequency_hz: of the mode there [Hz]; 0: it does not oscillate (divergence).
+        value: value of the parameter, to `ModesResult.tolerance`.
+        frequency_hz: frequency of the mode there [Hz]; 0: it does not oscillate (divergence).
         becomes: "unstable" or "stable", the parameter rising.
         real: real part of the pole there [1/s]; what the tolerance leaves.
     """
@@ -101,8 +101,8 @@ class ModesMeeting:
     """Modes that meet.
 
     Attributes:
-        value: of the parameter, within `width`.
-        width: of the last step.
+        value: value of the parameter, within `width`.
+        width: width of the last step.
         modes: numbers.
         kind: "real axis" (a pair becomes two real poles, or the reverse) or "unclear" (they coalesce, or pass closer
             than the last step resolves: which goes on as which is not certain).
@@ -121,10 +121,10 @@ class ModeSet(Part):
     Attributes:
         label: for pictures; "": the model as it is.
         settings: parameters that differ from the model as it is.
-        value: of the parameter, with those put in between; rising, shape (k,).
-        modes: by number.
-        critical: rising in the value.
-        meetings: likewise.
+        value: value of the parameter, with those put in between; rising, shape (k,).
+        modes: modes by number.
+        critical: critical values, rising.
+        meetings: meetings of modes, rising.
         failed: value → why there is no linear model.
     """
 
@@ -158,7 +158,7 @@ class ModeSet(Part):
         """Return the numbers of the modes worth a look: unstable somewhere, and at least the two with least damping.
 
         Args:
-            most: so many at most, those with the least damping.
+            most: largest number of modes, those with the least damping.
         """
         least = {m.number: float(np.nanmin(m.damping)) for m in self.modes if not np.all(np.isnan(m.damping))}
         ranked = sorted(least, key=lambda n: least[n])
@@ -169,7 +169,7 @@ class ModeSet(Part):
         """Return a mode by its number.
 
         Args:
-            number: from 1 on.
+            number: number of the mode, from 1.
         """
         return self.modes[number - 1]
 
@@ -219,12 +219,12 @@ class ModesResult(Record):
     Attributes:
         model, interface: what was linearised.
         parameter: what was varied.
-        unit: its unit, None where the model declares none.
+        unit: unit of the parameter; None: the model declares none.
         sets: one for each configuration, the model as it is first.
-        tolerance: of the critical values, in the unit of the parameter.
+        tolerance: tolerance of the critical values, in the unit of the parameter.
         criterion: what "critical" means.
         notes: what should be known, one line each.
-        operating_point: of the first value.
+        operating_point: operating point of the first value.
     """
 
     model: str

@@ -20,7 +20,7 @@ class Motion:
     """One signal of one system in one window.
 
     Attributes:
-        system: its name in the comparison.
+        system: name of the system in the comparison.
         signal: variable.
         window: position in `MotionComparison.windows`.
         measure: peak, rms and more, in the variable's own unit.
@@ -37,7 +37,7 @@ class MotionHistory:
     """The record of one system.
 
     Attributes:
-        system: its name in the comparison.
+        system: name of the system in the comparison.
         time: shape (n,) [s].
         values: signal → shape (n,), in its own unit.
     """
@@ -52,7 +52,7 @@ class MotionFailed:
     """A run that ended early.
 
     Attributes:
-        system: its name in the comparison.
+        system: name of the system in the comparison.
         time: when [s]; None: not known.
         reason: in one line.
     """
@@ -102,7 +102,7 @@ class MotionComparison(Record):
         """Return one entry; None: the run did not reach that window.
 
         Args:
-            system: its name in the comparison.
+            system: name of the system in the comparison.
             signal: variable.
             window: position in `windows`.
         """
@@ -113,7 +113,7 @@ class MotionComparison(Record):
         """Return the peak over that of the first system; None: one of them is missing, or the first is at rest.
 
         Args:
-            system: its name in the comparison.
+            system: name of the system in the comparison.
             signal: variable.
             window: position in `windows`.
         """

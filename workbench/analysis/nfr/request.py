@@ -121,7 +121,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         """Return whether no point failed.
 
         Args:
-            record: of this request.
+            record: record of this request.
         """
         return not record.failed
 

@@ -58,7 +58,7 @@ def watch(session: Session, task: PointTask) -> ZeroInput:
     """Run with zero input; stop early where nothing moves.
 
     Args:
-        session: of the model, not advanced yet.
+        session: session of the model, not advanced yet.
         task: names, rows per period and the lowest frequency.
     """
     begin = session.time

@@ -51,7 +51,7 @@ def nyquist(
         block: N; None: crossings of the negative real axis alone.
         band: lowest and highest frequency [Hz].
         amplitudes: lowest and highest amplitude looked at, or all of them, rising.
-        name: of the loop.
+        name: name of the loop.
 
     Raises:
         InputError: L is sampled or has several inputs or outputs, a band or amplitudes that do not rise.

@@ -28,7 +28,7 @@ class Crossing(Part):
         real: real part of L there; minus infinity at a pole of L on the imaginary axis.
         imag: imaginary part; 0 where N is real.
         gain: −1/L, real part where N is real, else its size: the equivalent gain of the block.
-        amplitude: at the block's input; None: N takes this gain at no amplitude that was looked at.
+        amplitude: amplitude at the block's input; None: N takes this gain at no amplitude that was looked at.
         stable: whether the oscillation is, by `NyquistResult.criterion`; None: there is none.
         unstable_below: poles in the right half-plane with an equivalent gain a little below.
         unstable_above: the same a little above.
@@ -52,7 +52,7 @@ class NyquistResult(Record):
     """L(jω) of a loop 1 + N·L = 0, and all its crossings in a band.
 
     Attributes:
-        name: of the loop.
+        name: name of the loop.
         block: name of the nonlinear block; "": none, crossings of the negative real axis alone.
         frequency_hz: adaptive, shape (k,) [Hz].
         response: L, shape (k,), complex.

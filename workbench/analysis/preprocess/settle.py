@@ -63,7 +63,7 @@ def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Cut:
 
     Args:
         experiment: recorded data.
-        samples: so many; None: what `settling_samples` finds.
+        samples: number of samples to cut off; None: what `settling_samples` finds.
 
     Raises:
         InputError: negative, or less than 30 % of the record would be left.

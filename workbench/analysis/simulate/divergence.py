@@ -32,11 +32,11 @@ class Divergence(Part):
     """How a simulation grew until it stopped.
 
     Attributes:
-        variable: that grew most.
-        unit: of it; None: none declared.
+        variable: variable that grew most.
+        unit: unit of the variable; None: none declared.
         kind: "finite escape", "exponential" or "growing".
         time: until which it was followed [s].
-        size: its largest magnitude until then.
+        size: largest magnitude of the variable until then.
         doubling_times: in which its magnitude doubled, the last ones, in their order [s].
         escape_time: where the doubling times, taken as a geometric series, end [s]; None: no finite escape.
         exponent: p of |x| ~ (escape_time − t)^−p; None: no finite escape.
@@ -119,7 +119,7 @@ def divergence(
         time: shape (n,), rising [s].
         values: shape (n,).
         variable: its name, for the answer.
-        unit: of it.
+        unit: unit of the variable.
         floor: magnitudes below this say nothing.
     """
     passed = _doublings(np.asarray(time, dtype=np.float64), np.abs(np.asarray(values, dtype=np.float64)), floor)

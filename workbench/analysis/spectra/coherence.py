@@ -33,14 +33,14 @@ class Coherence(Record):
     Noise, nonlinear distortion, further inputs and a memory longer than a segment all make it smaller.
 
     Attributes:
-        name: of the experiment.
+        name: name of the experiment.
         frequency_hz: shape (n_f,) [Hz].
         ordinary: between each output and each input alone, shape (n_f, p, m).
         multiple: between each output and all inputs together, shape (n_f, p); with one input the ordinary one.
         response: frequency response from inputs to outputs, Φ_yu Φ_uu⁻¹, shape (n_f, p, m), complex,
             [unit of the output / unit of the input].
         input_density: shape (n_f, m), [unit²/Hz], for judging where there is excitation.
-        input_names, output_names: of the columns.
+        input_names, output_names: names of the columns.
         settings: window, segments, resolution and random error.
 
     Source: J. S. Bendat and A. G. Piersol, Random Data, 4th ed., sections 7.3 (multiple), 9.2 (errors).
@@ -131,7 +131,7 @@ def coherence(
     Args:
         experiment: recorded data.
         segments: the record is cut into so many segments, side by side; None: 20.
-        length: of a segment [samples], instead of `segments`.
+        length: length of a segment [samples], instead of `segments`.
         overlap: share that neighbouring segments have in common.
         window: hann, hamming, blackman, bartlett, flattop or boxcar.
 

@@ -24,12 +24,12 @@ class SpectralDensity(Record):
     """One-sided spectral densities, from 0 to the Nyquist frequency.
 
     Attributes:
-        name: of the experiment.
+        name: name of the experiment.
         frequency_hz: shape (n_f,) [Hz].
         matrix: auto- and cross-densities, shape (n_f, c, c), [unit of row · unit of column / Hz], in the order
             of `columns`; the integral of a diagonal element over frequency is that column's variance.
         columns: names.
-        units: of the columns, None where there is none.
+        units: units of the columns, None where there is none.
         settings: window, segments, resolution and random error.
     """
 
@@ -98,7 +98,7 @@ def sdf(
         experiment: recorded data.
         columns: names; None: all inputs, then all outputs.
         segments: the record is cut into so many segments, side by side; None: 20.
-        length: of a segment [samples], instead of `segments`.
+        length: length of a segment [samples], instead of `segments`.
         overlap: share that neighbouring segments have in common.
         window: hann, hamming, blackman, bartlett, flattop or boxcar.
 

@@ -195,7 +195,7 @@ def model_of(
         fit: B, D, x0 and constant part of channels of size one.
         noise: likewise.
         record: with the sizes of the channels.
-        delays: of the inputs [samples].
+        delays: delays of the inputs [samples].
         dt: sampling interval [s].
     """
     su, sy = record.u_scale, record.y_scale

@@ -22,7 +22,7 @@ class SubspaceEstimate(Record):
         method: "n4sid", "moesp" or "cva".
         basis: "combined" (principal angles show the order) or "unscaled" (singular values do).
         biased: the model comes from the regression on the state sequence.
-        order: of the dynamics, delays not counted.
+        order: order of the dynamics, delays not counted.
         order_reason: in one line.
         order_criterion: shape (k + 1,), of the orders 0 … k, smallest is best; NaN where an order could
             not be the best any more, empty where the criterion was not needed.

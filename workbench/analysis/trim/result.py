@@ -17,7 +17,7 @@ class Residual(Part):
     """What is left of one equation at the point.
 
     Attributes:
-        name: of the equation, e.g. "der(x)", "change of x" (over the basic period), "y = 2".
+        name: name of the equation, e.g. "der(x)", "change of x" (over the basic period), "y = 2".
         value: [unit].
         unit: None where the model names none.
         scaled: `value` over the change that each unknown makes in it when it moves by its nominal value, or by itself
@@ -64,8 +64,8 @@ class TrimResult(Record):
         converged: whether it is an equilibrium: every required equation vanishes against what it does around the point.
         message: what came out, one line.
         unknowns: names of what was searched for.
-        iterations: of the search.
-        evaluations: of the model: points, periods or runs.
+        iterations: number of iterations of the search.
+        evaluations: number of evaluations of the model: points, periods or runs.
         notes: remarks, one line each.
     """
 

@@ -38,14 +38,14 @@ class PoleBootstrap(Record):
     """Poles of many models identified from records like the one measured.
 
     Attributes:
-        regions: of each pole, in the order of the model's poles (without those of delays).
+        regions: region of each pole, in the order of the model's poles (without those of delays).
         replicates: shape (R, n), poles found, in the same order.
-        confidence: of the regions.
+        confidence: confidence of the regions.
         joint: all regions together hold the true poles with this confidence, else each for itself.
         block: length of the blocks [samples].
         failed: replicates without a model.
         dt: sampling interval [s].
-        seed: of the random numbers.
+        seed: seed of the random numbers.
     """
 
     regions: tuple[PoleRegion, ...]
@@ -83,7 +83,7 @@ class PoleBootstrap(Record):
         """Return whether z lies in the region of the estimate nearest to `pole`.
 
         Args:
-            pole: of the model.
+            pole: pole of the model.
             z: on the plane of discrete poles.
         """
         nearest = min(self.regions, key=lambda r: abs(r.pole - pole))
@@ -140,14 +140,14 @@ def bootstrap_poles(
 
     Args:
         model: identified from `data`.
-        data: with the model's channels.
+        data: recorded data with the model's channels.
         estimator: of u (N, m) and y (N, p) → poles, shape (n,), with the settings that the model was made with;
             `same_settings` makes it.
         replicates: R.
         block: length of the blocks [samples]; None: N^(1/3), as Künsch's theory has it.
-        confidence: of the regions.
+        confidence: confidence of the regions.
         joint: all regions together hold the true poles with this confidence; False: each for itself.
-        seed: of the random numbers.
+        seed: seed of the random numbers.
 
     Raises:
         InputError: settings out of range, an unstable model, most replicates without a model of the same order.

@@ -34,7 +34,7 @@ class Difference:
     """One curve less the reference.
 
     Attributes:
-        curve: its name.
+        curve: name of the curve.
         frequency_hz: shape (k,) [Hz].
         gain_db: shape (k,) [dB]; NaN where one of both has no value.
         phase_deg: shape (k,), within ±180 [deg].
@@ -73,14 +73,14 @@ class Overlay(Record):
     """Frequency responses from one input to one output, as sines would show them.
 
     Attributes:
-        name: of the model or file.
+        name: name of the model or file.
         input, output: names.
         frequency_hz: shape (k,), of the curves [Hz].
         curves: name → response, shape (k,); NaN where the curve says nothing (above its Nyquist frequency).
         measured: frequency response with sines, all amplitudes; None where there is none.
         amplitude: of the measured response that is the reference [unit of the input]; NaN where there is none.
         reference: name of what the others are compared with.
-        differences: of the others, at the measured frequencies or at those of the curves.
+        differences: differences of the other curves, at the measured frequencies or at those of the curves.
         nyquist_hz: half the sampling rate of the identified model [Hz].
         notes: what else should be known, one line each.
     """
@@ -101,7 +101,7 @@ class Overlay(Record):
         """Return the difference between a curve and the reference.
 
         Args:
-            curve: its name.
+            curve: name of the curve.
 
         Raises:
             InputError: there is no such curve, or it is the reference.
@@ -166,7 +166,7 @@ def overlay(
         nfr: measured with sines.
         input: name; may be left out where the model has one.
         output: name; likewise.
-        amplitude: of `nfr`, that is the reference; may be left out where there is one.
+        amplitude: amplitude of `nfr`, that is the reference; may be left out where there is one.
         frequencies: of the curves [Hz]; None: those of `nfr`, else three decades up to the Nyquist frequency.
         plant: "continuous": the record's input was held, that of a sine is not; the hold is taken out. "sampled": the
             plant samples its input and holds its output, as a sampled control law does; the hold is added. "held": the

@@ -29,7 +29,7 @@ class Validation(Record):
 
     Attributes:
         model: what was validated.
-        data: with the model's channels.
+        data: recorded data with the model's channels.
         simulation: output from the input alone.
         prediction: output corrected by what was measured before.
         cancellations: poles that a zero nearly cancels, nearest first.

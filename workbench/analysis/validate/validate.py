@@ -46,7 +46,7 @@ def validate(
     Args:
         model: discrete.
         data: as recorded; the model takes its operating point off itself.
-        lags: of the residual tests [samples]; None: 25, or a quarter of a short record.
+        lags: number of lags of the residual tests [samples]; None: 25, or a quarter of a short record.
         steps: how far ahead the prediction looks [samples].
         start: where the model starts: "fit" at the state that suits the record best, "rest" at the operating point,
             "model" at its own x0 (for the record it was identified from).
