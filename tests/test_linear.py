@@ -113,6 +113,27 @@ def test_few_and_many_points_keep_their_digits_where_entries_differ_by_ten_decad
         assert np.abs(found / expected - 1.0).max() < 1e-11
 
 
+def test_zeros_of_a_chain_of_lags_with_known_numerator() -> None:
+    """(s + 1)(s² + 4)/((s + 2)(s + 3)(s + 5)(s + 7)), its states in units twelve decades apart."""
+    system = control.ss(control.tf(np.poly([-1.0, 2j, -2j]).real, np.poly([-2.0, -3.0, -5.0, -7.0])))
+    T = np.diag([1e-6, 1.0, 1e3, 1e6])
+    part = LinearPart(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), system.D)
+    assert sorted(part.invariant_zeros, key=lambda z: z.imag) == pytest.approx([-2j, -1.0, 2j], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_zeros_block_a_motion(seed: int) -> None:
+    """At a zero of a square system [A − zI, B; C, D] is singular; one with more outputs than inputs has none."""
+    rng = np.random.default_rng(seed)
+    A, B, C, D = (rng.normal(size=shape) for shape in ((5, 5), (5, 2), (2, 5), (2, 2)))
+    found = Linear(A, B, C, D).invariant_zeros
+    assert len(found) == 5
+    for z in found:
+        pencil = np.block([[A - z * np.eye(5), B], [C, D]])
+        assert np.linalg.svd(pencil, compute_uv=False)[-1] < 1e-10
+    assert len(Linear(A, B, rng.normal(size=(3, 5)), np.zeros((3, 2))).invariant_zeros) == 0
+
+
 # -- what does not fit -----------------------------------------------------------------------------
 
 

@@ -15,7 +15,7 @@ from workbench.core.matrices import Complex, Floats, balance, held, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
 from workbench.core.record import Part, entry
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
     from typing import Self
@@ -96,6 +96,34 @@ class Linear(Part):
     def poles(self) -> Complex:
         """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
         return np.linalg.eigvals(self.A).astype(np.complex128)
+
+    @cached_property
+    def invariant_zeros(self) -> Complex:
+        """Finite zeros, shape (k,) [1/s], of a discrete model without unit; mostly none with more outputs than inputs.
+
+        They come from the system matrix, not from polynomials, whose coefficients lose all digits at higher orders.
+
+        Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems, Automatica 18
+        (1982); SLICOT routine AB08ND.
+
+        Raises:
+            SimulationError: they could not be computed.
+        """
+        n, (q, m) = len(self.A), self.D.shape
+        if not n or not q or not m:
+            return np.zeros(0, dtype=np.complex128)
+        import slycot  # noqa: PLC0415  slow to import
+        from scipy.linalg import eig  # noqa: PLC0415  slow to import
+
+        even, _ = self.of_unit_size()
+        try:
+            found = slycot.ab08nd(n, m, q, even.A, even.B, even.C, even.D)
+        except slycot.exceptions.SlycotError as error:
+            raise SimulationError(f"zeros cannot be computed: {error}") from None
+        count, pencil, mass = found[0], found[8], found[9]
+        if not count:
+            return np.zeros(0, dtype=np.complex128)
+        return np.asarray(eig(pencil[:count, :count], mass[:count, :count], right=False), dtype=np.complex128)
 
     @property
     def continuous_poles(self) -> Complex:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.analysis.identified.march import march, march_one
-from workbench.analysis.identified.numden import NumDen, numden, transmission_zeros
+from workbench.analysis.identified.numden import NumDen, numden
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, unheld
 from workbench.core.poles import pole_keys
@@ -70,7 +70,7 @@ class IdentifiedModel(Linear):
     @property
     def zeros(self) -> Complex:
         """Transmission zeros, finite ones, shape (k,); a model with more outputs than inputs has mostly none."""
-        return transmission_zeros(self.A, self.B, self.C, self.D)
+        return self.invariant_zeros
 
     def numden(self) -> NumDen:
         """Return numerators and the common denominator in falling powers of z (of s where dt is 0).

@@ -89,11 +89,7 @@ class Factored(Part):
 def factored(part: LinearPart) -> Factored:
     """Return zeros, poles and gain of a state-space system.
 
-    The zeros are the invariant zeros; they come from the system matrix, not from polynomials, whose coefficients lose
-    all digits at orders such as these. The gain is the median over several frequencies.
-
-    Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems, Automatica 18
-    (1982); SLICOT routine AB08ND.
+    The zeros are those of `Linear.invariant_zeros`. The gain is the median over several frequencies.
 
     Args:
         part: the system.
@@ -101,7 +97,7 @@ def factored(part: LinearPart) -> Factored:
     Raises:
         SimulationError: the zeros could not be computed, or the system is zero.
     """
-    zeros, poles = by_size(_zeros(part)), by_size(part.poles)
+    zeros, poles = by_size(part.invariant_zeros), by_size(part.poles)
     unit = Factored(zeros=zeros, poles=poles, gain=1.0)
     f = _places(zeros, poles)
     with np.errstate(all="ignore"):
@@ -134,25 +130,6 @@ def _places(zeros: Complex, poles: Complex) -> Floats:
     sizes = sizes[sizes > 1e-9]
     low, high = (sizes.min(), sizes.max()) if len(sizes) else (0.1, 10.0)
     return np.asarray(np.geomspace(max(low, 1e-6 * high), 2.0 * high, _PLACES), dtype=np.float64)
-
-
-def _zeros(part: LinearPart) -> Complex:
-    """Return the invariant zeros."""
-    n = len(part.A)
-    if n == 0:
-        return np.zeros(0, dtype=np.complex128)
-    import slycot  # noqa: PLC0415  slow to import
-    from scipy.linalg import eig  # noqa: PLC0415
-
-    even, _ = part.of_unit_size()
-    try:
-        found = slycot.ab08nd(n, 1, 1, even.A, even.B, even.C, even.D)
-    except slycot.exceptions.SlycotError as error:
-        raise SimulationError(f"zeros cannot be computed: {error}") from None
-    count, pencil, mass = found[0], found[8], found[9]
-    if count == 0:
-        return np.zeros(0, dtype=np.complex128)
-    return np.asarray(eig(pencil[:count, :count], mass[:count, :count], right=False), dtype=np.complex128)
 
 
 # -- butterworth low-pass filters as factored transfer functions -----------------------------------

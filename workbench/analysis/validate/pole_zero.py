@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.identified.numden import transmission_zeros
 from workbench.core.record import Part
 
 __all__ = ["NEAR", "NearCancellation", "near_cancellations"]
@@ -83,10 +82,10 @@ def near_cancellations(
 
 def _channels(model: IdentifiedModel) -> Sequence[Complex]:
     """Return the zeros from each input to each output; channels without any gain do not count."""
-    A, B, C, D = model.A, model.B, model.C, model.D
+    B, C, D = model.B, model.C, model.D
     pairs = [(i, j) for i in range(len(C)) for j in range(B.shape[1])]
     alive = [(i, j) for i, j in pairs if D[i, j] != 0.0 or (np.any(B[:, j]) and np.any(C[i]))]
-    return [transmission_zeros(A, B[:, j : j + 1], C[i : i + 1], D[i : i + 1, j : j + 1]) for i, j in alive]
+    return [model.part(j, i).invariant_zeros for i, j in alive]
 
 
 def _nearest(poles: Complex, zeros: Complex) -> Complex:
