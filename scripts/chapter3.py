@@ -25,7 +25,7 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 from workbench.reproduce.chapter3 import EXPERIMENTS, Example, examples  # noqa: E402
-from workbench.reproduce.measurement import Experiment, Measurement  # noqa: E402
+from workbench.reproduce.measurement import Measurement, Reproduction  # noqa: E402
 from workbench.reproduce.targets import Target, read_targets  # noqa: E402
 
 
@@ -54,7 +54,7 @@ class Entry:
         return "ok" if self.agrees else "off" if self.target.reason is None else "not reachable"
 
 
-def entries(experiment: Experiment, found: Measurement) -> Iterator[Entry]:
+def entries(experiment: Reproduction, found: Measurement) -> Iterator[Entry]:
     """Yield every published number of an experiment beside the measured one."""
     for name in experiment.targets:
         target = read_targets()[name]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests import drivers
-from workbench.fmi.description import Capabilities, Description, Experiment
+from workbench.fmi.description import Capabilities, DefaultExperiment, Description
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
@@ -297,7 +297,7 @@ def describe(model: Hybrid, *, state: bool = False) -> Description:
         description=None,
         interfaces={"me": claims, "cs": claims},
         platforms=(),
-        experiment=Experiment(),
+        experiment=DefaultExperiment(),
         variables=every,
         states=every[: len(model.states)],
         derivatives=(),

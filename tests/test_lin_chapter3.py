@@ -13,7 +13,7 @@ from workbench.analysis.lin.task import Width
 from workbench.model.load import load
 from workbench.reproduce.chapter3 import EXPERIMENTS, Example, examples, slopes
 from workbench.reproduce.chapter3 import linearised as linearised_as_published
-from workbench.reproduce.measurement import Experiment
+from workbench.reproduce.measurement import Reproduction
 from workbench.reproduce.targets import read_targets
 
 EXAMPLES = examples()
@@ -28,7 +28,7 @@ def linearised(name: str, x0: list[float], u0: float, dx: Width, du: Width, meth
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda e: e.name)
-def test_published_digits(experiment: Experiment) -> None:
+def test_published_digits(experiment: Reproduction) -> None:
     """Each target is met, or it says why it cannot be and is not."""
     found = experiment.measure()
     for name in experiment.targets:

@@ -17,7 +17,7 @@ from tests.ssp_packages import (
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
-from workbench.fmi.description import Experiment
+from workbench.fmi.description import DefaultExperiment
 from workbench.signals import Sine
 from workbench.system.connect import open_description
 from workbench.system.description import (
@@ -67,7 +67,7 @@ def loop() -> SystemDescription:
         ),
         inputs={"command": ("rudder.delC",)},
         outputs={"y": "lag.y", "angle": "rudder.del"},
-        default_experiment=Experiment(0.0, 12.5, 1e-7, 0.01),
+        default_experiment=DefaultExperiment(0.0, 12.5, 1e-7, 0.01),
     )
 
 

@@ -17,12 +17,12 @@ from workbench.analysis.lin.result import LinResult
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.study.kinds import KINDS, read_requirement
-from workbench.study.kinds.base import Finding, NotMeasured
+from workbench.study.kinds.base import Compliance, NotMeasured
 from workbench.study.kinds.curve import unwrap
 from workbench.study.kinds.paths import found_at
 
 
-def find(kind: str, *results: dict[str, Any], **options: Any) -> Finding:  # noqa: ANN401
+def find(kind: str, *results: dict[str, Any], **options: Any) -> Compliance:  # noqa: ANN401
     requirement = read_requirement({"name": "r", "analysis": "a", "kind": kind, **options}, "here")
     requirement.check("here", [result["command"] for result in results] or [""])
     return requirement.find(results)

@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from workbench.build.differentiate import partial
 from workbench.build.expressions import CONDITION, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
-from workbench.build.ir import Place
+from workbench.build.ir import SourceLocation
 from workbench.build.scalar_model import DiscreteEquation, Residual, ScalarModel
 from workbench.build.translate import refuse
 from workbench.errors import BuildError
@@ -33,7 +33,7 @@ class Assignment:
     kind: str
     target: int
     expression: int | None
-    place: Place | None = None
+    place: SourceLocation | None = None
     discrete: DiscreteEquation | None = None
 
     @property

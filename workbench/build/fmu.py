@@ -13,8 +13,8 @@ import fmpy
 
 from workbench.build.causalise import causalise
 from workbench.build.describe import (
+    DefaultExperiment,
     Description,
-    Experiment,
     build_description,
     model_description_2,
     model_description_3,
@@ -137,7 +137,7 @@ def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
 
 def assemble(
     scalar: ScalarModel,
-    experiment: Experiment,
+    experiment: DefaultExperiment,
     *,
     stiff: bool | None = None,
     origin: str = "its Modelica source",
@@ -185,8 +185,8 @@ def assemble(
     )
 
 
-def _experiment(checked: Checked) -> Experiment:
-    return Experiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
+def _experiment(checked: Checked) -> DefaultExperiment:
+    return DefaultExperiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
 
 
 def _runtime() -> dict[str, bytes]:

@@ -39,7 +39,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLocation:
     """Where something stands in the Modelica source."""
 
     file: str
@@ -67,7 +67,7 @@ class IrVariable:
     variability: str
     type: ValueType
     attributes: Mapping[str, Json]
-    place: Place
+    place: SourceLocation
 
     @property
     def causality(self) -> str:
@@ -158,14 +158,14 @@ class Dae:
     def subscripts(self, number: int) -> Sequence[Json]:
         return self._subscripts[number]
 
-    def place(self, provenance: Json) -> Place:
+    def place(self, provenance: Json) -> SourceLocation:
         span = provenance.get("span", provenance)
         source = self.sources.get(span.get("source"))
         if source is None:
-            return Place("(generated)", 0, "")
-        return Place(source.file, source.line(span["start"]), source.excerpt(span["start"], span["end"]))
+            return SourceLocation("(generated)", 0, "")
+        return SourceLocation(source.file, source.line(span["start"]), source.excerpt(span["start"], span["end"]))
 
-    def place_of(self, expression: int) -> Place:
+    def place_of(self, expression: int) -> SourceLocation:
         return self.place(self._places[expression])
 
     def binders(self, domain: int) -> list[Json]:

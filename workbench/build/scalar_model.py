@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from workbench.build.expressions import ExpressionGraph
-from workbench.build.ir import Place
+from workbench.build.ir import SourceLocation
 
 TIME = 0  # value reference of the independent variable
 
@@ -30,7 +30,7 @@ class ScalarVariable:
     continuous: bool = True
     derivative_of: int | None = None
     literals: tuple[str, ...] = ()
-    place: Place | None = None
+    place: SourceLocation | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Residual:
     """A continuous equation 0 = expression."""
 
     expression: int
-    place: Place
+    place: SourceLocation
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class DiscreteEquation:
     """All branches of one discrete variable, first match wins; without a match it keeps its value."""
 
     target: int
-    place: Place
+    place: SourceLocation
     branches: list[Branch] = field(default_factory=list)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.build.expressions import CONDITION, MATRIX, MATRIX_PRE, PRE, TICK, VARIABLE, ExpressionGraph
-from workbench.build.ir import Place
+from workbench.build.ir import SourceLocation
 from workbench.build.matrices import Matrices
 from workbench.build.scalar_model import Branch, Clock, DiscreteEquation, Residual, ScalarModel, ScalarVariable
 from workbench.build.time_scale import nominals
@@ -212,8 +212,8 @@ class _Builder:
         return total
 
 
-def _place(text: str, row: int) -> Place:
-    return Place("state space", row + 1, text)
+def _place(text: str, row: int) -> SourceLocation:
+    return SourceLocation("state space", row + 1, text)
 
 
 def _about(point: float | None, unit: str | None) -> str:

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from workbench.build.differentiate import partial
 from workbench.build.expressions import COMPARISONS, NUMBER, PRE, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
-from workbench.build.ir import Dae, Json, Place
+from workbench.build.ir import Dae, Json, SourceLocation
 from workbench.build.scalar_model import TIME, Quotient, Relation
 from workbench.errors import BuildError
 
@@ -29,7 +29,7 @@ ADVICE = {
 }
 
 
-def refuse(place: Place, construct: str, advice: str) -> NoReturn:
+def refuse(place: SourceLocation, construct: str, advice: str) -> NoReturn:
     """Raise BuildError: file, line, construct, what to write instead."""
     excerpt = f" in `{place.text[:80]}`" if place.text else ""
     raise BuildError(f"{place}: {construct} is not supported{excerpt}; {advice}")
@@ -143,7 +143,7 @@ class Translator:
 
     # Operators
 
-    def _map(self, place: Place, arrays: Sequence[Array], function: Callable[..., int]) -> Array:
+    def _map(self, place: SourceLocation, arrays: Sequence[Array], function: Callable[..., int]) -> Array:
         """Apply `function` element by element; scalars are repeated."""
         shapes = {a.shape for a in arrays if a.shape != ()}
         if len(shapes) > 1:
@@ -184,7 +184,7 @@ class Translator:
             refuse(place, f"the operator {operator}", "rewrite it in the subset")
         return self._map(place, [left, right], function)
 
-    def _matrix_product(self, place: Place, left: Array, right: Array) -> Array:
+    def _matrix_product(self, place: SourceLocation, left: Array, right: Array) -> Array:
         rows = left.shape if len(left.shape) == 2 else (1, left.shape[0])
         columns = right.shape if len(right.shape) == 2 else (right.shape[0], 1)
         if rows[1] != columns[0]:
@@ -249,7 +249,7 @@ class Translator:
             refuse(place, f"the function {name}()", ADVICE.get(name, "rewrite it with elementary functions"))
         return rearrange[name]()
 
-    def _size(self, array: Array, axis: Array, place: Place) -> Array:
+    def _size(self, array: Array, axis: Array, place: SourceLocation) -> Array:
         return Array((), (self.graph.number(array.shape[int(self._fixed(axis, place)) - 1]),))
 
     def _reduce(self, name: str, elements: Sequence[int]) -> int:
@@ -264,7 +264,7 @@ class Translator:
             total = combine[name](total, element)
         return total
 
-    def _fixed(self, array: Array, place: Place) -> float:
+    def _fixed(self, array: Array, place: SourceLocation) -> float:
         value = self.graph.value(array.scalar)
         if value is None:
             refuse(place, "a size that is not known at build time", "use a constant or final parameter")
@@ -353,7 +353,7 @@ class Translator:
             refuse(place, "an index that varies at run time in a matrix", "use a vector or write the row out")
         return Array((), (self.graph.lookup(axes[0], base.elements),))  # type: ignore[arg-type]
 
-    def _subscript(self, kind: Json, length: int, scope: Scope, place: Place) -> list[int] | tuple[int] | int:
+    def _subscript(self, kind: Json, length: int, scope: Scope, place: SourceLocation) -> list[int] | tuple[int] | int:
         """Return positions (list: the axis stays; tuple: it goes), or an expression that varies."""
         if kind == "whole":
             return list(range(length))
@@ -397,7 +397,7 @@ class Translator:
             refuse(self.dae.place_of(number), "a function variable that is read before it is assigned", "assign it")
         return scope.values[body["value"]]
 
-    def _execute(self, statements: Sequence[Json], scope: Scope, place: Place) -> None:
+    def _execute(self, statements: Sequence[Json], scope: Scope, place: SourceLocation) -> None:
         for statement in statements:
             kind, body = next(iter(statement.items()))
             if kind == "assignment":

@@ -20,14 +20,14 @@ from workbench.fmi.fmpy_access import model_description
 from workbench.fmi.platforms import platforms_in
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 
-__all__ = ["Capabilities", "Description", "Experiment", "read_description"]
+__all__ = ["Capabilities", "DefaultExperiment", "Description", "read_description"]
 
 MAX_XML_BYTES = 512 << 20
 MAX_ELEMENTS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Experiment:
+class DefaultExperiment:
     """The default experiment; None where the FMU names no value. Times in [s]."""
 
     start_time: float | None = None
@@ -91,7 +91,7 @@ class Description:
     description: str | None
     interfaces: Mapping[str, Capabilities]
     platforms: tuple[str, ...]
-    experiment: Experiment
+    experiment: DefaultExperiment
     variables: tuple[Variable, ...]
     states: tuple[Variable, ...]
     derivatives: tuple[Variable, ...]
@@ -218,10 +218,10 @@ def _capabilities(version: str, name: str, element: Any, *, directional: bool) -
     )
 
 
-def _experiment(raw: Any) -> Experiment:
+def _experiment(raw: Any) -> DefaultExperiment:
     if raw is None:
-        return Experiment()
-    return Experiment(
+        return DefaultExperiment()
+    return DefaultExperiment(
         start_time=_number(raw.startTime),
         stop_time=_number(raw.stopTime),
         tolerance=_positive(raw.tolerance),

@@ -17,7 +17,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
 from workbench.plotting.lin import plot_curves
 from workbench.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
-from workbench.reproduce.measurement import Experiment, Measured, Measurement, Picture
+from workbench.reproduce.measurement import Measured, Measurement, Picture, Reproduction
 from workbench.signals import Constant, Sine, Table
 from workbench.system.load import load
 
@@ -237,8 +237,8 @@ _PICTURES: Mapping[str, Callable[[Example, LinResult], list[Picture]]] = {
 }
 
 
-def _experiment(name: str, *keys: str) -> Experiment:
-    return Experiment(f"example {name}", tuple(f"example-{name}-{key}" for key in keys), partial(_block, name))
+def _experiment(name: str, *keys: str) -> Reproduction:
+    return Reproduction(f"example {name}", tuple(f"example-{name}-{key}" for key in keys), partial(_block, name))
 
 
 EXPERIMENTS = (
@@ -249,6 +249,6 @@ EXPERIMENTS = (
     _experiment("2-3", "c", "d", "working-point", "slopes"),
     _experiment("2-4", "c", "d", "slopes"),
     _experiment("2-5", "c", "d"),
-    Experiment("hysteresis", ("hysteresis",), _hysteresis),
-    Experiment("small system", ("small-system",), _small_system),
+    Reproduction("hysteresis", ("hysteresis",), _hysteresis),
+    Reproduction("small system", ("small-system",), _small_system),
 )

@@ -19,7 +19,7 @@ from workbench.plotting.panels import LEGEND
 from workbench.plotting.response import plain_decades
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.published_rule import largest_jump, published_response
 from workbench.signals import Sine
 from workbench.system.load import load
@@ -154,13 +154,13 @@ def _beating() -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "first-order lag",
         ("lag-gain-default", "lag-phase-default", "lag-gain-fine", "lag-phase-fine", "lag-carried"),
         _lag,
     ),
-    Experiment("settling rule", ("lag-rule-jump", "lag-rule-fine"), _lag_by_the_rule),
-    Experiment(
+    Reproduction("settling rule", ("lag-rule-jump", "lag-rule-fine"), _lag_by_the_rule),
+    Reproduction(
         "two quantisers",
         (
             "quantiser-averaged",

@@ -12,7 +12,7 @@ from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.response import degrees
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.signals import Sine
 from workbench.system.load import load
 from workbench.workers import Workers
@@ -101,7 +101,7 @@ def _bode() -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "rudder at 10 Hz",
         (
             "rudder-10hz-gain",
@@ -112,7 +112,7 @@ EXPERIMENTS = (
         ),
         _at_ten_hertz,
     ),
-    Experiment(
+    Reproduction(
         "rudder's frequency response",
         (
             "rudder-errcrit-gain",

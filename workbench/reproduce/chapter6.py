@@ -14,7 +14,7 @@ from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.panels import LEGEND
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.signals import Constant, Signal, Sine
 from workbench.system.load import load
 from workbench.workers import Workers
@@ -180,13 +180,13 @@ def draw_widths(result: Study) -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "law's configurations",
         ("law-gains", "law-positive", "law-ground", "law-failed", "law-never-limited"),
         _configurations,
     ),
-    Experiment("rate limiter", ("limiter-fundamental", "limiter-harmonic"), _rate_limiter),
-    Experiment(
+    Reproduction("rate limiter", ("limiter-fundamental", "limiter-harmonic"), _rate_limiter),
+    Reproduction(
         "widths of figure 31",
         (
             "law-period",

@@ -25,7 +25,7 @@ from workbench.reproduce.identification import (
     outside,
     swept,
 )
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 
 __all__ = ["EXPERIMENTS"]
 
@@ -162,7 +162,7 @@ def _apart(model: IdentifyResult) -> float:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "identification of the law",
         (
             "law-coherence",
@@ -178,7 +178,7 @@ EXPERIMENTS = (
         _full_stick,
         3.0,
     ),
-    Experiment(
+    Reproduction(
         "other inputs of the law",
         ("law-small-fit", "law-small-order", "law-small-pole-zero", "law-positive-fit", "law-failed-limit"),
         _other_inputs,

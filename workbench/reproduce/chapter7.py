@@ -22,7 +22,7 @@ from workbench.analysis.validate import Overlay, overlay
 from workbench.core.response import difference
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load
 from workbench.workers import Workers
 
@@ -162,7 +162,7 @@ def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResul
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "rudder linearised",
         (
             "rudder-trim-open",
@@ -175,7 +175,7 @@ EXPERIMENTS = (
         ),
         _linearised,
     ),
-    Experiment(
+    Reproduction(
         "rudder identified",
         (
             "rudder-fit",

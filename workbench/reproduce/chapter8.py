@@ -18,7 +18,7 @@ from workbench.core.poles import damped_frequency_hz
 from workbench.fmi.variable import Value
 from workbench.plotting.nyquist import plot_nyquist
 from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.targets import read_targets
 from workbench.signals import Constant
 from workbench.system.description import FmuComponent
@@ -129,13 +129,13 @@ def _nyquist(result: LimitCycleResult) -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "aircraft",
         ("aircraft-states", "aircraft-outputs", "unstable-pair", "aileron-limits", "elevator-limits"),
         _aircraft,
     ),
-    Experiment("describing function", ("describing-function",), _describing),
-    Experiment(
+    Reproduction("describing function", ("describing-function",), _describing),
+    Reproduction(
         "limit cycle predicted",
         (
             "nyquist-count",

@@ -9,7 +9,7 @@ from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
 from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]
@@ -94,7 +94,7 @@ def _picture(result: FeedForwardResult, name: str) -> Picture:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "feed-forward",
         (
             "feed-forward-orders",

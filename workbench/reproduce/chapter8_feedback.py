@@ -8,7 +8,7 @@ from workbench.analysis.feedback.request import feedback
 from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]
@@ -100,7 +100,7 @@ def _draw(study: SettlingStudy) -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment("position feedback", ("position-gains", "position-crossings", "position-cycles"), _position, 2.5),
-    Experiment("rate feedback", ("rate-crossings", "rate-gains-negative", "rate-gains-positive"), _rate, 1.5),
-    Experiment("settling study", ("settling-optimum", "settling-optimum-small"), _settling, 12.0),
+    Reproduction("position feedback", ("position-gains", "position-crossings", "position-cycles"), _position, 2.5),
+    Reproduction("rate feedback", ("rate-crossings", "rate-gains-negative", "rate-gains-positive"), _rate, 1.5),
+    Reproduction("settling study", ("settling-optimum", "settling-optimum-small"), _settling, 12.0),
 )

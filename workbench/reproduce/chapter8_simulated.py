@@ -12,7 +12,7 @@ from workbench.analysis.passes import rising_passes
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.plotting.figure import COLOURS, rows
-from workbench.reproduce.measurement import Experiment, Measurement, Picture
+from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.targets import read_targets
 from workbench.signals import Table
 from workbench.system.load import load
@@ -142,7 +142,7 @@ def _draw_feedback(time: Floats, signals: Mapping[str, Floats]) -> Figure:
 
 
 EXPERIMENTS = (
-    Experiment(
+    Reproduction(
         "limit cycle simulated",
         (
             "cycle-frequency",
@@ -161,7 +161,7 @@ EXPERIMENTS = (
         _cycle,
         6.0,
     ),
-    Experiment("feedback closed", ("feedback-left", "feedback-deflection", "feedback-rate"), _feedback, 3.5),
+    Reproduction("feedback closed", ("feedback-left", "feedback-deflection", "feedback-rate"), _feedback, 3.5),
 )
 
 

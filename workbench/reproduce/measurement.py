@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Experiment", "Measured", "Measurement", "Picture"]
+__all__ = ["Measured", "Measurement", "Picture", "Reproduction"]
 
 Measured = float | Sequence[float] | NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Reproduction:
     """Something that is run once and measures several targets.
 
     Attributes:

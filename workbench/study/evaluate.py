@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from workbench.errors import InputError
 from workbench.study.description import Point, Study
-from workbench.study.kinds.base import Finding, NotMeasured, Requirement, Result
+from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result
 from workbench.study.outcome import Outcome
 from workbench.study.plan import Plan, Run
 from workbench.study.result import Checked
@@ -29,7 +29,7 @@ def questions(study: Study, plan: Plan) -> list[Checked]:
             runs = tuple(plan.at[name, k] for name in requirement.analyses)
             if runs not in seen and _applies(requirement, point):
                 seen.add(runs)
-                empty = Finding(value=None)
+                empty = Compliance(value=None)
                 found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
     return found
 
@@ -61,7 +61,7 @@ def _label(runs: Sequence[Run]) -> str:
     return Point(configuration=configuration, values=values).label
 
 
-def _finding(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Finding:
+def _finding(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Compliance:
     results: list[Result] = []
     for name, outcome in zip(requirement.analyses, outcomes, strict=True):
         if outcome is None:
@@ -77,11 +77,11 @@ def _finding(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Fi
         raise InputError(f'[[requirements]] "{requirement.name}": {_without(str(error), requirement.name)}') from None
 
 
-def _none(requirement: Requirement, reason: str) -> Finding:
+def _none(requirement: Requirement, reason: str) -> Compliance:
     """Return that nothing was measured, and why; the limits that stand in the file are shown beside it."""
     given = {name: getattr(requirement, name, None) for name in ("min", "max")}
     limit = {name: float(value) for name, value in given.items() if value is not None}
-    return Finding(value=None, limit=limit, unit=getattr(requirement, "unit", None), reason=reason)
+    return Compliance(value=None, limit=limit, unit=getattr(requirement, "unit", None), reason=reason)
 
 
 def _without(message: str, name: str) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Self
 from workbench import __version__
 from workbench.errors import InputError
 from workbench.store import Store
-from workbench.study.kinds.base import Finding
+from workbench.study.kinds.base import Compliance
 from workbench.study.outcome import Outcome
 from workbench.study.plan import Run
 from workbench.study.result import Checked
@@ -96,12 +96,12 @@ class Finished:
             self._results().save(_name(run), outcome.to_store())
         shutil.rmtree(self.workplace(run, make=False), ignore_errors=True)
 
-    def load_findings(self, questions: Sequence[Checked]) -> list[Finding] | None:
+    def load_findings(self, questions: Sequence[Checked]) -> list[Compliance] | None:
         """Return how requirements came out before, in their order; None: not of exactly these results."""
         if self._fresh or not self._keeps or not self.folder.is_dir():
             return None
         found = self._results().get(_name_of(questions))
-        return None if found is None else [Finding(**finding) for finding in found["findings"]]
+        return None if found is None else [Compliance(**finding) for finding in found["findings"]]
 
     def save_findings(self, checked: Sequence[Checked]) -> None:
         """Keep how requirements came out.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
 from workbench.report.page import Section
-from workbench.study.kinds.base import Finding, Requirement, Result
+from workbench.study.kinds.base import Compliance, Requirement, Result
 from workbench.study.kinds.mask import Mask
 from workbench.study.kinds.step import Overshoot, SettlingTime
 from workbench.study.words import said
@@ -52,7 +52,7 @@ def _drawn(checked: Checked, result: Result) -> Figure | None:
         return None  # the finding says what is wrong
 
 
-def _mask(requirement: Requirement, result: Result, title: str, found: Finding) -> Figure | None:
+def _mask(requirement: Requirement, result: Result, title: str, found: Compliance) -> Figure | None:
     from workbench.plotting.study import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
 
     if not isinstance(requirement, Mask):
@@ -71,14 +71,14 @@ def _mask(requirement: Requirement, result: Result, title: str, found: Finding) 
     )
 
 
-def _place(found: Finding) -> tuple[float, float] | None:
+def _place(found: Compliance) -> tuple[float, float] | None:
     """Return the frequency [Hz] and the value of the worst place."""
     if not isinstance(found.value, float) or " Hz" not in found.where:
         return None
     return float(found.where.split(" Hz")[0]), found.value
 
 
-def _step(requirement: Requirement, result: Result, title: str, found: Finding) -> Figure | None:
+def _step(requirement: Requirement, result: Result, title: str, found: Compliance) -> Figure | None:
     from workbench.plotting.study import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
 
     if not isinstance(requirement, SettlingTime | Overshoot):
@@ -102,7 +102,7 @@ def _step(requirement: Requirement, result: Result, title: str, found: Finding) 
     return plot_step(history.time, history.values, title=title, name=name, unit=unit, lines=lines, times=times)
 
 
-_MAKERS: Mapping[type[Requirement], Callable[[Requirement, Result, str, Finding], Figure | None]] = {
+_MAKERS: Mapping[type[Requirement], Callable[[Requirement, Result, str, Compliance], Figure | None]] = {
     Mask: _mask,
     SettlingTime: _step,
     Overshoot: _step,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.csv_file import write_csv
 from workbench.study.description import Study
-from workbench.study.kinds.base import Finding, Requirement
+from workbench.study.kinds.base import Compliance, Requirement
 from workbench.study.outcome import Outcome
 from workbench.study.plan import Run
 
@@ -42,7 +42,7 @@ class Checked:
     requirement: Requirement
     point: str
     runs: tuple[Run, ...]
-    finding: Finding
+    finding: Compliance
 
     @property
     def name(self) -> str:

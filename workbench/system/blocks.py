@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
-from workbench.fmi.description import Capabilities, Description, Experiment
+from workbench.fmi.description import Capabilities, DefaultExperiment, Description
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import EventInfo, Instance, StepResult
 from workbench.fmi.library import Library
@@ -280,7 +280,7 @@ def block_description(component: BlockComponent) -> Description:
         description=None,
         interfaces={"me": Capabilities("", state=True, directional_derivatives=exact, completed_step=False)},
         platforms=(),
-        experiment=Experiment(),
+        experiment=DefaultExperiment(),
         variables=variables,
         states=states,
         derivatives=derivatives,

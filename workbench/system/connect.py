@@ -15,7 +15,7 @@ from workbench.core.option import values_of
 from workbench.errors import InputError, one_line, suggest
 from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
-from workbench.fmi.description import Experiment
+from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
@@ -120,7 +120,7 @@ def connect(
         connections=tuple(_connection(c) for c in connections),
         inputs=_inputs(inputs),
         outputs=_outputs(outputs),
-        default_experiment=Experiment(),
+        default_experiment=DefaultExperiment(),
     )
     starts = {
         f"{name}.{inner}": value

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.core.linear import Linear
 from workbench.fmi.archive import Unpacked
-from workbench.fmi.description import Experiment
+from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wire
 from workbench.system.units import Unit
@@ -168,7 +168,7 @@ class SystemDescription:
     connections: tuple[Connection, ...] = ()
     inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
-    default_experiment: Experiment = field(default_factory=Experiment)
+    default_experiment: DefaultExperiment = field(default_factory=DefaultExperiment)
     notes: tuple[str, ...] = ()
     units: Mapping[str, Unit] = field(default_factory=dict)
     source: str = ""

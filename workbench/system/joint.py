@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from workbench.fmi.description import Capabilities, Description, Experiment
+from workbench.fmi.description import Capabilities, DefaultExperiment, Description
 from workbench.fmi.variable import Variable
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
@@ -109,12 +109,12 @@ def _capabilities(parts: Sequence[Part]) -> Capabilities:
     )
 
 
-def _experiment(description: SystemDescription, parts: Sequence[Part]) -> Experiment:
+def _experiment(description: SystemDescription, parts: Sequence[Part]) -> DefaultExperiment:
     """Return what the file suggests; where it is silent, the longest and finest of the components' experiments."""
     given, inner = description.default_experiment, [p.description.experiment for p in parts]
     stops = [e.stop_time for e in inner if e.stop_time is not None]
     steps = [e.step for e in inner if e.step is not None]
-    return Experiment(
+    return DefaultExperiment(
         start_time=given.start_time,
         stop_time=given.stop_time if given.stop_time is not None else max(stops, default=None),
         tolerance=given.tolerance,

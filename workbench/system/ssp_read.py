@@ -11,7 +11,7 @@ from pathlib import Path
 
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.fmi.archive import Unpacked, extract
-from workbench.fmi.description import Experiment
+from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
 from workbench.system.description import Component, FmuComponent, SystemDescription
 from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
@@ -277,9 +277,9 @@ def _block(name: str, path: Path) -> Component:
     return read_component(name, data, path.parent)
 
 
-def _experiment(element: Element | None) -> Experiment:
+def _experiment(element: Element | None) -> DefaultExperiment:
     own = _own(element, "Experiment")
-    return Experiment(
+    return DefaultExperiment(
         _optional(element, "startTime"),
         _optional(element, "stopTime"),
         _optional(own, "tolerance"),

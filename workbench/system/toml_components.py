@@ -48,7 +48,7 @@ def read_component(name: str, given: object, folder: Path) -> Component:
     reader = next((r for key, r in _READERS.items() if key in given), None)
     if reader is None:
         raise InputError(f"{where}: {_what_is_missing(given)}")
-    return reader(name, given, _Place(where, folder))
+    return reader(name, given, _Context(where, folder))
 
 
 def _what_is_missing(given: Mapping[str, Any]) -> str:
@@ -61,14 +61,14 @@ def _what_is_missing(given: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Context:
     """Where a component stands: the table, for messages, and the folder of the file."""
 
     where: str
     folder: Path
 
 
-def _fmu(name: str, given: Mapping[str, Any], place: _Place) -> FmuComponent:
+def _fmu(name: str, given: Mapping[str, Any], place: _Context) -> FmuComponent:
     table = read_table(FmuTable, given, place.where)
     return FmuComponent(
         name=name,
@@ -99,13 +99,13 @@ def existing_fmu(model: str, folder: Path, where: str) -> str:
     raise InputError(f"{where}: no such file: {path}; {suggest(path.name, near)}{'' if near else ' in that folder'}")
 
 
-def _gain(name: str, given: Mapping[str, Any], place: _Place) -> GainComponent:
+def _gain(name: str, given: Mapping[str, Any], place: _Context) -> GainComponent:
     gain = read_record(GainComponent, given, place.where, name=name)
     _check_ports(gain.units, ["u", "y"], place.where)
     return gain
 
 
-def _sum(name: str, given: Mapping[str, Any], place: _Place) -> SumComponent:
+def _sum(name: str, given: Mapping[str, Any], place: _Context) -> SumComponent:
     table = read_table(SumTable, given, place.where)
     signs = table.sum if isinstance(table.sum, list) else [_sign(letter, place.where) for letter in table.sum]
     if not signs:
@@ -122,14 +122,14 @@ def _sign(letter: str, where: str) -> float:
 # -- linear systems -------------------------------------------------------------------------------
 
 
-def _state_space(name: str, given: Mapping[str, Any], place: _Place) -> LinearComponent:
+def _state_space(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     table = read_table(LinearTable, given, place.where)
     B, C = _matrix("B", table.B, place.where), _matrix("C", table.C, place.where)
     D = np.zeros((len(C), B.shape[1])) if table.D is None else _matrix("D", table.D, place.where)
     return _linear(name, (_matrix("A", table.A, place.where), B, C, D), table, place.where)
 
 
-def _linear_file(name: str, given: Mapping[str, Any], place: _Place) -> LinearComponent:
+def _linear_file(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     """Read matrices too large for a system file from JSON beside it."""
     table = read_table(LinearFileTable, given, place.where)
     path = (place.folder / Path(table.linear).expanduser()).resolve()
@@ -159,7 +159,7 @@ def _nonzero(value: object) -> bool:
     return any(bool(x) for x in numbers)
 
 
-def _transfer(name: str, given: Mapping[str, Any], place: _Place) -> LinearComponent:
+def _transfer(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     table = read_table(TransferTable, given, place.where)
     numerator, denominator = np.trim_zeros(table.numerator, "f"), np.trim_zeros(table.denominator, "f")
     if not denominator or len(numerator) > len(denominator):
@@ -230,7 +230,7 @@ def _check_ports(units: Mapping[str, str], known: list[str], where: str) -> None
             raise InputError(f"{where}: key 'units' names '{name}', no input or output of it; {suggest(name, known)}")
 
 
-_Reader = Callable[[str, Mapping[str, Any], _Place], Component]
+_Reader = Callable[[str, Mapping[str, Any], _Context], Component]
 
 # The key that tells what a component is → how to read it.
 _READERS: Mapping[str, _Reader] = {

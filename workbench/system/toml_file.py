@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import InputError
-from workbench.fmi.description import Experiment
+from workbench.fmi.description import DefaultExperiment
 from workbench.system.description import Component, Connection, FmuComponent, SystemDescription
 from workbench.system.nested import Inner, embed
 from workbench.system.read import is_system_file, read_system
@@ -58,7 +58,7 @@ def _description(path: Path, data: Mapping[str, Any], parents: tuple[Path, ...])
         connections=tuple(_connection(name, given) for name, given in _connections(table.connections)),
         inputs={name: (given,) if isinstance(given, str) else tuple(given) for name, given in table.inputs.items()},
         outputs=dict(table.outputs),
-        default_experiment=Experiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
+        default_experiment=DefaultExperiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
         source=str(path),
     )
     return embed(outer, parts)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from workbench.analysis.check.differences import Place, places
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.differences import EvaluationPoint, places
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
@@ -21,7 +21,7 @@ _LOOPS = (
 )
 
 
-def dependencies(subject: Subject) -> Finding:
+def dependencies(subject: Subject) -> Answer:
     """Move each state and input; every derivative and output that answers must declare it.
 
     At three points of a test run each column is moved by 5 % of its size to both sides, in event mode, so that
@@ -33,17 +33,17 @@ def dependencies(subject: Subject) -> Finding:
     derivatives = subject.model.description.derivatives
     rows = [*derivatives, *(v for v in subject.model.outputs if v.is_number)]
     if not any(v.dependencies is not None for v in rows):
-        return Finding("not applicable", "no dependencies are declared: everything may depend on everything")
+        return Answer("not applicable", "no dependencies are declared: everything may depend on everything")
     answers, strength = _measure(subject)
     if answers is None or strength is None:
-        return Finding("not applicable", "no variable responded")
+        return Answer("not applicable", "no variable responded")
     return _judge(answers, strength)
 
 
 class _Answers:
     """Which rows answered to which columns, anywhere."""
 
-    def __init__(self, place: Place, variables: Mapping[str, Variable]) -> None:
+    def __init__(self, place: EvaluationPoint, variables: Mapping[str, Variable]) -> None:
         self.rows, self.columns = place.rows, place.columns
         self.moved = np.zeros((len(self.rows), len(self.columns)), dtype=bool)
         self.declared = np.array([[_declares(r, c, variables) for c in self.columns] for r in self.rows], dtype=bool)
@@ -74,7 +74,7 @@ def _measure(subject: Subject) -> tuple[_Answers | None, Floats | None]:
     return answers, strength
 
 
-def _moves(place: Place) -> Floats:
+def _moves(place: EvaluationPoint) -> Floats:
     """Return how far each row moves with each column, over its magnitude or its largest move, shape (rows, columns)."""
     moves = np.zeros((len(place.rows), len(place.columns)))
     base = place.at(np.zeros(len(place.columns)))
@@ -90,15 +90,15 @@ def _moves(place: Place) -> Floats:
     return result
 
 
-def _judge(answers: _Answers, strength: Floats) -> Finding:
+def _judge(answers: _Answers, strength: Floats) -> Answer:
     hidden = answers.moved & ~answers.declared
     listed = np.array([r.dependencies is not None for r in answers.rows], dtype=bool)
     idle = int((answers.declared & ~answers.moved)[listed].sum())
     numbers = {"seen": int(answers.moved[listed].sum()), "undeclared": int(hidden.sum()), "never_seen": idle}
     if not hidden.any():
         tail = f"; {idle} declared ones never seen" if idle else ""
-        return Finding("good", f"{numbers['seen']} dependencies seen, all declared{tail}", numbers=numbers)
+        return Answer("good", f"{numbers['seen']} dependencies seen, all declared{tail}", numbers=numbers)
     i, j = (int(k) for k in np.unravel_index(int(np.where(hidden, strength, -1.0).argmax()), hidden.shape))
     text = f"{answers.rows[i].name} depends on {answers.columns[j].name}, which it does not declare"
     more = f" (and {int(hidden.sum()) - 1} more)" if hidden.sum() > 1 else ""
-    return Finding("broken", text + more, _LOOPS, numbers)
+    return Answer("broken", text + more, _LOOPS, numbers)

@@ -13,7 +13,7 @@ from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["MOST_COLUMNS", "Place", "places"]
+__all__ = ["MOST_COLUMNS", "EvaluationPoint", "places"]
 
 MOST_COLUMNS = 200  # of large models so many states and inputs are looked at, spread evenly
 _AT = (0.0, 0.35, 0.8)  # of a test run
@@ -21,7 +21,7 @@ _UNDECLARED = 1e-2  # least size of a variable that does not move and whose nomi
 
 
 @dataclass(frozen=True)
-class Place:
+class EvaluationPoint:
     """A point around which the model is evaluated.
 
     Attributes:
@@ -58,7 +58,7 @@ class Place:
         return self.at(shift)
 
 
-def places(subject: Subject) -> Iterator[Place]:
+def places(subject: Subject) -> Iterator[EvaluationPoint]:
     """Yield the start of a test run with swinging inputs and two points on its way.
 
     Relations are evaluated anew at every shifted point; discrete states stay as they are at the start.
@@ -84,7 +84,7 @@ def places(subject: Subject) -> Iterator[Place]:
             sizes = np.concatenate([_state_sizes(point, seen), _input_sizes(subject, point)])
             rows = (*subject.model.description.derivatives, *point.outputs)
             time = subject.start + share * subject.span
-            yield Place(point, time, rows, columns, tuple(chosen.tolist()), sizes)
+            yield EvaluationPoint(point, time, rows, columns, tuple(chosen.tolist()), sizes)
 
 
 def _visited(subject: Subject) -> list[tuple[Floats, dict[str, float]]]:

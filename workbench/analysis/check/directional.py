@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.check.differences import Place, places
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.differences import EvaluationPoint, places
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
@@ -44,7 +44,7 @@ class _Column:
     noise: Floats
 
 
-def directional(subject: Subject) -> Finding:
+def directional(subject: Subject) -> Answer:
     """Compare directional derivatives with central differences, entry by entry, at three points of a test run.
 
     For row i (derivative or output) and column j (state or continuous input) at total widths w and 8w, w = 2·ε^(1/3)
@@ -58,23 +58,23 @@ def directional(subject: Subject) -> Finding:
     for place in places(subject):
         why = place.point.why_not_exact()
         if why:
-            return Finding("not applicable", why, "lin uses differences")
+            return Answer("not applicable", why, "lin uses differences")
         try:
             exact = place.point.jacobian()
         except (FmuError, SimulationError) as error:
-            return Finding("broken", f"claimed, but {error}", _DIFFERENCES)
+            return Answer("broken", f"claimed, but {error}", _DIFFERENCES)
         _compare(place, _columns_of(place, exact), tally)
     return _judge(tally)
 
 
-def _columns_of(place: Place, exact: Floats) -> Floats:
+def _columns_of(place: EvaluationPoint, exact: Floats) -> Floats:
     """Return the columns that are states and continuous inputs."""
     n = len(place.point.states)
     fast = [n + i for i, v in enumerate(place.point.inputs) if v.is_continuous_input]
     return exact[:, [*range(n), *fast]]
 
 
-def _compare(place: Place, exact: Floats, tally: _Tally) -> None:
+def _compare(place: EvaluationPoint, exact: Floats, tally: _Tally) -> None:
     base = place.at(np.zeros(len(place.columns)))
     if base is None:
         return
@@ -87,7 +87,7 @@ def _compare(place: Place, exact: Floats, tally: _Tally) -> None:
             _count(place, j, _Column(exact[:, j], slope, noise), tally)
 
 
-def _slope(place: Place, j: int, width: float, base: Floats, noise: Floats) -> Floats | None:
+def _slope(place: EvaluationPoint, j: int, width: float, base: Floats, noise: Floats) -> Floats | None:
     """Return one column of differences, NaN where the model is not smooth; None: it cannot be evaluated."""
     sides = [place.along(j, sign * part * width / 2.0) for part in (1.0, _WIDER) for sign in (1.0, -1.0)]
     above, below, far_above, far_below = sides
@@ -104,7 +104,7 @@ def _slope(place: Place, j: int, width: float, base: Floats, noise: Floats) -> F
     return result
 
 
-def _count(place: Place, j: int, column: _Column, tally: _Tally) -> None:
+def _count(place: EvaluationPoint, j: int, column: _Column, tally: _Tally) -> None:
     exact, slope, noise = column.exact, column.slope, column.noise
     judged = np.isfinite(slope)
     tally.judged += int(judged.sum())
@@ -122,14 +122,14 @@ def _count(place: Place, j: int, column: _Column, tally: _Tally) -> None:
             tally.words = f"{what} is {exact[i]:.6g} by the FMU, {slope[i]:.6g} by differences"
 
 
-def _judge(tally: _Tally) -> Finding:
+def _judge(tally: _Tally) -> Answer:
     numbers = {"judged": tally.judged, "skipped": tally.skipped, "wrong": tally.wrong}
     if not tally.judged:
-        return Finding(
+        return Answer(
             "not applicable",
             "no entry could be judged: there is nothing to differentiate, or the model is nowhere smooth",
         )
     if not tally.wrong:
         aside = f", {tally.skipped} at kinks or steps set aside" if tally.skipped else ""
-        return Finding("good", f"{tally.judged} entries at 3 points agree with differences{aside}", numbers=numbers)
-    return Finding("broken", f"{tally.words} ({tally.wrong} of {tally.judged} entries wrong)", _DIFFERENCES, numbers)
+        return Answer("good", f"{tally.judged} entries at 3 points agree with differences{aside}", numbers=numbers)
+    return Answer("broken", f"{tally.words} ({tally.wrong} of {tally.judged} entries wrong)", _DIFFERENCES, numbers)

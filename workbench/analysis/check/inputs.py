@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.check.compare import largest_gap, relative_gaps
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject, same_bits
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
@@ -24,7 +24,7 @@ _OFF = 0.9371  # of the natural step: samples of the model do not fall on commun
 _HELD = "inputs are held over each communication step: a delay of half a step"
 
 
-def inputs(subject: Subject) -> Finding:
+def inputs(subject: Subject) -> Answer:
     """Model exchange: an input set in continuous-time mode acts; co-simulation: inputs are interpolated as claimed.
 
     Model exchange: in the middle of a run each continuous input is set 5 % of its size away, without an event.
@@ -38,16 +38,16 @@ def inputs(subject: Subject) -> Finding:
     applicable: no continuous inputs.
     """
     if not subject.inputs:
-        return Finding("not applicable", "no continuous inputs")
+        return Answer("not applicable", "no continuous inputs")
     share = _acting(subject)
     if not subject.is_cs:
         return _model_exchange(subject, share)
     return _idle(subject) if share is None else _co_simulation(subject, share)
 
 
-def _idle(subject: Subject) -> Finding:
+def _idle(subject: Subject) -> Answer:
     names = ", ".join(subject.inputs)
-    return Finding("watch", f"no observed variable responds to {names} in {subject.span:.4g} s", _DEAF)
+    return Answer("watch", f"no observed variable responds to {names} in {subject.span:.4g} s", _DEAF)
 
 
 _DEAF = "responses from here are zero; another operating point, a larger amplitude or a longer run may show more"
@@ -68,7 +68,7 @@ def _acting(subject: Subject) -> float | None:
 # -- model exchange -----------------------------------------------------------------------------
 
 
-def _model_exchange(subject: Subject, share: float | None) -> Finding:
+def _model_exchange(subject: Subject, share: float | None) -> Answer:
     answered, silent, deaf = list[str](), list[str](), list[str]()
     with subject.model.open_session(start_time=subject.start) as session:
         session.advance(subject.start + _AT * subject.span, signals=subject.constants(0.0))
@@ -80,13 +80,13 @@ def _model_exchange(subject: Subject, share: float | None) -> Finding:
     numbers = {"answered": answered, "silent": silent, "deaf": deaf}
     if deaf:
         text = f"{', '.join(deaf)}: declared continuous, but it acts only at events"
-        return Finding(
+        return Answer(
             "broken", text, "responses contain a staircase: declare it discrete, or force it by steps", numbers
         )
     if share is None and not answered:
         return _idle(subject)
     rest = f"; nothing answers to {len(silent)} between events" if silent else ""
-    return Finding("good", f"{len(answered)} of {len(subject.inputs)} act in continuous time{rest}", numbers=numbers)
+    return Answer("good", f"{len(answered)} of {len(subject.inputs)} act in continuous time{rest}", numbers=numbers)
 
 
 def _answers(session: FmuSession, variable: Variable, middle: float, amplitude: float) -> tuple[bool, bool]:
@@ -123,15 +123,15 @@ def _event(session: FmuSession) -> None:
 # -- co-simulation ------------------------------------------------------------------------------
 
 
-def _co_simulation(subject: Subject, share: float) -> Finding:
+def _co_simulation(subject: Subject, share: float) -> Answer:
     fastest = max(s.frequency for s in subject.sines().values())
     delay = 180.0 * fastest * subject.step
     cost = f"{_HELD} ({0.5 * subject.step:.3g} s, {delay:.2g}° at {fastest:.3g} Hz)"
     if not subject.model.description.interfaces["cs"].interpolates_inputs:
-        return Finding("good", "inputs act; interpolation is not claimed", cost, {"interpolates": False})
+        return Answer("good", "inputs act; interpolation is not claimed", cost, {"interpolates": False})
     if not _takes_slopes(subject):
         text = "canInterpolateInputs is claimed, but input derivatives are rejected"
-        return Finding("broken", text, cost, {"interpolates": False})
+        return Answer("broken", text, cost, {"interpolates": False})
     return _slopes(subject, cost, share)
 
 
@@ -143,7 +143,7 @@ def _takes_slopes(subject: Subject) -> bool:
         return bool(instance.try_input_slopes(access, [0.0] * len(subject.inputs)))
 
 
-def _slopes(subject: Subject, cost: str, share: float) -> Finding:
+def _slopes(subject: Subject, cost: str, share: float) -> Answer:
     h = _OFF * subject.step
     points = subject.points(step=h)
     signals = subject.sines(share)
@@ -153,7 +153,7 @@ def _slopes(subject: Subject, cost: str, share: float) -> Finding:
     reference = subject.run(signals, step=h / _FINE, points=points)
     if same_bits(with_slopes, held):
         text = "canInterpolateInputs is claimed and input derivatives are accepted, but have no effect"
-        return Finding("watch", text, f"taken as linear here, but {cost}", {"interpolates": False})
+        return Answer("watch", text, f"taken as linear here, but {cost}", {"interpolates": False})
     near, far = (float(relative_gaps(run, reference).max(initial=0.0)) for run in (with_slopes, held))
     numbers = {"interpolates": True, "error_slopes": near, "error_held": far}
     if near > _WORSE * far:
@@ -161,5 +161,5 @@ def _slopes(subject: Subject, cost: str, share: float) -> Finding:
         text = (
             f"input derivatives make the result worse: {gap.words} compared with a run with {_FINE} times shorter steps"
         )
-        return Finding("broken", text, cost, numbers)
-    return Finding("good", f"interpolated: error {near:.2g} of the range, {far:.2g} with held inputs", numbers=numbers)
+        return Answer("broken", text, cost, numbers)
+    return Answer("good", f"interpolated: error {near:.2g} of the range, {far:.2g} with held inputs", numbers=numbers)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from workbench.analysis.check.registry import CHECKS
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -32,7 +32,7 @@ class Done:
     """
 
     name: str
-    finding: Finding
+    finding: Answer
     seconds: float
 
 
@@ -59,7 +59,7 @@ class CheckJob(Job):
         try:
             opened = replace(model.recipe, interface=self.interface, solver=solver).open()
         except WorkbenchError as error:
-            yield from (Done(name, Finding("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names)
+            yield from (Done(name, Answer("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names)
             return
         with opened:
             yield from self._all(Subject(opened, self.shorten))
@@ -103,8 +103,8 @@ def _one(name: str, subject: Subject) -> Done:
     begin = time.monotonic()
     check = CHECKS[name].run
     try:
-        finding = Finding("not applicable", "not for an interface") if check is None else check(subject)
+        finding = Answer("not applicable", "not for an interface") if check is None else check(subject)
     except WorkbenchError as error:
         # What the FMU promised and did not keep is told by the check itself; the rest may be the model's nature.
-        finding = Finding("watch", f"it fails: {error}", "analyses that need this fail in the same way")
+        finding = Answer("watch", f"it fails: {error}", "analyses that need this fail in the same way")
     return Done(name, finding, time.monotonic() - begin)

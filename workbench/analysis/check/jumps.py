@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -59,7 +59,7 @@ class _Answers:
         return np.asarray(np.where(moved.any(axis=1), moved.argmax(axis=1), _WINDOW), dtype=np.float64)
 
 
-def jumps(subject: Subject) -> Finding:
+def jumps(subject: Subject) -> Answer:
     """Let all inputs jump at neighbouring communication points and compare the answers, each from its own jump on.
 
     In the middle of a test run the inputs jump by 5 % of their size (by all of it, where nothing answers) at one of 12
@@ -74,28 +74,28 @@ def jumps(subject: Subject) -> Finding:
     answers differ and the FMU declares discrete variables: then it may be its samplers that take the jump later.
     """
     if not subject.inputs:
-        return Finding("not applicable", "no continuous inputs")
+        return Answer("not applicable", "no continuous inputs")
     if subject.steps < _PLACES + _WINDOW:
-        return Finding("not applicable", f"the test run has {subject.steps} steps only")
+        return Answer("not applicable", f"the test run has {subject.steps} steps only")
     try:
         found = next((a for a in (_answers(subject, s) for s in _SHARES) if a.size.any()), None)
     except SimulationError as error:
-        return Finding("not applicable", f"the run with a jump of the inputs fails: {error}")
+        return Answer("not applicable", f"the run with a jump of the inputs fails: {error}")
     if found is None:
-        return Finding("not applicable", f"nothing responds within {_WINDOW} steps")
+        return Answer("not applicable", f"nothing responds within {_WINDOW} steps")
     if not found.clear.any():
-        return Finding("not applicable", "rising and falling inputs give different responses: not linear, or noise")
+        return Answer("not applicable", "rising and falling inputs give different responses: not linear, or noise")
     return _verdict(subject, found)
 
 
-def _verdict(subject: Subject, found: _Answers) -> Finding:
+def _verdict(subject: Subject, found: _Answers) -> Answer:
     worst = int(found.gap.argmax())
     gap, name = float(found.gap[worst]), subject.names[worst]
     late = found.late(worst)
     numbers = {"gap": gap, "output": name, "steps_late": late.tolist(), "step": subject.step}
     if gap <= _GAP:
         text = f"a jump has the same effect at {_PLACES} instants (within {100.0 * gap:.2g} %)"
-        return Finding("good", text, numbers=numbers)
+        return Answer("good", text, numbers=numbers)
     spread = int(np.ptp(late))
     when = f", up to {spread} steps ({spread * subject.step:.3g} s) later" if spread else ""
     text = (
@@ -104,8 +104,8 @@ def _verdict(subject: Subject, found: _Answers) -> Finding:
     samplers = [v.name for v in subject.model.description.variables if _is_sampled(v)]
     if samplers:
         why = f"as it may in a sampled model: it declares {samplers[0]} to be discrete"
-        return Finding("not applicable", f"{text}{when}, {why}", numbers=numbers)
-    return Finding(
+        return Answer("not applicable", f"{text}{when}, {why}", numbers=numbers)
+    return Answer(
         "watch",
         f"{text}{when}: its own solver does not restart where inputs change, or the model samples them or has events",
         "fast inputs act late, pulses are lost or drawn out: use --interface me where there is one; else for lin a "

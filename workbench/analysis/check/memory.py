@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 
 __all__ = ["memory", "resident"]
@@ -29,7 +29,7 @@ _SWEEP = 10_000  # sessions of a long sweep
 _WATCH, _BROKEN = 16e3, 1e6
 
 
-def memory(subject: Subject) -> Finding:
+def memory(subject: Subject) -> Answer:
     """Open, initialise, advance by ten steps and close 120 sessions; watch the process's resident memory.
 
     The first 20 fill caches. The slope over the next 100 is the median of the slopes between all pairs of looks
@@ -40,7 +40,7 @@ def memory(subject: Subject) -> Finding:
     Source: Sen, Estimates of the regression coefficient based on Kendall's tau, J. Am. Stat. Assoc. 63 (1968).
     """
     if resident() is None:
-        return Finding("not applicable", f"resident memory cannot be measured on {sys.platform}")
+        return Answer("not applicable", f"resident memory cannot be measured on {sys.platform}")
     looks = _looks(subject)
     slope = max(0.0, _slope(looks))
     numbers = {
@@ -50,9 +50,9 @@ def memory(subject: Subject) -> Finding:
     }
     text = f"{slope / 1e3:.3g} kB per session over {looks[-1][0]} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
     if slope <= _WATCH:
-        return Finding("good", text, numbers=numbers)
+        return Answer("good", text, numbers=numbers)
     advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: split sweeps, or use --store and continue"
-    return Finding("broken" if slope > _BROKEN else "watch", text, advice, numbers)
+    return Answer("broken" if slope > _BROKEN else "watch", text, advice, numbers)
 
 
 def _looks(subject: Subject) -> list[tuple[int, float]]:

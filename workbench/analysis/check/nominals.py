@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
@@ -16,7 +16,7 @@ _FAR = 1e4
 _ROUNDING = 1e-13  # of the nominal value
 
 
-def nominals(subject: Subject) -> Finding:
+def nominals(subject: Subject) -> Answer:
     """Compare each state's nominal value with its largest magnitude in a test run.
 
     The solvers take tolerance·nominal as the error that they allow in a state. A nominal value 10⁴ times too large
@@ -29,7 +29,7 @@ def nominals(subject: Subject) -> Finding:
     with subject.model.open_session(start_time=subject.start) as session:
         instance = session.instance
         if not instance.nx:
-            return Finding("not applicable", "no continuous states")
+            return Answer("not applicable", "no continuous states")
         nominal = instance.get_nominals().copy()
         names = _names(subject, instance.nx)
         bad = np.flatnonzero(~(np.isfinite(nominal) & (nominal > 0.0)))
@@ -38,7 +38,7 @@ def nominals(subject: Subject) -> Finding:
             text = (
                 f"nominal value of {names[first]} is {nominal[first]:g}; {len(bad)} of {instance.nx} are not positive"
             )
-            return Finding("broken", text, "1 is used instead; the accuracy of these states is unknown")
+            return Answer("broken", text, "1 is used instead; the accuracy of these states is unknown")
         largest, moves = _seen(subject, session)
     return _judge(subject, names, nominal, largest, moves)
 
@@ -59,7 +59,7 @@ def _seen(subject: Subject, session: FmuSession) -> tuple[Floats, Floats]:
     return np.abs(x).max(axis=0), np.ptp(x, axis=0)
 
 
-def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats, moves: Floats) -> Finding:
+def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats, moves: Floats) -> Answer:
     declared = np.array([n != 1.0 for n in nominal])
     ratio = largest / nominal
     rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6
@@ -72,9 +72,9 @@ def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats,
     if not len(off):
         undeclared = int((~declared).sum())
         tail = f"; {undeclared} left at the default 1" if undeclared else ""
-        return Finding("good", f"{len(names)} states, magnitude over nominal value {reach}{tail}", numbers=numbers)
+        return Answer("good", f"{len(names)} states, magnitude over nominal value {reach}{tail}", numbers=numbers)
     worst = int(off[np.argmax(np.abs(np.log10(np.maximum(ratio[off], 1e-300))))])
     text = f"{names[worst]} reaches {largest[worst]:.3g}, its nominal value is {nominal[worst]:.3g}"
     more = f" (and {len(off) - 1} more)" if len(off) > 1 else ""
     advice = "integration errors are scaled wrongly: use a tighter --tolerance and compare"
-    return Finding("watch", text + more, advice, numbers)
+    return Answer("watch", text + more, advice, numbers)

@@ -12,7 +12,7 @@ from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.memory import memory
 from workbench.analysis.check.nominals import nominals
 from workbench.analysis.check.repeatability import determinism, instances, reset
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.runs import drift, runs
 from workbench.analysis.check.snapshots import snapshots
 from workbench.analysis.check.start_time import start_time
@@ -36,7 +36,7 @@ class Check:
     """
 
     question: str
-    run: Callable[[Subject], Finding] | None
+    run: Callable[[Subject], Answer] | None
     interfaces: tuple[str, ...] = ("me", "cs")
 
 

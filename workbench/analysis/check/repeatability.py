@@ -8,7 +8,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from workbench.analysis.check.compare import largest_gap
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject, Trajectory, same_bits
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.instance import WARNING, Instance
@@ -23,7 +23,7 @@ _TURNS = 8
 _ALONE = "use one session at a time: replayed snapshots, lin by response and systems that contain it twice go wrong"
 
 
-def instances(subject: Subject) -> Finding:
+def instances(subject: Subject) -> Answer:
     """Run two instances turn by turn with opposite inputs, and each alone: the same to the last bit.
 
     Each run is cut into eight turns, alone, too. Broken: together they give other values than alone (they share
@@ -31,20 +31,20 @@ def instances(subject: Subject) -> Finding:
     instance per process, or it does not repeat its own runs (see determinism), so that nothing can be compared.
     """
     if subject.model.description.interfaces[subject.model.interface].once_per_process:
-        return Finding("not applicable", "the FMU says that it allows one instance per process", _ALONE)
+        return Answer("not applicable", "the FMU says that it allows one instance per process", _ALONE)
     signals = (subject.sines(), subject.sines(-1.0))
     alone = [_alone(subject, s) for s in signals]
     if not same_bits(alone[0], _alone(subject, signals[0])):
-        return Finding("not applicable", "even the same run alone does not give the same values (see determinism)")
+        return Answer("not applicable", "even the same run alone does not give the same values (see determinism)")
     try:
         together = _together(subject, signals)
     except (FmuError, SimulationError) as error:
-        return Finding("broken", f"two instances at once fail: {error}", _ALONE)
+        return Answer("broken", f"two instances at once fail: {error}", _ALONE)
     for one, other in zip(alone, together, strict=True):
         if not same_bits(one, other):
             gap = largest_gap(one, other, subject.names)
-            return Finding("broken", f"beside a second instance {gap.words}", _ALONE, {"relative": gap.relative})
-    return Finding(
+            return Answer("broken", f"beside a second instance {gap.words}", _ALONE, {"relative": gap.relative})
+    return Answer(
         "good",
         f"2 instances in turn, {2 * alone[0].values.size} values identical to those of one alone, to the last bit",
     )
@@ -76,7 +76,7 @@ def _joined(parts: list[Trajectory]) -> Trajectory:
 # -- does the same run give the same numbers -------------------------------------------------------
 
 
-def determinism(subject: Subject) -> Finding:
+def determinism(subject: Subject) -> Answer:
     """Make the same run twice, in new instances, with another run between them: equal to the last bit.
 
     The inputs swing as in `runs`; the run between swings the other way. Chaotic and unstable models pass: equal
@@ -88,10 +88,10 @@ def determinism(subject: Subject) -> Finding:
     second = subject.run(subject.sines())
     count = {"values": int(first.values.size)}
     if same_bits(first, second):
-        return Finding("good", f"2 runs, {first.values.size} values each: equal to the last bit", numbers=count)
+        return Answer("good", f"2 runs, {first.values.size} values each: equal to the last bit", numbers=count)
     gap = largest_gap(first, second, subject.names)
     verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Finding(
+    return Answer(
         verdict,
         f"in a second run {gap.words}",
         "no result is repeatable; snapshots by replay go wrong, and periods may never settle",
@@ -110,7 +110,7 @@ _FUNCTIONS: Mapping[int, Mapping[str, str]] = {
 _ELSEWHERE = "none here: sessions use a new instance; tools that reset get other results"
 
 
-def reset(subject: Subject) -> Finding:
+def reset(subject: Subject) -> Answer:
     """Run, reset, run again in the same instance: both runs must be the same.
 
     Broken: the second run differs, or the FMU fails after a reset that it called good. Watch: it refuses to reset, or
@@ -119,22 +119,22 @@ def reset(subject: Subject) -> Finding:
     """
     name = _FUNCTIONS[subject.model.description.major].get(subject.model.interface)
     if name is None:
-        return Finding("not applicable", "FMI 1.0 model exchange has no reset")
+        return Answer("not applicable", "FMI 1.0 model exchange has no reset")
     instance = subject.model.new_instance()
     with ExitStack() as stack:
         stack.callback(instance.close)
         first = _run(subject, instance, stack)
         if not instance.library.has(name):
-            return Finding("broken", f"the binary does not have {name}", _ELSEWHERE)
+            return Answer("broken", f"the binary does not have {name}", _ELSEWHERE)
         status = instance.library[name](instance.component)
         if status > WARNING:
-            return Finding("watch", f"{name} returns status {status}", _ELSEWHERE)
+            return Answer("watch", f"{name} returns status {status}", _ELSEWHERE)
         try:
             second = _run(subject, instance, stack)
         except (FmuError, SimulationError) as error:
-            return Finding("broken", f"after a reset it fails: {error}", _ELSEWHERE)
+            return Answer("broken", f"after a reset it fails: {error}", _ELSEWHERE)
     if not same_bits(first, second) and not same_bits(first, subject.run(subject.sines())):
-        return Finding("not applicable", "even a new instance does not repeat its run (see determinism)")
+        return Answer("not applicable", "even a new instance does not repeat its run (see determinism)")
     return _judge(subject, first, second)
 
 
@@ -144,9 +144,9 @@ def _run(subject: Subject, instance: Instance, stack: ExitStack) -> Trajectory:
     return subject.observe(session, subject.sines(), subject.points())
 
 
-def _judge(subject: Subject, first: Trajectory, second: Trajectory) -> Finding:
+def _judge(subject: Subject, first: Trajectory, second: Trajectory) -> Answer:
     if same_bits(first, second):
-        return Finding("good", f"{first.values.size} values are the same to the last bit after a reset")
+        return Answer("good", f"{first.values.size} values are the same to the last bit after a reset")
     gap = largest_gap(first, second, subject.names)
     verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Finding(verdict, f"after a reset {gap.words}", _ELSEWHERE, {"relative": gap.relative})
+    return Answer(verdict, f"after a reset {gap.words}", _ELSEWHERE, {"relative": gap.relative})

@@ -9,14 +9,14 @@ from typing import Any
 from workbench.core.record import Part, Record
 from workbench.errors import InputError, suggest
 
-__all__ = ["VERDICTS", "Finding", "HealthCard", "HealthLine"]
+__all__ = ["VERDICTS", "Answer", "HealthCard", "HealthLine"]
 
 # From harmless to serious.
 VERDICTS = ("not applicable", "good", "watch", "broken")
 
 
 @dataclass(frozen=True)
-class Finding:
+class Answer:
     """The answer of one check.
 
     Attributes:
@@ -41,7 +41,7 @@ class HealthLine(Part):
         component: name in the system; empty where the card is of one FMU.
         interface: "me" or "cs"; "file": the description, without running it.
         name: name of the check, a key of `CHECKS`.
-        verdict, evidence, consequence, numbers: see `Finding`.
+        verdict, evidence, consequence, numbers: see `Answer`.
         seconds: how long it took.
     """
 

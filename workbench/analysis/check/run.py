@@ -12,7 +12,7 @@ from typing import TypeVar
 from workbench.analysis.check.job import CheckJob, Done
 from workbench.analysis.check.registry import CHECKS, FILE, VALIDATION, choose
 from workbench.analysis.check.request import Check
-from workbench.analysis.check.result import Finding, HealthCard, HealthLine
+from workbench.analysis.check.result import Answer, HealthCard, HealthLine
 from workbench.analysis.check.validation import validation
 from workbench.core.job import Job
 from workbench.core.loading import Loading
@@ -183,7 +183,7 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
                     yield from _lost(event, open_names[of.interface], jobs)
         except WorkbenchError as error:
             for interface, names in open_names.items():
-                yield from (_line(interface, Done(n, Finding("broken", str(error), _CRASH), 0.0)) for n in names)
+                yield from (_line(interface, Done(n, Answer("broken", str(error), _CRASH), 0.0)) for n in names)
 
 
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
@@ -199,14 +199,14 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
         return
     reason = f"stopped after {again.crashes} crashes or hangs"
     while names:
-        yield _line(job.interface, Done(names.pop(0), Finding("not applicable", reason), 0.0))
+        yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason), 0.0))
 
 
-def _loss(name: str, reason: str) -> Finding:
+def _loss(name: str, reason: str) -> Answer:
     """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
     if not reason.startswith("time limit"):
-        return Finding("broken", reason, _CRASH)
-    return Finding("broken" if name == "runs" else "watch", reason, _HANG)
+        return Answer("broken", reason, _CRASH)
+    return Answer("broken" if name == "runs" else "watch", reason, _HANG)
 
 
 # -- all of them --------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
@@ -12,7 +12,7 @@ from workbench.session.base import Floats
 __all__ = ["drift", "runs"]
 
 
-def runs(subject: Subject) -> Finding:
+def runs(subject: Subject) -> Answer:
     """Instantiate, initialise and run over the test run with every continuous input swinging.
 
     The swing is 5 % of the input's size (the larger of start value and nominal value) within its minimum and
@@ -27,10 +27,10 @@ def runs(subject: Subject) -> Finding:
     moved = int((found.scale > 0.0).sum())
     text = f"{subject.span:.4g} s in {subject.steps} steps, {moved} of {len(subject.names)} variables move"
     text = "; ".join([text, *subject.model.remarks()])
-    return Finding("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
+    return Answer("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
 
 
-def _still(subject: Subject, failure: str) -> Finding:
+def _still(subject: Subject, failure: str) -> Answer:
     """The same with the inputs at rest."""
     if subject.inputs:
         try:
@@ -39,8 +39,8 @@ def _still(subject: Subject, failure: str) -> Finding:
             pass
         else:
             evidence = f"with inputs changed by a twentieth of their size it fails: {failure}"
-            return Finding("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
-    return Finding("broken", failure, "no analysis gets beyond this point; the other checks use a shorter run")
+            return Answer("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
+    return Answer("broken", failure, "no analysis gets beyond this point; the other checks use a shorter run")
 
 
 # -- what does the FMU do by itself, with its inputs at rest ---------------------------------------
@@ -54,7 +54,7 @@ _MOVES = (
 )
 
 
-def drift(subject: Subject) -> Finding:
+def drift(subject: Subject) -> Answer:
     """Run with inputs at their start values; compare the movement in the first quarter with that in the last.
 
     Movement is the range of a variable in a quarter over its range in the whole run. Good: nothing moves, or what
@@ -68,14 +68,14 @@ def drift(subject: Subject) -> Finding:
     size = np.abs(found.values).max(axis=0, initial=0.0)
     moving = found.scale > _NOTHING * size
     if not moving.any():
-        return Finding("good", f"nothing moves in {subject.span:.4g} s", numbers={"moving": 0})
+        return Answer("good", f"nothing moves in {subject.span:.4g} s", numbers={"moving": 0})
     lasting = moving & (last > _DECAY * first)
     numbers = {"moving": int(moving.sum()), "lasting": int(lasting.sum())}
     if not lasting.any():
-        return Finding("good", f"{numbers['moving']} variables move by themselves and then settle", numbers=numbers)
+        return Answer("good", f"{numbers['moving']} variables move by themselves and then settle", numbers=numbers)
     worst = int(np.argmax(np.where(lasting, np.ptp(found.values, axis=0) / np.maximum(size, 1e-300), -1.0)))
     kind = _kind(found.time, found.values[:, worst], float(first[worst]), float(last[worst]))
-    return Finding("watch", f"{subject.names[worst]} {kind}", _MOVES, numbers)
+    return Answer("watch", f"{subject.names[worst]} {kind}", _MOVES, numbers)
 
 
 def _kind(time: Floats, y: Floats, first: float, last: float) -> str:

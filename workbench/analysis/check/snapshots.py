@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.analysis.check.compare import largest_gap
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject, same_bits
 from workbench.errors import FmuError, SimulationError
 
@@ -12,7 +12,7 @@ __all__ = ["snapshots"]
 _REPLAY = "replay is used instead: each restore repeats the run from its start; slower, with the same results"
 
 
-def snapshots(subject: Subject) -> Finding:
+def snapshots(subject: Subject) -> Answer:
     """Take the FMU's state, go on, take it back, and go on again: the same values, near and far.
 
     First the probe that every session makes (`session/probe.py`: values after the restore, and one step from there).
@@ -22,14 +22,14 @@ def snapshots(subject: Subject) -> Finding:
     """
     model = subject.model
     if not model.description.interfaces[model.interface].state:
-        return Finding("not applicable", "the FMU does not claim to save its state", _REPLAY, {"method": "replay"})
+        return Answer("not applicable", "the FMU does not claim to save its state", _REPLAY, {"method": "replay"})
     why = model.why_replay()
     if why:
-        return Finding("broken", f"claimed, but {why}", _REPLAY, {"method": "replay"})
+        return Answer("broken", f"claimed, but {why}", _REPLAY, {"method": "replay"})
     return _far(subject)
 
 
-def _far(subject: Subject) -> Finding:
+def _far(subject: Subject) -> Answer:
     points = subject.points()
     middle = max(1, len(points) // 2)
     numbers = {"method": "state"}
@@ -44,13 +44,13 @@ def _far(subject: Subject) -> Finding:
                 session.restore(saved)
                 subject.observe(session, subject.sines(-1.0), points[middle:])
         except (FmuError, SimulationError) as error:
-            return Finding("broken", f"after a restore it fails: {error}", _TRUSTED, numbers)
+            return Answer("broken", f"after a restore it fails: {error}", _TRUSTED, numbers)
     first, second = runs
     if same_bits(first, second):
-        return Finding("good", f"2 restores, {first.values.size} values each: equal to the last bit", numbers=numbers)
+        return Answer("good", f"2 restores, {first.values.size} values each: equal to the last bit", numbers=numbers)
     gap = largest_gap(first, second, subject.names)
     evidence = f"claimed, but after a second restore {gap.words}"
-    return Finding("broken", evidence, _TRUSTED, {**numbers, "relative": gap.relative})
+    return Answer("broken", evidence, _TRUSTED, {**numbers, "relative": gap.relative})
 
 
 _TRUSTED = (

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.check.compare import largest_gap, usual_gap
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject, Trajectory, same_bits
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import FmuError, InputError, SimulationError
@@ -30,7 +30,7 @@ _AT_ZERO = "runs that begin later than at 0 are wrong, also co-simulation at a l
 _CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
 
 
-def start_time(subject: Subject) -> Finding:
+def start_time(subject: Subject) -> Answer:
     """Make the same run begin at t0 and at t0 + T: without an explicit dependence on time they are the same.
 
     Inputs jump once at the start and stand still. T is 16 test runs, or, where the model has a clock on absolute time
@@ -46,24 +46,24 @@ def start_time(subject: Subject) -> Finding:
     try:
         period = _period(subject)
     except InputError as error:
-        return Finding("not applicable", f"time events without a common period ({error})")
+        return Answer("not applicable", f"time events without a common period ({error})")
     shift = _FAR * subject.span if not period else period * math.ceil(_FAR * subject.span / period)
     h = (_OFF if subject.is_cs and period else 1.0) * subject.step
     try:
         first, later = (_run(subject, subject.start + t, h) for t in (0.0, shift))
     except (FmuError, SimulationError) as error:
-        return Finding("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _CLOCK)
+        return Answer("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _CLOCK)
     found = _judge(subject, first, replace(later, time=first.time), shift, period)
     if subject.model.start_note:
-        return Finding("broken", subject.model.start_note, _AT_ZERO, found.numbers)
+        return Answer("broken", subject.model.start_note, _AT_ZERO, found.numbers)
     if found.verdict == "good":
         return found
     if not same_bits(first, _run(subject, subject.start, h)):
-        return Finding("not applicable", "even the same run at the same time does not repeat itself (see determinism)")
+        return Answer("not applicable", "even the same run at the same time does not repeat itself (see determinism)")
     return found if _remains(subject, found, shift, h) else replace(found, verdict="good", consequence=_NUMERICAL)
 
 
-def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float, period: float) -> Finding:
+def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float, period: float) -> Answer:
     rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6
     limit = max(_TOLERANCE * rtol, _SAME)
     gaps = usual_gap(first, later, _BESIDE)
@@ -71,15 +71,15 @@ def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float,
     clock = f" (common period of its samples {period:.6g} s)" if period else ""
     numbers = {"shift": shift, "relative": gap, "limit": limit, "period": period or None}
     if gap <= limit:
-        return Finding("good", f"{shift:.4g} s later the same within {gap:.1g} of the range{clock}", numbers=numbers)
+        return Answer("good", f"{shift:.4g} s later the same within {gap:.1g} of the range{clock}", numbers=numbers)
     worst = int(gaps.argmax())
     names = (subject.names[worst],)
     a, b = (Trajectory(t.time, t.values[:, [worst]]) for t in (first, later))
     words = largest_gap(a, b, names).words
-    return Finding("watch", f"begun {shift:.4g} s later {words}", _CLOCK, numbers)
+    return Answer("watch", f"begun {shift:.4g} s later {words}", _CLOCK, numbers)
 
 
-def _remains(subject: Subject, found: Finding, shift: float, h: float) -> bool:
+def _remains(subject: Subject, found: Answer, shift: float, h: float) -> bool:
     """Whether the gap stays with a tighter integration: what shrinks is numerical."""
     with subject.model.recipe.tighter(_TIGHTER).open() as model:
         tight = replace(subject, model=model)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.check.compare import relative_gaps, usual_gap
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import Subject, Trajectory
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
@@ -51,7 +51,7 @@ class _Convergence:
     error: float
 
 
-def step(subject: Subject) -> Finding:
+def step(subject: Subject) -> Answer:
     """Halve the communication step until the change falls steadily; then run long enough to see divergence.
 
     Inputs jump once and stand still, so that what is seen is the FMU's own integration, not how it takes inputs (see
@@ -75,7 +75,7 @@ def step(subject: Subject) -> Finding:
         "error": _number(near.error), "excursion": _number(far), "excursion_step": reached,
         "diverges": far >= _DIVERGES,
     }  # fmt: skip
-    return Finding(*_verdict(subject, near, far, reached), numbers=numbers)
+    return Answer(*_verdict(subject, near, far, reached), numbers=numbers)
 
 
 def _verdict(subject: Subject, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:

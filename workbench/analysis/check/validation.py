@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from workbench.analysis.check.result import Finding
+from workbench.analysis.check.result import Answer
 from workbench.errors import one_line
 from workbench.fmi.description import Description
 from workbench.fmi.fmpy_access import model_description
@@ -20,7 +20,7 @@ _IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
 _STRUCTURED = re.compile(rf"(?:{_IDENTIFIER}|der\({_IDENTIFIER}(?:,\d+)?\))\Z")
 
 
-def validation(folder: Path, description: Description) -> Finding:
+def validation(folder: Path, description: Description) -> Answer:
     """Read modelDescription.xml strictly: schema, unique names, start values, causalities, units, model structure.
 
     FMPy's validation does it; names under the structured convention are compared with the grammar of FMI 2.0.4,
@@ -35,10 +35,10 @@ def validation(folder: Path, description: Description) -> Finding:
     problems = [*_problems(folder), *_names(folder)]
     if not problems:
         text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
-        return Finding("good", text, numbers={"problems": []})
+        return Answer("good", text, numbers={"problems": []})
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     read = "; ".join(description.notes) or "it is read nevertheless; nothing is lost"
-    return Finding("watch", problems[0] + more, read, {"problems": problems[:100]})
+    return Answer("watch", problems[0] + more, read, {"problems": problems[:100]})
 
 
 def _problems(folder: Path) -> list[str]:

@@ -14,7 +14,7 @@ from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
 from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Interval, count_poles, crossings, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus, shown_gains
-from workbench.analysis.feedback.place import SEEN, Place, find_place
+from workbench.analysis.feedback.place import SEEN, FeedbackPath, find_place
 from workbench.analysis.feedback.request import Feedback, Range, quantity
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
@@ -110,7 +110,7 @@ def _size(option: str, size: float | str | None, target: str, own: str | None, *
 class _Work:
     """One analysis under way."""
 
-    place: Place
+    place: FeedbackPath
     where: Standing
     y0: float
     actuator: Actuator | None

@@ -12,9 +12,9 @@ import numpy as np
 
 from workbench.analysis.describing.base import Block, Complex
 from workbench.analysis.feedback.actuator import Actuator
-from workbench.analysis.feedback.place import Place
+from workbench.analysis.feedback.place import FeedbackPath
 from workbench.analysis.feedback.standing import Standing, linear
-from workbench.analysis.limit_cycle.cut import Cut, Ports, cut, find_ports
+from workbench.analysis.limit_cycle.cut import Ports, SplitLoop, cut, find_ports
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
@@ -112,7 +112,7 @@ class TwoPorts:
     """
 
     lin: LinResult
-    loop: Cut
+    loop: SplitLoop
 
     @cached_property
     def block(self) -> Block | None:
@@ -202,7 +202,7 @@ def _is_static(model: SystemModel, component: Component) -> bool:
 
 
 def cut_at(
-    place: Place, where: Standing, component: str, *, time: float, actuator: Actuator | None, keep: ExitStack
+    place: FeedbackPath, where: Standing, component: str, *, time: float, actuator: Actuator | None, keep: ExitStack
 ) -> TwoPorts:
     """Return a system opened at its block and at the feedback.
 

@@ -75,7 +75,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Candidate:
     gain: float
     frequency: float
     real: float
@@ -119,7 +119,7 @@ def crossings(plant: LinearPart) -> tuple[Crossing, ...]:
     return tuple(found)
 
 
-def _places(plant: LinearPart) -> Iterator[_Place]:
+def _places(plant: LinearPart) -> Iterator[_Candidate]:
     poles = _border_poles(plant)
     size = _size(plant)
     near_zero = _NEAR * float(_sizes(plant).min()) if np.any(poles == 0.0) else 0.0
@@ -127,17 +127,17 @@ def _places(plant: LinearPart) -> Iterator[_Place]:
         value = plant.at(frequency)
         beside = frequency > near_zero and not np.any(np.abs(poles - frequency) < 1e-7 * frequency)
         if abs(value) > _ZERO * size and beside:
-            yield _Place(1.0 / value.real, frequency, value.real)
+            yield _Candidate(1.0 / value.real, frequency, value.real)
     ends = [0.0, plant.highest_hz] if plant.dt > 0.0 else [0.0]
     for frequency in ends:
         value = _at_zero(plant, near_zero) if frequency == 0.0 and near_zero else plant.at(frequency)
         on_pole = frequency > 0.0 and np.any(np.abs(poles - frequency) < 1e-12)
         if np.isfinite(value) and abs(value) > _ZERO * size and not on_pole:
-            yield _Place(1.0 / value.real, frequency, value.real)
+            yield _Candidate(1.0 / value.real, frequency, value.real)
     if plant.d != 0.0:
-        yield _Place(1.0 / plant.d, math.inf, plant.d)
+        yield _Candidate(1.0 / plant.d, math.inf, plant.d)
     for frequency in np.unique(poles).tolist():
-        yield _Place(0.0, frequency, math.inf)
+        yield _Candidate(0.0, frequency, math.inf)
 
 
 def _sizes(plant: LinearPart) -> Floats:
@@ -182,8 +182,8 @@ def _size(plant: LinearPart) -> float:
     return max(float(np.median(value)) if len(value) else 0.0, abs(plant.d), 1e-300)
 
 
-def _distinct(places: Sequence[_Place]) -> list[_Place]:
-    kept: list[_Place] = []
+def _distinct(places: Sequence[_Candidate]) -> list[_Candidate]:
+    kept: list[_Candidate] = []
     for place in places:
         near = [p for p in kept if _close(p.gain, place.gain) and _close(p.frequency, place.frequency)]
         if not near:
@@ -195,7 +195,7 @@ def _close(a: float, b: float) -> bool:
     return a == b or abs(a - b) <= _SAME * max(abs(a), abs(b))
 
 
-def _residual(plant: LinearPart, place: _Place) -> float:
+def _residual(plant: LinearPart, place: _Candidate) -> float:
     """Return how far from the border the pole is that should stand on it, relative to its size."""
     if not plant.solvable(place.gain) or math.isinf(place.frequency) or not len(plant.A):
         return math.nan

@@ -25,7 +25,7 @@ from workbench.system.health_units import declared_unit
 from workbench.system.parts import open_parts
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["DRIVE", "SEEN", "Place", "Wish", "find_place", "free_name"]
+__all__ = ["DRIVE", "SEEN", "FeedbackPath", "Wish", "find_place", "free_name"]
 
 DRIVE = "feedback.drive"  # input of the opened system
 SEEN = "feedback.seen"  # its output
@@ -52,7 +52,7 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class FeedbackPath:
     """A system, a variable that is fed back, and an input that it acts on.
 
     Attributes:
@@ -233,7 +233,7 @@ def free_name(wanted: str, components: Iterable[Component]) -> str:
     return next(n for n in (wanted, *(f"{wanted}{k}" for k in range(2, len(taken) + 3))) if n not in taken)
 
 
-def find_place(model: Model, source: str, target: str) -> Place:
+def find_place(model: Model, source: str, target: str) -> FeedbackPath:
     """Return where a feedback leaves and enters a model.
 
     Args:
@@ -252,7 +252,7 @@ def find_place(model: Model, source: str, target: str) -> Place:
     taken = _found(model, table, recipe.system, source, role="source", single=single)
     acted = _found(model, table, recipe.system, target, role="target", single=single)
     units = tuple(table[n].unit or None for n in (taken, acted))
-    return Place(model, recipe, taken, acted, units[0], units[1], (source, target), _undriven(model, target))
+    return FeedbackPath(model, recipe, taken, acted, units[0], units[1], (source, target), _undriven(model, target))
 
 
 def _variables(recipe: SystemRecipe) -> dict[str, Variable]:

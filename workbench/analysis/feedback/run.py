@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.analysis.feedback.actuator import Actuator
-from workbench.analysis.feedback.place import Place, Wish
+from workbench.analysis.feedback.place import FeedbackPath, Wish
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
@@ -91,7 +91,7 @@ class FeedbackRun(Record):
 
 
 def feedback_run(
-    place: Place,
+    place: FeedbackPath,
     start: Start,
     gain: float,
     *,

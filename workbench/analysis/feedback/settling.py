@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.optimum import Optimum, optimum_of
-from workbench.analysis.feedback.place import Place, Wish
+from workbench.analysis.feedback.place import FeedbackPath, Wish
 from workbench.analysis.feedback.request import THRESHOLDS
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.job import Job
@@ -176,7 +176,7 @@ class SettlingStudy(Record):
 
 
 def settling_study(
-    place: Place,
+    place: FeedbackPath,
     start: Start,
     gains: Sequence[float],
     *,
@@ -223,7 +223,7 @@ def settling_study(
 
 
 def _run(  # noqa: PLR0917 - one run of the study
-    model: DescribedModel, place: Place, start: Start, wish: Wish, watch: str, settings: Settings
+    model: DescribedModel, place: FeedbackPath, start: Start, wish: Wish, watch: str, settings: Settings
 ) -> GainRun:
     command, handed, scale = place.command(wish)
     names = list(dict.fromkeys([place.full(watch), command, handed]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from workbench.analysis.feedback.actuator import Actuator
-from workbench.analysis.feedback.place import DRIVE, SEEN, Place
+from workbench.analysis.feedback.place import DRIVE, SEEN, FeedbackPath
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.rest import rest_of
@@ -34,7 +34,7 @@ class Standing:
     notes: tuple[str, ...]
 
 
-def standing(place: Place, *, at: OperatingPoint | None, time: float) -> Standing:
+def standing(place: FeedbackPath, *, at: OperatingPoint | None, time: float) -> Standing:
     """Return where the model stands: at a given point, at its start if that is at rest, else where trim finds rest.
 
     Args:
@@ -70,7 +70,7 @@ def _takes_states(model: DescribedModel, time: float) -> bool:
 
 
 def linear(
-    place: Place,
+    place: FeedbackPath,
     where: Standing,
     *,
     time: float,
@@ -109,5 +109,5 @@ def linear(
         ).result
 
 
-def _discrete(place: Place, where: Standing) -> dict[str, float]:
+def _discrete(place: FeedbackPath, where: Standing) -> dict[str, float]:
     return {place.full(n): v for n, v in where.point.discrete.items()}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.analysis.feedback.block import TwoPorts
-from workbench.analysis.feedback.place import Place
+from workbench.analysis.feedback.place import FeedbackPath
 from workbench.analysis.feedback.standing import Standing
 from workbench.analysis.limit_cycle.harmonic_balance import balance, states_of
 from workbench.analysis.passes import rising_passes
@@ -57,7 +57,7 @@ class Start:
 
 
 def from_cycle(
-    place: Place, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float, tolerance: float
+    place: FeedbackPath, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float, tolerance: float
 ) -> Start:
     """Return the largest stable limit cycle of the system without feedback, by harmonic balance and then simulated.
 
@@ -84,7 +84,7 @@ def from_cycle(
     return Start(**{**vars(start), "how": f"starting from the predicted limit cycle, simulated for {_PERIODS} periods"})
 
 
-def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
+def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], float]:
     name = place.model.name
     block = two.block
     if block is None:
@@ -109,7 +109,7 @@ def _predicted(place: Place, two: TwoPorts) -> tuple[dict[str, float], float]:
 
 
 def from_signals(
-    place: Place,
+    place: FeedbackPath,
     where: Standing,
     watch: str,
     *,
@@ -144,7 +144,7 @@ def from_signals(
 
 
 def _simulated(
-    place: Place,
+    place: FeedbackPath,
     where: Standing,
     watch: str,
     *,

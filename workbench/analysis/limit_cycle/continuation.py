@@ -31,7 +31,7 @@ _VANISHED = 1e-3  # of the first fundamental
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _Iterate:
     """A point of the branch: unknowns with the scaled parameter last, and the direction of the branch there."""
 
     y: Floats
@@ -66,7 +66,7 @@ def follow(
     if first is None:
         why = "harmonic balance has no solution at the start"
         return Branch(parameter=parameter, points=(), folds=(), ends=(why, why))
-    backward, folds_back, why_back = track.walk(_Place(first.y, -first.direction), most)
+    backward, folds_back, why_back = track.walk(_Iterate(first.y, -first.direction), most)
     forward, folds, why = track.walk(first, most)
     places = [*reversed(backward), first.y, *forward]
     blocks = stability and not _has_memory(family(start)[1])
@@ -106,13 +106,13 @@ class _Track:
         part, block = self._family(value)
         return Balance(part, block, count=self._count, scale=self._scale)
 
-    def begin(self, cycle: Cycle) -> _Place | None:
+    def begin(self, cycle: Cycle) -> _Iterate | None:
         z = self._balance(self._start).pack(cycle.v, cycle.frequency)
         y = np.append(z, (self._start - self._limits[0]) / self._span)
         straight = np.zeros(len(y))
         straight[-1] = 1.0
         found = self._correct(y, straight, 0.0)
-        return None if found is None else _Place(found, self._tangent(found, straight))
+        return None if found is None else _Iterate(found, self._tangent(found, straight))
 
     def residual(self, y: Floats) -> Floats:
         return self._balance(self.value(y))(y[:-1])
@@ -154,7 +154,7 @@ class _Track:
             x = x + step
         return None
 
-    def walk(self, place: _Place, most: int) -> tuple[list[Floats], list[Floats], str]:
+    def walk(self, place: _Iterate, most: int) -> tuple[list[Floats], list[Floats], str]:
         """Return the points after `place`, the folds between them, and why the walk ended."""
         points: list[Floats] = []
         folds: list[Floats] = []
@@ -167,7 +167,7 @@ class _Track:
                 if length < _SHORTEST:
                     return points, folds, "the equations of harmonic balance could not be solved beyond this point"
                 continue
-            following = _Place(y, self._tangent(y, place.direction))
+            following = _Iterate(y, self._tangent(y, place.direction))
             if length > _STRAIGHT and float(following.direction @ place.direction) < _TURNS:
                 length *= 0.5
                 continue
@@ -185,7 +185,7 @@ class _Track:
             place, length = following, min(1.3 * length, _LONGEST)
         return points, folds, f"{most} points"
 
-    def _fold(self, place: _Place, length: float) -> Floats:
+    def _fold(self, place: _Iterate, length: float) -> Floats:
         """Return where the parameter turns back within a step."""
         best = place.y
 
@@ -200,7 +200,7 @@ class _Track:
         brentq(slope, 0.0, length, xtol=1e-6, maxiter=30, disp=False)
         return best
 
-    def _at_limit(self, place: _Place, y: Floats) -> Floats:
+    def _at_limit(self, place: _Iterate, y: Floats) -> Floats:
         """Return the point of the branch at the limit of the parameter that a step passed."""
         edge = float(np.clip(y[-1], 0.0, 1.0))
         part = (edge - place.y[-1]) / (y[-1] - place.y[-1])

@@ -33,7 +33,7 @@ from workbench.system.description import (
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Cut", "Ports", "cut", "driven_block", "find_ports", "only_block", "reblock", "recut"]
+__all__ = ["Ports", "SplitLoop", "cut", "driven_block", "find_ports", "only_block", "reblock", "recut"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -70,7 +70,7 @@ class Ports:
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class SplitLoop:
     """A loop 1 + N·L = 0.
 
     Attributes:
@@ -126,7 +126,7 @@ def _system(model: Model) -> SystemDescription:
     return model.system
 
 
-def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, time: float, keep: ExitStack) -> Cut:
+def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, time: float, keep: ExitStack) -> SplitLoop:
     """Return the loop of a system through one of its components.
 
     Args:
@@ -165,7 +165,7 @@ def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, tim
         part, block = part.negated(), block.negated()
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
-    return Cut(ports, part, block, turned, rest, point, centre, output, tuple(notes))
+    return SplitLoop(ports, part, block, turned, rest, point, centre, output, tuple(notes))
 
 
 def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
@@ -195,7 +195,7 @@ def _middle(  # noqa: PLR0917
     return None, rest
 
 
-def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: ExitStack) -> Cut:
+def recut(model: DescribedModel, base: SplitLoop, *, own: bool, time: float, keep: ExitStack) -> SplitLoop:
     """Return the loop of a system that differs by one parameter from one that was cut; what did not change is kept.
 
     Args:
@@ -223,8 +223,8 @@ def recut(model: DescribedModel, base: Cut, *, own: bool, time: float, keep: Exi
 
 
 def reblock(
-    model: DescribedModel, base: Cut, starts: Mapping[str, Value], *, time: float, keep: ExitStack
-) -> Cut | None:
+    model: DescribedModel, base: SplitLoop, starts: Mapping[str, Value], *, time: float, keep: ExitStack
+) -> SplitLoop | None:
     """Return the loop with other parameters of its block, nothing else opened; None: the operating point may move.
 
     Args:

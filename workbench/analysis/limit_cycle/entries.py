@@ -11,7 +11,7 @@ from workbench.analysis.describing.base import Complex
 from workbench.analysis.limit_cycle.confirm import Simulated
 from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
-from workbench.analysis.limit_cycle.request import METHODS
+from workbench.analysis.limit_cycle.request import DESCRIBING_FUNCTION, SHOOTING, SIMULATION
 from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbit
 from workbench.model.described import DescribedModel
@@ -53,7 +53,7 @@ def from_orbit(number: int | None, orbit: Orbit) -> LimitCycle:
         orbit: by shooting.
     """
     return LimitCycle(
-        method=METHODS[2],
+        method=SHOOTING,
         crossing=number,
         frequency_hz=orbit.frequency,
         amplitude=orbit.amplitude,
@@ -75,7 +75,7 @@ def from_run(number: int | None, run: Simulated, watch: str) -> LimitCycle:
         watch: the block's input.
     """
     return LimitCycle(
-        method=METHODS[3],
+        method=SIMULATION,
         crossing=number,
         frequency_hz=run.frequency,
         amplitude=run.amplitude[watch],
@@ -126,7 +126,7 @@ def contradictions(found: Sequence[LimitCycle], variable: str) -> list[str]:
     words = []
     for number, entries in groupby((c for c in found if c.crossing is not None), key=lambda c: c.number):
         rows = list(entries)
-        sure = [c for c in rows if c.method == METHODS[2] or (c.method == METHODS[3] and c.stable)]
+        sure = [c for c in rows if c.method == SHOOTING or (c.method == SIMULATION and c.stable)]
         for c in rows if sure else ():
             apart = _apart(c, sure[-1])
             if apart:
@@ -139,7 +139,7 @@ def contradictions(found: Sequence[LimitCycle], variable: str) -> list[str]:
 
 def _apart(c: LimitCycle, sure: LimitCycle) -> list[str]:
     """Return what differs by more than the errors of both methods."""
-    error = _ROUGH if c.method == METHODS[0] else _FINE
+    error = _ROUGH if c.method == DESCRIBING_FUNCTION else _FINE
     values = {
         "frequency": (c.frequency_hz, sure.frequency_hz, sure.frequency_hz),
         "fundamental": (c.fundamental, sure.fundamental, sure.fundamental),

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.describing.base import Block, Floats
-from workbench.analysis.limit_cycle.cut import Cut, reblock, recut
+from workbench.analysis.limit_cycle.cut import SplitLoop, reblock, recut
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError, suggest
 from workbench.model.described import DescribedModel
@@ -47,14 +47,14 @@ class SystemFamily:
         InputError: unknown parameter.
     """
 
-    def __init__(self, model: DescribedModel, base: Cut, parameter: str, *, time: float, keep: ExitStack) -> None:
+    def __init__(self, model: DescribedModel, base: SplitLoop, parameter: str, *, time: float, keep: ExitStack) -> None:
         known = [v.name for v in model.description.variables if v.is_number and v.causality != "output"]
         if parameter not in known:
             raise InputError(f"{model.name}: parameter '{parameter}' is unknown; {suggest(parameter, [GAIN, *known])}")
         self._model, self._base, self._parameter, self._time = model, base, parameter, time
         self._own = parameter.startswith(f"{base.ports.component}.")
         self._polynomial: ChebyshevPart | None = None
-        self._open: OrderedDict[float, tuple[Cut, ExitStack]] = OrderedDict()
+        self._open: OrderedDict[float, tuple[SplitLoop, ExitStack]] = OrderedDict()
         keep.callback(self._close, 0)
 
     def __call__(self, value: float) -> tuple[LinearPart, Block]:
@@ -100,7 +100,7 @@ class SystemFamily:
                 return
             before, nodes = now, 2 * nodes
 
-    def _cut(self, value: float) -> Cut:
+    def _cut(self, value: float) -> SplitLoop:
         if value not in self._open:
             recipe = self._model.recipe
             starts = {**recipe.start_values, self._parameter: value}

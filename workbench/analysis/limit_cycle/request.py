@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 __all__ = ["METHODS", "LimitCycles", "limit_cycle"]
 
-METHODS = ("describing function", "harmonic balance", "shooting", "simulation")
+DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION = (
+    "describing function", "harmonic balance", "shooting", "simulation",
+)  # fmt: skip
+METHODS = (DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION)
 
 
 class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):

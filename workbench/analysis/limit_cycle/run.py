@@ -13,7 +13,7 @@ from workbench.analysis.describing.base import Block
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
 from workbench.analysis.limit_cycle.continuation import Family, follow
-from workbench.analysis.limit_cycle.cut import Cut, cut, driven_block, only_block
+from workbench.analysis.limit_cycle.cut import SplitLoop, cut, driven_block, only_block
 from workbench.analysis.limit_cycle.driven import DrivenBlock
 from workbench.analysis.limit_cycle.entries import (
     contradictions,
@@ -29,7 +29,14 @@ from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
 from workbench.analysis.limit_cycle.observe import Observation, observe
-from workbench.analysis.limit_cycle.request import METHODS, LimitCycles
+from workbench.analysis.limit_cycle.request import (
+    DESCRIBING_FUNCTION,
+    HARMONIC_BALANCE,
+    METHODS,
+    SHOOTING,
+    SIMULATION,
+    LimitCycles,
+)
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
@@ -97,7 +104,7 @@ def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str
 
 def _crossings(
     system: DescribedModel,
-    loop: Cut,
+    loop: SplitLoop,
     band: tuple[float, float],
     amplitudes: tuple[float, float] | None,
     workers: Workers | None,
@@ -121,7 +128,7 @@ class _Work:
     """One analysis under way."""
 
     system: DescribedModel
-    loop: Cut
+    loop: SplitLoop
     curve: NyquistResult
     outputs: tuple[str, ...]
     harmonics: int
@@ -143,7 +150,7 @@ class _Work:
         for number, crossing in enumerate(self.curve.crossings):
             if crossing.amplitude is not None:
                 self._refine(number, crossing, crossing.amplitude)
-        if not self.found and METHODS[3] in self.methods:
+        if not self.found and SIMULATION in self.methods:
             self._observe()
         self.notes += contradictions(self.found, self.loop.ports.v)
         model, ports = self.system, self.loop.ports
@@ -164,7 +171,7 @@ class _Work:
 
     def _refine(self, number: int, c: Crossing, amplitude: float) -> None:
         first = LimitCycle(
-            method=METHODS[0], crossing=number, frequency_hz=c.frequency_hz, amplitude=amplitude,
+            method=DESCRIBING_FUNCTION, crossing=number, frequency_hz=c.frequency_hz, amplitude=amplitude,
             fundamental=amplitude, mean=self.loop.centre, stable=c.stable,
         )  # fmt: skip
         self.found.append(first)
@@ -179,7 +186,7 @@ class _Work:
             return
         cycle = cycle or self._sine(first)
         states, sizes = self._predicted(cycle)
-        if isinstance(block, DrivenBlock) and self.found[-1].method == METHODS[1]:
+        if isinstance(block, DrivenBlock) and self.found[-1].method == HARMONIC_BALANCE:
             own, moved = block.states()
             states, sizes = {**states, **own}, {**sizes, **moved}
         shootable = self.loop.block is not None or len(states) > len(self.loop.rest.state_names)
@@ -188,7 +195,7 @@ class _Work:
         failed = self.notes[before:]
         last = self.found[-1]
         stable = c.stable if last.stable is None else last.stable
-        if METHODS[3] not in self.methods or stable is False:
+        if SIMULATION not in self.methods or stable is False:
             return
         run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
         if run is None or not run.steady or not shootable or shot:
@@ -238,7 +245,7 @@ class _Work:
 
     def _driven(self, number: int) -> DrivenBlock | None:
         """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
-        if set(self.methods) <= {METHODS[0]}:
+        if set(self.methods) <= {DESCRIBING_FUNCTION}:
             return None
         if self.driven is None:
             loop = self.loop
@@ -298,7 +305,7 @@ class _Work:
             )
             return self._sine(first)
         for other in self.found:
-            if other.method == METHODS[1] and other.crossing is not None and same_cycle(other, cycle):
+            if other.method == HARMONIC_BALANCE and other.crossing is not None and same_cycle(other, cycle):
                 self.notes.append(
                     f"crossing {number + 1}: harmonic balance leads to the cycle of crossing {other.crossing + 1}"
                 )
@@ -321,7 +328,7 @@ class _Work:
             )
         self.found.append(
             LimitCycle(
-                method=METHODS[1],
+                method=HARMONIC_BALANCE,
                 crossing=number,
                 frequency_hz=cycle.frequency,
                 amplitude=cycle.amplitude,
@@ -355,7 +362,7 @@ class _Work:
         amplitude: float,
     ) -> bool:
         """Look for the closed orbit near a motion; whether there is one."""
-        if METHODS[2] not in self.methods:
+        if SHOOTING not in self.methods:
             return False
         orbit = shoot(
             self.system, states=states, sizes=sizes, frequency=frequency, inputs=self._inputs(),

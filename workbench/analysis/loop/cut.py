@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
-from workbench.analysis.loop.place import Place, find_place
+from workbench.analysis.loop.place import Opening, find_place
 from workbench.analysis.loop.request import Open
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -45,7 +45,7 @@ class CutLoop:
     """
 
     model: SystemModel
-    place: Place
+    place: Opening
     point: OperatingPoint | None
     value: float
     time: float
@@ -123,7 +123,7 @@ def _resolved(model: SystemModel) -> Resolved:
         return resolve(recipe.system, [p.description.variables for p in parts])
 
 
-def _notes(system: SystemDescription, place: Place, time: float) -> tuple[str, ...]:
+def _notes(system: SystemDescription, place: Opening, time: float) -> tuple[str, ...]:
     notes = []
     for i, c in enumerate(system.connections):
         if c.closes_at is None or c.closes_at <= time:
@@ -150,7 +150,7 @@ def _summed(name: str, source: str) -> _Made:
     return SumComponent(name=name), (lead,), {INJECTED: (f"{name}.u2",)}, {RETURNED: source, PASSED: f"{name}.y"}
 
 
-def _cut(system: SystemDescription, place: Place, make: _Make) -> SystemDescription:
+def _cut(system: SystemDescription, place: Opening, make: _Make) -> SystemDescription:
     """Return the system with a block behind the source; gains, offsets and units stay behind the block."""
     taken = {c.name for c in system.components}
     name = next(n for n in ("loop_cut", *(f"loop_cut{k}" for k in range(2, len(taken) + 3))) if n not in taken)

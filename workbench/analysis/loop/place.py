@@ -11,13 +11,13 @@ from workbench.fmi.variable import FLOAT_TYPES
 from workbench.fmi.wiring import Wire
 from workbench.system.description import Resolved, SystemDescription
 
-__all__ = ["Place", "find_place"]
+__all__ = ["Opening", "find_place"]
 
 _ARROWS = ("→", "->")
 
 
 @dataclass(frozen=True)
-class Place:
+class Opening:
     """Connections of one source, cut together.
 
     Attributes:
@@ -40,7 +40,7 @@ class Place:
         return f"{self.source} → {', '.join(self.destinations)}"
 
 
-def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Place:
+def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Opening:
     """Return the connections that `at` names.
 
     Args:
@@ -66,7 +66,7 @@ def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Place
         raise InputError(_unknown(source, target, ends))
     wires = [resolved.wires[i] for i in chosen]
     _check_real(wires[0], ends[chosen[0]][0])
-    place = Place(
+    place = Opening(
         source=ends[chosen[0]][0],
         unit=wires[0].source.unit,
         wires=tuple(chosen),
@@ -106,7 +106,7 @@ def _check_real(wire: Wire, source: str) -> None:
             )
 
 
-def _check_loop(place: Place, cut: Sequence[Wire], wires: Sequence[Wire], names: Sequence[str]) -> None:
+def _check_loop(place: Opening, cut: Sequence[Wire], wires: Sequence[Wire], names: Sequence[str]) -> None:
     """Refuse a place from which nothing leads back to the source's component.
 
     Raises:

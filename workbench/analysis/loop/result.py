@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.loop.linear import MANY, LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
-from workbench.analysis.loop.place import Place
+from workbench.analysis.loop.place import Opening
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, entry
 from workbench.core.response import decibels, degrees
@@ -48,7 +48,7 @@ class LoopResult(Record):
     """
 
     system: str
-    place: Place
+    place: Opening
     value: float
     linear: LinearLoop | None
     curves: tuple[LoopCurve, ...] = field(default=(), metadata=entry(key="measured"))

@@ -6,16 +6,16 @@ from workbench.analysis.preprocess.outliers import OutliersRemoved, find_outlier
 from workbench.analysis.preprocess.prepared import Prepared
 from workbench.analysis.preprocess.resample import Resampled, resample
 from workbench.analysis.preprocess.scale import Scaled, scale
-from workbench.analysis.preprocess.settle import Cut, cut_settling, settling_samples
+from workbench.analysis.preprocess.settle import WithoutStart, cut_settling, settling_samples
 
 __all__ = [
-    "Cut",
     "Detrended",
     "Flat",
     "OutliersRemoved",
     "Prepared",
     "Resampled",
     "Scaled",
+    "WithoutStart",
     "cut_settling",
     "detrend",
     "find_outliers",

@@ -12,7 +12,7 @@ from workbench.analysis.preprocess.prepared import Prepared
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Cut", "cut_settling", "settling_samples"]
+__all__ = ["WithoutStart", "cut_settling", "settling_samples"]
 
 _PART = 2  # the record's first half is searched, its second half is the measure
 _VISIBLE = 0.3  # of an output's standard deviation
@@ -22,7 +22,7 @@ _LEFT = 0.3  # of the record, at least, is kept
 
 
 @dataclass(frozen=True, eq=False)
-class Cut(Prepared):
+class WithoutStart(Prepared):
     """Data without their beginning.
 
     Attributes:
@@ -55,7 +55,7 @@ def settling_samples(experiment: Experiment) -> int:
     return _end(out)
 
 
-def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Cut:
+def cut_settling(experiment: Experiment, *, samples: int | None = None) -> WithoutStart:
     """Cut off the beginning of a record.
 
     Seldom needed for state-space models, whose initial state is estimated; but one that the linear range does not
@@ -77,10 +77,10 @@ def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Cut:
     if not 0 <= count <= (1.0 - _LEFT) * experiment.n_samples:
         raise InputError(f"{experiment.name}: {count} of {experiment.n_samples} samples cannot be cut off")
     if not count:
-        return Cut(experiment, "nothing cut off: no settling can be seen", 0)
+        return WithoutStart(experiment, "nothing cut off: no settling can be seen", 0)
     what = f"first {count} samples ({count * experiment.dt:.3g} s) cut off: settling"
     rest = experiment.part(count)
-    return Cut(rest.with_data(note=what), what, count)
+    return WithoutStart(rest.with_data(note=what), what, count)
 
 
 def _smoothed(error: Floats) -> Floats:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.kinds.base import Finding, NotMeasured, Requirement, Result, worst
+from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result, worst
 from workbench.study.kinds.curve import Curve
 from workbench.study.kinds.curves import curves
 from workbench.study.kinds.paths import check_path
@@ -63,19 +63,19 @@ class Agreement(_Pair):
             check_path(self.path)
             check_path(self.with_path or self.path)
 
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         mine = numbers_at(results[0], self.path, self.name)
         theirs = numbers_at(results[1], self.with_path or self.path, self.name)
         if len(mine) != len(theirs):
             raise NotMeasured(f"{len(mine)} numbers at {self.path}, but {len(theirs)} to compare them with")
         return worst([self._pair(where, a, b) for (where, a), (_, b) in zip(mine, theirs, strict=True)])
 
-    def _pair(self, where: str, mine: float, theirs: float) -> Finding:
+    def _pair(self, where: str, mine: float, theirs: float) -> Compliance:
         limit = self.tolerance if self.relative is None else self.relative * abs(theirs)
         limit = limit or 0.0
         off = abs(mine - theirs)
         words = f"{where + ': ' if where else ''}{mine:.6g} and {theirs:.6g}"
-        return Finding(value=off, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=words)
+        return Compliance(value=off, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=words)
 
 
 class ResponseAgreement(_Pair, OfResponse):
@@ -104,7 +104,7 @@ class ResponseAgreement(_Pair, OfResponse):
                 f"{where}: band {self.band[0]:g} to {self.band[1]:g} Hz falls; give the lower frequency first"
             )
 
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         mine, theirs = self._pair(results)
         low, high = self.band or (0.0, math.inf)
         mine.check_failed(low, high)
@@ -132,7 +132,7 @@ class ResponseAgreement(_Pair, OfResponse):
             raise NotMeasured("no point was measured")
         return found[0]
 
-    def _at(self, mine: Curve, theirs: Curve, frequency: float) -> list[Finding]:
+    def _at(self, mine: Curve, theirs: Curve, frequency: float) -> list[Compliance]:
         found = []
         if self.db is not None:
             off = abs(mine.at("gain", frequency) - theirs.at("gain", frequency))
@@ -142,5 +142,7 @@ class ResponseAgreement(_Pair, OfResponse):
             found.append(self._finding(off, self.deg, "deg", mine.where(frequency)))
         return found
 
-    def _finding(self, off: float, limit: float, unit: str, where: str) -> Finding:
-        return Finding(value=off, unit=unit, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=where)
+    def _finding(self, off: float, limit: float, unit: str, where: str) -> Compliance:
+        return Compliance(
+            value=off, unit=unit, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=where
+        )

@@ -15,7 +15,7 @@ from workbench.study.schema import Scalar
 from workbench.study.units import convert
 from workbench.system.toml_schema import Table
 
-__all__ = ["Finding", "Limited", "NotMeasured", "Requirement", "Result", "Value", "judge"]
+__all__ = ["Compliance", "Limited", "NotMeasured", "Requirement", "Result", "Value", "judge"]
 
 # What a command wrote as JSON.
 Result = Mapping[str, Any]
@@ -41,7 +41,7 @@ class Value:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Compliance:
     """How one requirement came out at one point.
 
     Attributes:
@@ -115,7 +115,7 @@ class Requirement(Table):
                 )
 
     @abstractmethod
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         """Hold results against the limits.
 
         Args:
@@ -178,18 +178,18 @@ class Limited(Requirement):
             NotMeasured: the result does not hold one.
         """
 
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         found = [self._judged(value) for value in self.values(results[0])]
         if not found:
             raise NotMeasured("there is no such value in the result")
         return worst(found)
 
-    def _judged(self, value: Value) -> Finding:
+    def _judged(self, value: Value) -> Compliance:
         number, unit = value.value, value.unit
         if self.unit is not None and isinstance(number, int | float) and not isinstance(number, bool):
             number, unit = convert(float(number), value.unit, self.unit, self.name), self.unit
         limit, margin, passed = judge(number, self._limits())
-        return Finding(value=number, unit=unit, limit=limit, margin=margin, passed=passed, where=value.where)
+        return Compliance(value=number, unit=unit, limit=limit, margin=margin, passed=passed, where=value.where)
 
     def _limits(self) -> dict[str, float | bool | str]:
         given = {"min": self.min, "max": self.max, "equal": self.equal, "tolerance": self._tolerance()}
@@ -234,6 +234,6 @@ def _is_equal(value: float | bool | str, limit: Mapping[str, float | bool | str]
     return type(value) is type(wanted) and value == wanted
 
 
-def worst(findings: Sequence[Finding]) -> Finding:
+def worst(findings: Sequence[Compliance]) -> Compliance:
     """Return the finding that is violated most, else that with the smallest margin."""
     return min(findings, key=lambda f: (f.passed, math.inf if f.margin is None else f.margin))

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from workbench.errors import InputError, suggest
-from workbench.study.kinds.base import Finding, Limited, NotMeasured, Requirement, Result, Value
+from workbench.study.kinds.base import Compliance, Limited, NotMeasured, Requirement, Result, Value
 
 __all__ = ["LimitCycleAmplitude", "LimitCycleFrequency", "StableGains"]
 
@@ -110,14 +110,14 @@ class StableGains(Requirement):
     contains: list[float] = Field(min_length=1)
     reserve: float = Field(default=0.0, ge=0.0)
 
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         low, high = min(self.contains), max(self.contains)
         intervals = [_open(interval) for interval in results[0]["stable_gains"]]
         if not intervals:
             raise NotMeasured("no gain stabilises the loop")
         reserve, nearest = max((min(low - a, b - high), (a, b)) for a, b in intervals)
         end = nearest[0] if low - nearest[0] <= nearest[1] - high else nearest[1]
-        return Finding(
+        return Compliance(
             value=reserve,
             limit={"min": self.reserve},
             margin=reserve - self.reserve,

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.kinds.base import Finding, Result, worst
+from workbench.study.kinds.base import Compliance, Result, worst
 from workbench.study.kinds.curve import Curve, interpolate
 from workbench.study.kinds.response import UNITS, OfResponse
 
@@ -61,7 +61,7 @@ class Mask(OfResponse):
         """Frequencies of all corners [Hz]."""
         return [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
 
-    def find(self, results: Sequence[Result]) -> Finding:
+    def find(self, results: Sequence[Result]) -> Compliance:
         found = [
             self._side(curve, name, corners)
             for curve in self.responses(results[0], self.corners)
@@ -70,7 +70,7 @@ class Mask(OfResponse):
         ]
         return worst(found)
 
-    def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Finding:
+    def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Compliance:
         """Hold a curve against one mask; the place with the least margin counts."""
         curve.check_failed(corners[0][0], corners[-1][0])
         places = _places(corners, curve.frequency)
@@ -80,7 +80,7 @@ class Mask(OfResponse):
         )
         unit = UNITS.get(self.quantity, curve.unit)
         where = curve.where(frequency)
-        return Finding(value=value, unit=unit, limit={name: limit}, margin=margin, passed=margin >= 0.0, where=where)
+        return Compliance(value=value, unit=unit, limit={name: limit}, margin=margin, passed=margin >= 0.0, where=where)
 
 
 def _check_corners(where: str, corners: list[list[float]] | None) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.fmi.description import Description, Experiment
+from workbench.fmi.description import DefaultExperiment, Description
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.fmi.wiring import Wire
 from workbench.system.composite import Ports
@@ -151,7 +151,7 @@ def _group(
     described = SystemDescription(
         name=" + ".join(p.name for p in mine),
         components=tuple(p.component for p in mine),
-        default_experiment=Experiment(),
+        default_experiment=DefaultExperiment(),
     )
     return Group(inner, joint_description(described, mine, seen), joint_ports(mine, seen))
 
