@@ -35,7 +35,7 @@ def test_info_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "fmu:FirstOrderLag@3"]) == 0
     out = capsys.readouterr().out
     assert "3.0 (cs, me)" in out
-    assert "parameters" in out
+    assert "Parameters" in out
     assert "tau" in out
 
 

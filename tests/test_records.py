@@ -172,8 +172,8 @@ def all_parts() -> list[type[Part]]:
 
 
 NO_TABLE = {
-    "BalancedReduction", "BuildResult", "ContainerResult", "DelayReport", "ExportResult", "NoDelays",
-    "SubspaceEstimate",
+    "BalancedReduction", "BuildResult", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo", "NoDelays",
+    "SubspaceEstimate", "SystemInfo",
 }  # fmt: skip
 
 PARTS = all_parts()

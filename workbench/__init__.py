@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from workbench.analysis.identified.model import IdentifiedModel
     from workbench.analysis.identify.request import identify
     from workbench.analysis.identify.result import IdentifyResult
+    from workbench.analysis.info.request import info
+    from workbench.analysis.info.result import FmuInfo, SystemInfo
     from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
     from workbench.analysis.limit_cycle.free_run import FreeRun
     from workbench.analysis.limit_cycle.request import limit_cycle
@@ -142,6 +144,7 @@ __all__ = [
     "Finding",
     "FmuComponent",
     "FmuError",
+    "FmuInfo",
     "FmuModel",
     "FreeRun",
     "FunctionComponent",
@@ -202,6 +205,7 @@ __all__ = [
     "SubspaceEstimate",
     "SumComponent",
     "SystemDescription",
+    "SystemInfo",
     "SystemModel",
     "Table",
     "Trial",
@@ -233,6 +237,7 @@ __all__ = [
     "feedback",
     "gust",
     "identify",
+    "info",
     "limit_cycle",
     "lin",
     "lin_along",
@@ -296,6 +301,8 @@ _HOMES = {
     "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
     "workbench.analysis.identified.model": ("IdentifiedModel",),
     "workbench.analysis.identify.request": ("identify",),
+    "workbench.analysis.info.request": ("info",),
+    "workbench.analysis.info.result": ("FmuInfo", "SystemInfo"),
     "workbench.analysis.identify.result": ("IdentifyResult",),
     "workbench.analysis.preprocess": (
         "cut_settling",

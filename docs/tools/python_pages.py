@@ -32,7 +32,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "analysis.loop", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle", "analysis.feedback",
         "analysis.feed_forward", "analysis.reduction", "analysis.modes", "analysis.motions", "analysis.acceleration",
     )),
-    ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check")),
+    ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check", "analysis.info")),
     ("building", "Building FMUs", ("build",)),
 )  # fmt: skip
 _REST = ("further", "Further names")

@@ -117,7 +117,7 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, gi
     if record is not None:
         for text in job.notes:
             note(text)
-        origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0)
+        origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
         try:
             _show(record, out, extras, given, origin)
         except InputError:

@@ -19,7 +19,7 @@ __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
 # In the order of a working day: name → request, or function that typer calls.
 COMMANDS = {
-    "info": "cli.info:info",
+    "info": "analysis.info.request:Info",
     "simulate": "analysis.simulate.request:Simulate",
     "nfr": "analysis.nfr.request:Nfr",
     "trim": "analysis.trim.request:Trim",

@@ -31,7 +31,12 @@ _signature = lru_cache(maxsize=256)(inspect.signature)
 
 
 def origin_of_call(
-    function: Callable[..., object], args: Iterable[Any], by_name: Mapping[str, Any], *, seconds: float
+    function: Callable[..., object],
+    args: Iterable[Any],
+    by_name: Mapping[str, Any],
+    *,
+    seconds: float,
+    result: object = None,
 ) -> Origin:
     """Return the origin of what `function` returned.
 
@@ -40,11 +45,12 @@ def origin_of_call(
         args: its arguments.
         by_name: its keyword arguments.
         seconds: that it took.
+        result: what it returned; it may remember models that are not among the arguments.
     """
     given = _signature(function).bind(*args, **by_name).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
     models = [m for v in values for m in _models_in(v)]
-    earlier = [found for v in values if (found := _earlier(v)) is not None]
+    earlier = [found for v in (*values, result) if (found := _earlier(v)) is not None]
     facts = [*(facts_of(m) for m in models), *(m for o in earlier for m in o.models)]
     files = {k: v for o in earlier for k, v in o.files.items()}
     return Origin(

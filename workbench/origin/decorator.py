@@ -31,7 +31,7 @@ def with_origin(
             result = function(*args, **kwargs)
             from workbench.origin.call import origin_of_call  # noqa: PLC0415  it knows models
 
-            origin = origin_of_call(function, args, kwargs, seconds=time.monotonic() - begin)
+            origin = origin_of_call(function, args, kwargs, seconds=time.monotonic() - begin, result=result)
             remember(result, origin)
             for part in parts:
                 if (inner := getattr(result, part)) is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from workbench.analysis.info.result import FmuInfo, SystemInfo
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.report.tones import Verdict
@@ -28,19 +29,18 @@ _ABILITIES = {
 }
 
 
-def info_page(data: Mapping[str, Any]) -> Page:
-    """Return the page of an FMU.
-
-    Args:
-        data: what `workbench info` writes to JSON.
-    """
+def info_page(record: FmuInfo) -> Page:
+    """Return the page of an FMU."""
+    data = record.to_dict()
     interfaces = data["interfaces"]
-    runs = Verdict("good", "runs here") if data["runnable"] else Verdict("poor", "does not run here")
+    here = f"runs here ({', '.join(data['runs_here'])})"
+    runs = Verdict("good", here) if data["runnable"] else Verdict("poor", "does not run here")
     return Page(
         title=str(data["model"]),
         lead=data["description"] or f"An FMU of FMI {data['fmi_version']}.",
         facts={
-            "interfaces": ", ".join(interfaces) or "none",
+            "FMI": f"{data['fmi_version']} ({', '.join(interfaces) or 'no interface'})",
+            **({"made by": data["generation_tool"]} if data["generation_tool"] else {}),
             "platforms": ", ".join(data["platforms"]) or "none",
             "experiment": _experiment(data["experiment"]),
         },
@@ -89,12 +89,9 @@ def _variable(v: Mapping[str, Any]) -> tuple[str, ...]:
     return (v["name"], v["type"], v["unit"] or "", shown, v["description"] or "")
 
 
-def system_page(data: Mapping[str, Any]) -> Page:
-    """Return the page of a system.
-
-    Args:
-        data: what `workbench info` writes to JSON.
-    """
+def system_page(record: SystemInfo) -> Page:
+    """Return the page of a system."""
+    data = record.to_dict()
     parts, wires = data["components"], data["connections"]
     return Page(
         title=f"System {data['model']}",

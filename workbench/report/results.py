@@ -39,6 +39,8 @@ PAGES: dict[str, str] = {
     "workbench.analysis.feedback.run.FeedbackRun": "workbench.report.feedback:run_page",
     "workbench.analysis.feedback.settling.SettlingStudy": "workbench.report.feedback:settling_page",
     "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
+    "workbench.analysis.info.result.FmuInfo": "workbench.report.info:info_page",
+    "workbench.analysis.info.result.SystemInfo": "workbench.report.info:system_page",
     "workbench.analysis.limit_cycle.branch.Branch": "workbench.report.limit_cycle:branch_page",
     "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.report.limit_cycle:free_run_page",
     "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",

@@ -1,0 +1,1 @@
+"""What an FMU or a system is and can do."""

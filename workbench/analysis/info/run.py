@@ -1,0 +1,130 @@
+"""Read what an FMU or a system says of itself, and try how the FMU's state is saved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from workbench.analysis.info.request import Info
+from workbench.analysis.info.result import FmuInfo, InterfaceFacts, PartFacts, SystemInfo, VariableFacts, WireFacts
+from workbench.analysis.snapshots import Snapshots, probe_snapshots
+from workbench.core.job import Job
+from workbench.errors import FmuError
+from workbench.fmi.archive import Unpacked, locate, unpack
+from workbench.fmi.description import Description, read_description
+from workbench.fmi.platforms import binary_path
+from workbench.fmi.variable import Variable
+from workbench.model.load import FmuRecipe
+from workbench.origin import ModelFacts, Origin, remember
+from workbench.origin.models import facts_of, fmu_facts
+from workbench.system.description import (
+    Component,
+    FmuComponent,
+    FunctionComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+)
+from workbench.system.load import load
+from workbench.system.read import is_system_file, read_system
+
+__all__ = ["run"]
+
+
+def run(path: str | Path, asked: Info, _: Job) -> FmuInfo | SystemInfo:
+    """Read an FMU or a system; see `Info`."""
+    return _system(path) if is_system_file(path) else _fmu(path, probe=asked.probe)
+
+
+def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
+    source = locate(path)
+    with unpack(source) as unpacked:
+        found = read_description(unpacked.folder, source=str(source))
+        runs = [i for i, c in found.interfaces.items() if _runs(unpacked.folder, c.identifier)]
+        snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
+
+    def having(causality: str) -> tuple[VariableFacts, ...]:
+        return _facts(v for v in found.variables if v.causality == causality)
+
+    record = FmuInfo(
+        model=found.model_name,
+        description=found.description,
+        fmi_version=found.fmi_version,
+        generation_tool=found.generation_tool,
+        interfaces=tuple(sorted(found.interfaces)),
+        platforms=tuple(found.platforms),
+        runnable=bool(runs),
+        runs_here=tuple(sorted(runs)),
+        inputs=having("input"),
+        outputs=having("output"),
+        states=_facts(found.states),
+        parameters=having("parameter"),
+        capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
+        experiment=found.experiment,
+        notes=tuple(found.notes),
+    )
+    facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
+    remember(record, Origin(models=(facts,)))
+    return record
+
+
+def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
+    return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
+
+
+def _runs(folder: Path, identifier: str) -> bool:
+    try:
+        binary_path(folder, identifier, source="")
+    except FmuError:
+        return False
+    return True
+
+
+def _snapshots(unpacked: Unpacked, description: Description, interfaces: Sequence[str]) -> dict[str, Snapshots]:
+    """Return how snapshots are taken with each interface that runs here."""
+    recipe = FmuRecipe(
+        source=str(unpacked.source),
+        folder=str(unpacked.folder),
+        owned=unpacked.owned,
+        interface=interfaces[0],
+        solver="auto",
+    )
+    return dict(probe_snapshots(recipe, description.interfaces, interfaces))
+
+
+def _system(path: str | Path) -> SystemInfo:
+    system = read_system(path)
+    with load(path) as model:
+        record = SystemInfo(
+            model=system.name,
+            interfaces=(model.interface,),
+            solver=model.solver,
+            runnable=True,
+            components=tuple(PartFacts(c.name, _what(c)) for c in system.components),
+            connections=tuple(
+                WireFacts(c.destination, c.source, c.gain, c.offset, c.unit, c.closes_at) for c in system.connections
+            ),
+            inputs=_facts(model.inputs),
+            outputs=_facts(model.outputs),
+            parameters=_facts(model.parameters),
+            states=_facts(model.states),
+            notes=tuple(model.notes),
+        )
+        remember(record, Origin(models=(facts_of(model),)))
+        return record
+
+
+def _what(component: Component) -> str:
+    """A component in a few words."""
+    match component:
+        case FmuComponent():
+            return component.file
+        case LinearComponent():
+            kind = f"sampled at {component.dt:g} s" if component.dt > 0.0 else "continuous"
+            return f"linear, {len(component.A)} states, {kind}"
+        case GainComponent():
+            return f"gain {component.gain:g}"
+        case SumComponent():
+            return f"sum {''.join('+' if s > 0 else '-' for s in component.signs)}"
+        case FunctionComponent():
+            return "Python function"
