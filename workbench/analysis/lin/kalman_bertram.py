@@ -144,7 +144,7 @@ def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, periods: tuple[floa
     notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s"]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
     if left_out:
-        notes.append(f"left out, because they are set anew before anything reads them: {', '.join(left_out)}")
+        notes.append(f"left out, because they are overwritten before anything reads them: {', '.join(left_out)}")
     values = setting.values[: len(keep)]
     moves = np.flatnonzero((np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6)) & keep)
     shown = [f"{setting.names[i]} goes from {values[i]:.4g} to {slopes.x[i]:.4g} in one period" for i in moves]
