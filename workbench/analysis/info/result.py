@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from workbench.analysis.snapshots import Snapshots
 from workbench.core.record import Record, entry
-from workbench.fmi.description import Capabilities, Experiment
+from workbench.fmi.description import Capabilities, DefaultExperiment
 
 __all__ = ["FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
 
@@ -68,7 +68,7 @@ class FmuInfo(Record):
     states: tuple[VariableFacts, ...]
     parameters: tuple[VariableFacts, ...]
     capabilities: Mapping[str, InterfaceFacts]
-    experiment: Experiment
+    experiment: DefaultExperiment
     notes: tuple[str, ...]
 
 
