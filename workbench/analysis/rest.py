@@ -33,7 +33,7 @@ def rest_of(model: DescribedModel, *, time: float, what: str) -> tuple[Operating
     except WorkbenchError as error:
         return start, [f"trim failed ({error}); {what} the start values, which are not at rest"]
     if found.converged:
-        return found.point, [f"the start is not at rest; {what} the point that trim finds"]
+        return found.operating_point, [f"the start is not at rest; {what} the point that trim finds"]
     return start, [f"neither the start nor the point that trim finds is at rest; {what} the start values"]
 
 

@@ -43,7 +43,7 @@ class Linear(Part):
         dt: period [s]; 0: continuous.
         state_names, input_names, output_names: names of rows and columns; empty: not known.
         units: any of these names → unit, None where the model names none.
-        point: where the model was linearised, of which x, u and y are deviations; None: not known.
+        operating_point: where the model was linearised, of which x, u and y are deviations; None: not known.
 
     Raises:
         InputError: matrices or names do not fit each other.
@@ -59,7 +59,7 @@ class Linear(Part):
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
     units: Mapping[str, str | None] = field(default_factory=dict)
-    point: OperatingPoint | None = field(default=None, metadata=entry(key="operating_point"))
+    operating_point: OperatingPoint | None = None
 
     def __post_init__(self) -> None:
         """Bring the matrices into shape, and compare names with them."""
@@ -183,7 +183,7 @@ class Linear(Part):
         return LinearPart(
             self.A, sign * self.B[:, input], self.C[output], sign * self.D[output, input], dt=self.dt,
             state_names=self.state_names, input_names=self.input_names[input : input + 1],
-            output_names=self.output_names[output : output + 1], units=self.units, point=self.point,
+            output_names=self.output_names[output : output + 1], units=self.units, operating_point=self.operating_point,
         )  # fmt: skip
 
     def with_feedback(self, gain: float, *, input: int = 0, output: int = 0) -> Linear:
@@ -220,7 +220,7 @@ class Linear(Part):
     def _with(self, A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Linear:
         return Linear(
             A, B, C, D, dt=dt, state_names=self.state_names, input_names=self.input_names,
-            output_names=self.output_names, units=self.units, point=self.point,
+            output_names=self.output_names, units=self.units, operating_point=self.operating_point,
         )  # fmt: skip
 
     def balanced(self) -> Self:
@@ -274,14 +274,14 @@ class LinearPart(Linear):
         input_names: tuple[str, ...] = (),
         output_names: tuple[str, ...] = (),
         units: Mapping[str, str | None] | None = None,
-        point: OperatingPoint | None = None,
+        operating_point: OperatingPoint | None = None,
     ) -> None:
         direct = np.asarray(D, dtype=np.float64)
         if direct.size != 1:
             raise InputError(f"one input and one output are needed; D has {direct.size} entries")
         super().__init__(
             A, B, C, direct.reshape(1, 1), dt=dt, state_names=state_names, input_names=input_names,
-            output_names=output_names, units=units or {}, point=point,
+            output_names=output_names, units=units or {}, operating_point=operating_point,
         )  # fmt: skip
 
     @classmethod

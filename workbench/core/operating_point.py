@@ -14,7 +14,7 @@ from workbench.core.option import Options, option
 from workbench.core.record import Part
 from workbench.errors import InputError
 
-__all__ = ["At", "AtPoint", "HasPoint", "OperatingPoint", "Stands", "point_of_json"]
+__all__ = ["At", "AtPoint", "OperatingPoint", "Stands", "point_of_json"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
 _KEY = "operating_point"
@@ -87,16 +87,8 @@ class OperatingPoint(Part):
         return known
 
 
-class HasPoint(Protocol):
-    """A result that is a point, or is about one: of `trim`, of `lin`."""
-
-    @property
-    def point(self) -> OperatingPoint:
-        """The operating point."""
-
-
 class Stands(Protocol):
-    """A result that was measured at a point: all others."""
+    """A result that was measured at a point, or is one."""
 
     @property
     def operating_point(self) -> OperatingPoint | None:
@@ -104,7 +96,7 @@ class Stands(Protocol):
 
 
 # What `at` takes in every function: a point, a result that has one, or the file of either.
-At = OperatingPoint | HasPoint | Stands | str | Path
+At = OperatingPoint | Stands | str | Path
 
 
 class AtPoint(Options):

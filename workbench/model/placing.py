@@ -122,8 +122,7 @@ def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
         read, what = OperatingPoint.read(at), str(at)
         anonymous = f"{what}: does not name its model; it is assumed to belong to this one"
         return read, what, () if read.model_sha256 or read.model else (anonymous,)
-    own = getattr(at, "point", None) or getattr(at, "operating_point", None)
-    point = at if isinstance(at, OperatingPoint) else own
+    point = at if isinstance(at, OperatingPoint) else getattr(at, "operating_point", None)
     if not isinstance(point, OperatingPoint):
         raise InputError(f"at: {type(at).__name__} has no operating point; give one, a result of trim, or its file")
     for name, value in {**point.values, "time": point.time}.items():

@@ -85,7 +85,7 @@ def _parts(result: LinResult) -> list[Section]:
 
 
 def _point(result: LinResult) -> Section:
-    point = result.point
+    point = result.operating_point
     groups = (("state", point.x), ("discrete state", point.discrete), ("input", point.u), ("output", point.y))
     rows = [
         (name, kind, f"{value:.8g}", point.units.get(name) or result.units.get(name) or "")

@@ -29,11 +29,11 @@ def trim_page(result: TrimResult) -> Page:
 
 def _lead(result: TrimResult) -> str:
     what = "nothing moves" if result.converged else "the search ended, but the model is not at rest"
-    return f"States, inputs and outputs at {result.point.time:g} s where {what}; method: {result.method}."
+    return f"States, inputs and outputs at {result.operating_point.time:g} s where {what}; method: {result.method}."
 
 
 def _point(result: TrimResult) -> Section:
-    point = result.point
+    point = result.operating_point
     groups = (("state", point.x), ("discrete state", point.discrete), ("input", point.u), ("output", point.y))
     rows = [
         (

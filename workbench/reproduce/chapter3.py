@@ -123,7 +123,7 @@ def _block(name: str) -> Measurement:
     }
     if name == "2-2":
         slope = float(slopes(linearised(example, method="exact"))[-1])
-        found |= {"true-slope": slope, "offset": slope * v - result.point.y["y"]}
+        found |= {"true-slope": slope, "offset": slope * v - result.operating_point.y["y"]}
     pictures = _PICTURES.get(name)
     return Measurement(
         {f"example-{name}-{key}": value for key, value in found.items()},
@@ -165,7 +165,7 @@ def _secants(figures: tuple[int, ...], span: tuple[float, float], example: Examp
         return draw_secants(
             v,
             y,
-            at=(_working_point(example), result.point.y["y"]),
+            at=(_working_point(example), result.operating_point.y["y"]),
             pieces=[
                 (f"by {name}", float(w), float(s))
                 for name, w, s in zip(("x1", "x2", "u"), widths, slopes(result), strict=True)

@@ -117,7 +117,7 @@ def _widths() -> Measurement:
         {
             "law-period": done.models["30a"].dt,
             "law-equilibria": float(len(done.trim.null_directions)),
-            "law-fourth-state": done.trim.point.discrete["deflection"],
+            "law-fourth-state": done.trim.operating_point.discrete["deflection"],
             "figure-31-untouched": _untouched([done.models[name] for name in PUBLISHED]),
             "figure-31-phase-5hz": min(fastest),
             "figure-31-phase-half-hz": min(half),

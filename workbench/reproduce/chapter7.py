@@ -60,8 +60,8 @@ class _Linear:
 def _linear(frequency: NDArray[np.float64]) -> _Linear:
     with load("fmu:Rudder", "me", tolerance=1e-8) as model:
         rest = trim(model, fix={INPUT: HEIGHT}, floating=FLOATING)
-        published = lin(model, at=rest.point, inputs=[INPUT], outputs=[OUTPUT], dx=WIDTHS, du=WIDTH).result
-        default = lin(model, at=rest.point, inputs=[INPUT], outputs=[OUTPUT]).result
+        published = lin(model, at=rest.operating_point, inputs=[INPUT], outputs=[OUTPUT], dx=WIDTHS, du=WIDTH).result
+        default = lin(model, at=rest.operating_point, inputs=[INPUT], outputs=[OUTPUT]).result
         nearby = lin(model, inputs=[INPUT], outputs=[OUTPUT]).result
         steps = tuple(
             step_check(model, m, input=INPUT, output=OUTPUT, height=HEIGHT, stop=1.0) for m in (published, default)
@@ -82,7 +82,7 @@ def _linearised() -> Measurement:
     return Measurement(
         {
             "rudder-trim-open": float(len(done.rest.null_directions)),
-            "rudder-trim-deflection": done.rest.point.y[OUTPUT] / HEIGHT,
+            "rudder-trim-deflection": done.rest.operating_point.y[OUTPUT] / HEIGHT,
             "rudder-lin-gain": gain,
             "rudder-lin-phase": phase,
             "rudder-default-gain": default_gain,
@@ -129,7 +129,7 @@ def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Ov
         curves = [
             ("rudder", default.nonlinear),
             ("lin", default.linear),
-            ("identified", done.rest.point.y[OUTPUT] + _step_of(found, default.time, data)),
+            ("identified", done.rest.operating_point.y[OUTPUT] + _step_of(found, default.time, data)),
         ]
         title = "Figure 43: step from 2 to 4 deg, rudder, linearised and identified"
         return draw_steps(default.time, curves, title=title, ylabel=f"{OUTPUT} [deg]")

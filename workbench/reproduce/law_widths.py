@@ -119,8 +119,8 @@ def study() -> Study:
     with load(LAW, "me") as law:
         rest = trim(law)
         sets = {**PUBLISHED, **OURS}
-        models = {n: lin(law, at=rest.point, dx=list(dx), du=list(du)).result for n, (dx, du) in sets.items()}
-    with load(LAW, "me", start_values=dict(rest.point.discrete)) as law:
+        models = {n: lin(law, at=rest.operating_point, dx=list(dx), du=list(du)).result for n, (dx, du) in sets.items()}
+    with load(LAW, "me", start_values=dict(rest.operating_point.discrete)) as law:
         waves = {f: _law(law, f, models["narrow"].dt) for f in FREQUENCIES}
     trials = {
         (name, f): Trial(name, f, _linear(model, f), waves[f]) for name, model in models.items() for f in FREQUENCIES
@@ -151,4 +151,4 @@ def _linear(model: LinResult, frequency: float) -> Wave:
     for u in AMPLITUDE * np.sin(2.0 * np.pi * frequency * time):
         values.append(float((model.C @ state)[0] + model.D[0, j] * u))
         state = model.A @ state + model.B[:, j] * u
-    return Wave.of(time[-kept:], model.point.y[ELEVATOR] + np.array(values)[-kept:], frequency)
+    return Wave.of(time[-kept:], model.operating_point.y[ELEVATOR] + np.array(values)[-kept:], frequency)

@@ -57,7 +57,7 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         where = standing(place, at=system.at, time=time)
         between = _actuator(system, asked)
         found = linear(place, where, time=time, actuator=between, method=asked.method)
-        seen = found.point.y.get(SEEN, 0.0)
+        seen = found.operating_point.y.get(SEEN, 0.0)
         work = _Work(place, where, seen, between, time, settings, asked.gains, asked.count, keep)
         result = work.linear_result(found)
         chosen = work.study_gains(result, asked.settle_gains) if asked.settle else ()

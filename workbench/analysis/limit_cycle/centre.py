@@ -45,7 +45,7 @@ def is_moving(rest: LinResult, first: LinResult | None = None) -> bool:
     """
     if first is not None and np.abs(_rates(rest)).max(initial=0.0) <= _LEFT * np.abs(_rates(first)).max(initial=0.0):
         return False
-    dx, x, u = _rates(rest), _states(rest), np.array([rest.point.u[n] for n in rest.input_names])
+    dx, x, u = _rates(rest), _states(rest), np.array([rest.operating_point.u[n] for n in rest.input_names])
     terms = np.abs(rest.A) @ np.abs(x) + np.abs(rest.B) @ np.abs(u)
     return bool((np.abs(dx) > _MOVES * terms).any())
 
@@ -123,8 +123,8 @@ def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> 
 
 
 def _rates(rest: LinResult) -> Floats:
-    return np.array([rest.point.dx[n] for n in rest.state_names])
+    return np.array([rest.operating_point.dx[n] for n in rest.state_names])
 
 
 def _states(rest: LinResult) -> Floats:
-    return np.array([rest.point.x[n] for n in rest.state_names])
+    return np.array([rest.operating_point.x[n] for n in rest.state_names])

@@ -189,7 +189,7 @@ def _middle(  # noqa: PLR0917
             return None, rest
         x = dict(zip(moved.state_names, middle.x.tolist(), strict=True))
         moved = _linear_rest(model, ports, replace(point, x={**point.x, **x}), time, middle.w)
-        found, v, w = middle, float(moved.point.y[_RETURNED]), middle.w
+        found, v, w = middle, float(moved.operating_point.y[_RETURNED]), middle.w
         if not is_moving(moved, rest):
             return found, moved
     return None, rest

@@ -215,7 +215,7 @@ class _Work:
         seconds = _TIME_CONSTANTS / slowest if np.isfinite(slowest) else 1.0 / self.band[0]
         for push in (float(np.sqrt(low * high)), high):
             moved = self._pushed(push)
-            values = {**self._inputs(), **rest.point.x, **moved}
+            values = {**self._inputs(), **rest.operating_point.x, **moved}
             try:
                 seen = observe(
                     self.system, values=values, states=list(rest.state_names), watch=self.loop.ports.v, push=push,
@@ -236,7 +236,7 @@ class _Work:
         sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])
         square = float(((sizes * c) ** 2).sum())
         moved = sizes**2 * c * push / square if square > 0.0 else np.zeros(len(names))
-        return {n: self.loop.rest.point.x[n] + d for n, d in zip(names, moved.tolist(), strict=True)}
+        return {n: self.loop.rest.operating_point.x[n] + d for n, d in zip(names, moved.tolist(), strict=True)}
 
     def _unpredicted(self, seen: Observation, frequency: float) -> None:
         run = self._confirmed(None, seen.states, frequency=frequency, amplitude=seen.swing)
@@ -346,7 +346,7 @@ class _Work:
         """Return the states of the linear part at phase 0, and how far each moves."""
         names = self.loop.rest.state_names
         along = states_of(self.loop.part, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
-        rest = self.loop.rest.point.x
+        rest = self.loop.rest.operating_point.x
         states = {n: rest[n] + x for n, x in zip(names, along[0].tolist(), strict=True)}
         return states, dict(zip(names, np.ptp(along, axis=0).tolist(), strict=True))
 

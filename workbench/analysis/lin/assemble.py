@@ -66,6 +66,6 @@ def continuous_result(
         input_names=task.inputs,
         output_names=task.outputs,
         units=units_of(task, [v.name for v in point.states]),
-        point=where,
+        operating_point=where,
         calls=dict(point.calls),
     )

@@ -142,7 +142,7 @@ def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:
         raise InputError(f"no method applies: {'; '.join(f'{k}: {v}' for k, v in failed.items())}")
     given = asked.frequencies
     grid = _frequencies(list(results.values())) if given is None else np.asarray(several(given), dtype=np.float64)
-    point = next(iter(results.values())).point
+    point = next(iter(results.values())).operating_point
     measured, words = _measure(task, point, grid, asked.amplitude) if asked.measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)

@@ -195,7 +195,7 @@ def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
         input_names=task.inputs,
         output_names=task.outputs,
         units=point.units,
-        point=point,
+        operating_point=point,
         calls={"runs": 2 * len(setting.names) + 2},
         intersample=Intersample(setting.grid - setting.start, C, D, **between),
     )

@@ -39,7 +39,7 @@ def run(task: LinTask, method: str) -> LinResult:
     name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
     result = METHODS[name](task).because(why)
     notes = (*task.notes, *result.notes, *task.model.remarks())
-    result = replace(result, notes=notes, point=named(task.model, result.point))
+    result = replace(result, notes=notes, operating_point=named(task.model, result.operating_point))
     if task.continuous and result.dt > 0.0:
         A, B = unheld(result.A, result.B, result.dt)
         note = f"converted to continuous time from a period of {result.dt:.6g} s, the input held over it"

@@ -490,7 +490,7 @@ def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: fl
         input_names=task.inputs,
         output_names=task.outputs,
         units=units,
-        point=point,
+        operating_point=point,
         intersample=between,
     )
     rows = [*names, *task.outputs]

@@ -97,7 +97,7 @@ class LinResult(Linear, Record):
         model, interface: what was linearised.
         method: name in `workbench.analysis.lin.methods.METHODS`.
         why: why this method.
-        point: where the model was linearised.
+        operating_point: where the model was linearised.
         zeros: rows and columns that are zero, each with its reason.
         doubts: entries that are not certain, each with its reason.
         notes: what else should be known, one line each.
@@ -116,7 +116,7 @@ class LinResult(Linear, Record):
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
-    point: OperatingPoint = field(metadata=entry(key="operating_point"))
+    operating_point: OperatingPoint
     zeros: tuple[Zero, ...] = field(default=(), metadata=entry(key="zero_rows_and_columns"))
     doubts: tuple[Doubt, ...] = field(default=(), metadata=entry(key="doubtful"))
     notes: tuple[str, ...] = ()
@@ -128,9 +128,9 @@ class LinResult(Linear, Record):
     _WHAT, _COMMAND = "a linear model", "lin"
 
     @property
-    def operating_point(self) -> OperatingPoint:
-        """Where the model was linearised, by the name that other results have for it."""
-        return self.point
+    def point(self) -> OperatingPoint:
+        """The operating point, as it was called before."""
+        return self.operating_point
 
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
@@ -187,7 +187,7 @@ class LinResult(Linear, Record):
 
     def derived(self) -> dict[str, Any]:
         """Return the poles, and the point by the names it has beside matrices."""
-        point = self.point
+        point = self.operating_point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
         return {"poles": self.poles, **pole_keys(self.poles, self.dt), **at, "time": point.time}
 

@@ -39,9 +39,11 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         self.result = result
 
     @property
-    def point(self) -> OperatingPoint:
+    def operating_point(self) -> OperatingPoint:
         """Where the model was linearised."""
-        return self.result.point
+        return self.result.operating_point
+
+    point = operating_point  # as it was called
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture: Bode and step response, one column per input.

@@ -78,7 +78,7 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
     count = POINTS if linear.dt == 0.0 else max(1, round(stop / linear.dt))
     dt = linear.dt or stop / count
     time: Floats = dt * np.arange(count + 1.0)
-    point, j, i = linear.point, linear.input_names.index(input), linear.output_names.index(output)
+    point, j, i = linear.operating_point, linear.input_names.index(input), linear.output_names.index(output)
     moved = point.y[output] + height * step_response(linear, j, dt, count)[:, i]
     values = {**point.x, **point.discrete, **point.u}
     with model.open_at(time=point.time, values=values, tolerance=_TOLERANCE) as session:

@@ -126,7 +126,7 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
             f"L is 0: what {cut.place.label} passes on does not return at this point (a limit is reached, or a "
             "path is open)"
         )
-    moving = _moving(result.point.dx, result.point.x) if result.dt == 0.0 else []
+    moving = _moving(result.operating_point.dx, result.operating_point.x) if result.dt == 0.0 else []
     if moving:
         notes.append(
             f"the point is not an equilibrium ({', '.join(moving[:3])} move); margins are those of this instant"

@@ -66,7 +66,7 @@ def _trimmed(system: Model) -> OperatingPoint:
     found = trim(system)
     if not found.converged:
         raise InputError(f"--trim: {found.message}")
-    return found.point
+    return found.operating_point
 
 
 def _measured(

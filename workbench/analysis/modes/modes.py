@@ -59,7 +59,9 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
             source = Source(opened, vary, where)
             source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
             found.append(_one_set(source, grid, label, dict(settings), width))
-            first = first or next((r.point for v in grid if (r := source.results.get(float(v))) is not None), None)
+            first = first or next(
+                (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
+            )
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
     return ModesResult(
         model=model.name,

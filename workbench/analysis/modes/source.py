@@ -177,4 +177,4 @@ class Source:
         found = trim(model, x0={n: v for n, v in w.x0.items() if n in states}, u0=forced, fix=fixed, time=w.time)
         if not found.converged:
             raise SimulationError("no equilibrium was found there")
-        return found.point
+        return found.operating_point

@@ -55,7 +55,7 @@ class Trim(AtPoint, Analysis["TrimResult"]):
 
         >>> with wb.load("fmu:FirstOrderLag") as lag:
         ...     result = wb.trim(lag, u0={"u": 2.0})
-        >>> print(result.converged, result.point.x)
+        >>> print(result.converged, result.operating_point.x)
         True {'x': 2.0}
     """
 

@@ -58,7 +58,7 @@ class TrimResult(Record):
         solver: integration method of the model's sessions.
         method: "equations" (derivatives set to zero), "period map" (fixed point over the basic period), "step map"
             (fixed point over a communication step), "running" (run until nothing moves).
-        point: states, inputs, outputs and derivatives there.
+        operating_point: states, inputs, outputs and derivatives there.
         residuals: one for each equation, required ones first.
         null_directions: what the equations leave open at the point: a family of equilibria.
         converged: whether it is an equilibrium: every required equation vanishes against what it does around the point.
@@ -73,7 +73,7 @@ class TrimResult(Record):
     interface: str
     solver: str
     method: str
-    point: OperatingPoint = field(metadata=entry(key="operating_point"))
+    operating_point: OperatingPoint
     residuals: tuple[Residual, ...] = field(metadata=entry(key="residual"))
     null_directions: tuple[NullDirection, ...]
     converged: bool
@@ -85,9 +85,14 @@ class TrimResult(Record):
 
     _WHAT, _COMMAND = "a trim", "trim"
 
+    @property
+    def point(self) -> OperatingPoint:
+        """The operating point, as it was called before."""
+        return self.operating_point
+
     def derived(self) -> dict[str, Any]:
         """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too."""
-        return self.point.to_dict()
+        return self.operating_point.to_dict()
 
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -97,7 +102,7 @@ class TrimResult(Record):
     def rows(self) -> Iterator[list[Any]]:
         """Yield one row for each number: set (x, u, y, dx, discrete, residual), name, value, unit."""
         yield ["set", "name", "value", "unit"]
-        point = self.point
+        point = self.operating_point
         for name in ("x", "discrete", "u", "y", "dx"):
             values: dict[str, float] = getattr(point, name)
             for variable, number in values.items():

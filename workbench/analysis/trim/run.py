@@ -69,7 +69,7 @@ class _Trim:
     def run(self) -> TrimResult:
         found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
         notes = (*found.notes, *self.model.remarks())
-        return replace(found, notes=notes, point=named(self.model, found.point))
+        return replace(found, notes=notes, operating_point=named(self.model, found.operating_point))
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""
@@ -242,7 +242,7 @@ class _Trim:
             interface=self.model.interface,
             solver=self.model.solver,
             method=method,
-            point=balance.point(*problem.at(solution.values)),
+            operating_point=balance.point(*problem.at(solution.values)),
             residuals=residuals,
             null_directions=nulls,
             converged=solution.converged,
