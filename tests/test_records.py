@@ -254,3 +254,18 @@ def test_every_array_over_named_axes_goes_to_xarray(kind: type[Record]) -> None:
     assert data.data_vars
     for name, array in data.data_vars.items():
         np.testing.assert_array_equal(array, record[name])
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
+def test_a_key_that_is_missing_or_wrong_is_an_input_error(kind: type[Record]) -> None:
+    """Or it does not matter, since it follows from others; no other exception comes out."""
+    data, refused = json.loads(json.dumps(example(kind).to_dict())), []
+    for key in data:
+        rest = {name: held for name, held in data.items() if name != key}
+        for changed in (rest, {**data, key: "junk"}, {**data, key: None}, {**data, key: [["junk"]]}, {**data, key: {}}):
+            try:
+                kind.from_dict(changed)
+            except InputError as error:
+                refused.append(str(error))
+    assert refused
+    assert not any("\n" in message for message in refused)

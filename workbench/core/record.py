@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-__all__ = ["Part", "Record", "Reportable", "complex_of", "entry", "plain", "read_json"]
+__all__ = ["Part", "Record", "Reportable", "complex_of", "entry", "numbers", "plain", "read_json"]
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
 _SHOWS = "workbench.report.results"
@@ -274,11 +274,23 @@ def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds
     return [plain(inner) for inner in value]
 
 
-def complex_of(real: Any, imag: Any) -> Any:  # noqa: ANN401 - lists of numbers; an array
-    """Return the complex array of two parts that JSON holds; None becomes NaN."""
+def numbers(data: Mapping[str, Any], key: str, shape: Sequence[int] = ()) -> Any:  # noqa: ANN401 - an array of floats
+    """Return the array that a key holds, for `restored`; None becomes NaN.
+
+    Args:
+        data: the keys.
+        key: its name.
+        shape: that it must have; empty: any.
+    """
     import numpy as np  # noqa: PLC0415  slow to import, and options import this module
 
-    return np.array(real, dtype=np.float64) + 1j * np.array(imag, dtype=np.float64)
+    return _array(np.dtype[np.float64], data[key], {}, key, {"dims": shape})
+
+
+def complex_of(data: Mapping[str, Any]) -> Any:  # noqa: ANN401 - an array of complex numbers
+    """Return the array whose parts are the keys "real" and "imag", for `restored`."""
+    real = numbers(data, "real")
+    return real + 1j * numbers(data, "imag", real.shape)
 
 
 def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
@@ -359,14 +371,17 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
     if issubclass(kind, Part):
         try:
             data = kind.restored(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise _WrongKeyError(f"{error} is missing" if isinstance(error, KeyError) else str(error)) from None
+        except KeyError as error:
+            raise _WrongKeyError(f"'{_path(where, error.args[0])}' is missing") from None
+        except (AttributeError, IndexError, TypeError, ValueError) as error:
+            what = f"'{where}'" if where else "a key"
+            raise _WrongKeyError(f"{what} holds something else than it should ({error})") from None
     hints, found, lengths = _hints(kind), {}, dict(lengths)
     own = {_key(declared) for declared in fields(kind) if not declared.metadata.get("inline")}
     # Names and coordinates first: they say how long the axes of the others are.
     for declared in sorted(fields(kind), key=lambda f: len(f.metadata.get("dims", ()))):
         said, key = declared.metadata, _key(declared)
-        here = f"{where}.{key}".lstrip(".")
+        here = _path(where, key)
         if said.get("inline"):
             rest = {name: held for name, held in data.items() if name not in own} or None
             found[declared.name] = _value(hints[declared.name], rest, lengths, where, said)
@@ -377,6 +392,10 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
         if isinstance(known := found.get(declared.name), Sized):
             lengths[declared.name] = len(known)
     return kind(**found)
+
+
+def _path(where: str, key: object) -> str:
+    return f"{where}.{key}" if where else str(key)
 
 
 @cache
@@ -435,12 +454,11 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     import numpy as np  # noqa: PLC0415  slow to import, and options import this module
 
     dtype, dims = np.dtype(get_args(kind)[0]), said.get("dims", ())
-    if said.get("named"):
-        given = _stacked(given, len(dims) - 1, np)
     pairs = np.issubdtype(dtype, np.complexfloating)
     try:
+        given = _stacked(given, len(dims) - 1, np) if said.get("named") else given
         found = np.array(given, dtype=np.float64 if pairs else dtype)
-    except (TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError) as error:
         raise _WrongKeyError(f"'{where}' is not an array of numbers: {error}") from None
     _refuse(found.ndim == 0, where, "a list", given)
     if pairs and found.size:

@@ -79,7 +79,7 @@ class DescribingFunction(Record):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the complex gain."""
-        return {**data, "gain": complex_of(data["real"], data["imag"])}
+        return {**data, "gain": complex_of(data)}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each amplitude and frequency."""

@@ -175,7 +175,7 @@ class FeedbackResult(Record):
             "searched": _ends(data["searched"]),
             "stable_gains": [_ends(pair) for pair in data["stable_gains"]],
             "frequency_hz": curve["frequency_hz"],
-            "response": complex_of(curve["real"], curve["imag"]),
+            "response": complex_of(curve),
             "settling": SettlingStudy.from_dict(data) if "thresholds" in data else None,
         }
 

@@ -196,7 +196,12 @@ class ModeSet(Part):
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the modes one by one."""
         modes = [
-            {"number": number, "states": states, "uncertain": uncertain, "pole": complex_of(real, imag)}
+            {
+                "number": number,
+                "states": states,
+                "uncertain": uncertain,
+                "pole": complex_of({"real": real, "imag": imag}),
+            }
             for number, states, uncertain, real, imag in zip(
                 *(data[key] for key in ("number", "states", "uncertain", "real", "imag")), strict=True
             )

@@ -17,7 +17,7 @@ from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
 from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.record import Record, entry
+from workbench.core.record import Record, entry, numbers
 from workbench.core.response import decibels, follow_phase
 from workbench.errors import InputError
 from workbench.model import Model, Variable
@@ -164,9 +164,9 @@ class NfrResult(Record):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the response of gain and phase, the certificates point by point; versions before 0.2 had neither."""
-        shape = (len(data["amplitude"]), len(data["frequency_hz"]))
+        shape = (len(numbers(data, "amplitude")), len(numbers(data, "frequency_hz")))
         unknown = np.full(shape, np.nan)
-        gain, phase = (np.array(data[key], dtype=np.float64).reshape(shape) for key in ("gain", "phase_deg"))
+        gain, phase = (numbers(data, key, shape) for key in ("gain", "phase_deg"))
         # A gain of 0 has no phase.
         angle = np.radians(np.where(gain == 0.0, 0.0, phase))
         names = {f"{side}{what}": data[side][key] for side in ("input", "output") for what, key in _SIGNAL.items()}

@@ -86,7 +86,7 @@ class NyquistResult(Record):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the complex response."""
-        return {**data, "response": complex_of(data["real"], data["imag"])}
+        return {**data, "response": complex_of(data)}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each crossing."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
 from workbench.analysis.validate.whiteness import LEVEL, covariances
-from workbench.core.record import Part, entry
+from workbench.core.record import Part, entry, numbers
 from workbench.session.base import Floats
 
 __all__ = ["CrossCorrelation", "cross_correlation"]
@@ -45,7 +45,7 @@ class CrossCorrelation(Part):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the values as [lag][output][input]."""
-        return {**data, "values": np.array(data["values"], dtype=np.float64).transpose(2, 0, 1)}
+        return {**data, "values": numbers(data, "values").transpose(2, 0, 1)}
 
     @property
     def outside(self) -> tuple[int, int]:

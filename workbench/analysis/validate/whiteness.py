@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
-from workbench.core.record import Part, entry
+from workbench.core.record import Part, entry, numbers
 from workbench.session.base import Floats
 
 __all__ = ["LEVEL", "Autocorrelation", "autocorrelation", "covariances"]
@@ -46,7 +46,7 @@ class Autocorrelation(Part):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the values as [lag][output]."""
-        return {**data, "values": np.array(data["values"], dtype=np.float64).T}
+        return {**data, "values": numbers(data, "values").T}
 
     @property
     def white(self) -> bool:
