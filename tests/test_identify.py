@@ -54,7 +54,7 @@ def test_the_settling_part_is_cut_and_a_drift_taken_out() -> None:
 def test_without_other_data_it_says_so() -> None:
     result = wb.identify(lag(noise=0.05), order=1)
     assert result.validation is result.own
-    assert any("flatters" in note for note in result.notes)
+    assert any("look too good" in note for note in result.notes)
     assert result.to_dict()["validated_on"] == "the data of the fit"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -94,13 +94,10 @@ class Response:
     Attributes:
         frequency_hz: rising, shape (k,) [Hz].
         value: shape (k,); NaN where there is none.
-        error: relative, of each value, shape (k,), NaN where it is not known; None: not known, or computed.
     """
 
     frequency_hz: Floats
     value: Complex
-    _: KW_ONLY
-    error: Floats | None = None
 
     @property
     def gain_db(self) -> Floats:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.response import plain_decades
 
 __all__ = ["LIMIT", "plot_between_masks", "plot_step"]
 
@@ -54,7 +55,7 @@ def plot_between_masks(
             frequency, values, "-", marker=marker, color=COLOURS[i % len(COLOURS)], linewidth=1.4, markersize=3.5,
             markerfacecolor="white", label=name or "response",
         )  # fmt: skip
-    ax.set_xscale("log")
+    plain_decades(ax)
     _masks(ax, upper, lower)
     if worst is not None:
         ax.plot(
@@ -68,7 +69,6 @@ def plot_between_masks(
         )
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel(label(quantity, unit))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_formatter(FuncFormatter(_minor))
     ax.tick_params(axis="x", which="minor", labelsize=7.5, colors="#777777")
     _legend(figure, ax)

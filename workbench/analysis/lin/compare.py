@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -26,6 +25,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part, Record, entry
+from workbench.core.response import difference
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
@@ -296,8 +296,7 @@ def _verdict(name: str, frequency: float, model: complex, truth: complex) -> Ver
         return Verdict(name, frequency, math.nan, math.nan, None, size)
     if model == 0.0 or truth == 0.0:
         return Verdict(name, frequency, math.inf if model else -math.inf, math.nan, False, size)
-    gain = 20.0 * math.log10(abs(model) / size)
-    phase = math.degrees(cmath.phase(model / truth))
+    gain, phase = (float(d) for d in difference(model, truth))
     return Verdict(name, frequency, gain, phase, abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG, size)
 
 

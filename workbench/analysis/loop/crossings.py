@@ -13,7 +13,7 @@ from workbench.core.linear import LinearPart
 from workbench.core.poles import damped_frequency_hz, natural_frequency_hz
 from workbench.session.base import Floats
 
-__all__ = ["gain_crossings", "real_crossings", "scan"]
+__all__ = ["gain_crossings", "odd_pencil", "real_crossings", "scan"]
 
 _REAL = 1e-9  # |Im F| / |F| at a crossing of the real axis; at a pole on the axis it is 1
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
@@ -50,7 +50,7 @@ def real_crossings(f: LinearPart) -> list[float]:
         value = f.at(frequency)
         return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
 
-    found = _roots(imaginary, _candidates(f, _odd_pencil), f.highest_hz)
+    found = _roots(imaginary, _candidates(f, odd_pencil), f.highest_hz)
     return [x for x in found if abs(imaginary(x)) < _REAL]
 
 
@@ -124,13 +124,18 @@ def _gain_pencil(f: LinearPart) -> tuple[Floats, Floats]:
     return a, _descriptor(n)
 
 
-def _odd_pencil(f: LinearPart) -> tuple[Floats, Floats]:
-    """Return (a, b) whose generalised eigenvalues are the zeros of F(s) - F(-s)."""
+def odd_pencil(f: LinearPart) -> tuple[Floats, Floats]:
+    """Return (a, b) whose generalised eigenvalues are the zeros of F(s) - F(-s), among them all crossings of the axis.
+
+    Args:
+        f: continuous.
+    """
     n = len(f.A)
+    B, C = (x / max(float(np.abs(x).max(initial=0.0)), 1e-300) for x in (f.B, f.C))
     a = np.block([
-        [f.A, np.zeros((n, n)), f.B],
-        [np.zeros((n, n)), -f.A, f.B],
-        [f.C, f.C, np.zeros((1, 1))],
+        [f.A, np.zeros((n, n)), B],
+        [np.zeros((n, n)), -f.A, B],
+        [C, C, np.zeros((1, 1))],
     ])  # fmt: skip
     return a, _descriptor(n)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, eig
+from scipy.linalg import eig
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.loop.crossings import odd_pencil
 from workbench.core.linear import LinearPart
 
 __all__ = ["adaptive_grid"]
@@ -79,13 +80,9 @@ def _landmarks(part: LinearPart) -> Floats:
 
 def _axis_candidates(part: LinearPart) -> Floats:
     """Return |Im s| of the zeros of L(s) − L(−s) near the imaginary axis [rad/s]."""
-    n = len(part.A)
-    if not n:
+    if not len(part.A):
         return np.zeros(0)
-    a, b, c = block_diag(part.A, -part.A), np.concatenate([part.b, part.b]), np.concatenate([part.c, part.c])
-    scale_b, scale_c = (max(float(np.abs(x).max(initial=0.0)), 1e-300) for x in (b, c))
-    pencil = np.block([[a, b[:, None] / scale_b], [c[None, :] / scale_c, np.zeros((1, 1))]])
-    alpha, beta = eig(pencil, block_diag(np.eye(2 * n), 0.0), right=False, homogeneous_eigvals=True)
+    alpha, beta = eig(*odd_pencil(part), right=False, homogeneous_eigvals=True)
     with np.errstate(all="ignore"):
         zeros = alpha / beta
     zeros = zeros[np.isfinite(zeros)]
