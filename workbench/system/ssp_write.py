@@ -32,7 +32,6 @@ from workbench.system.ssp_write_xml import (
     add_units,
     attributes,
     element,
-    number_text,
     serialise,
 )
 from workbench.system.ssp_xml import Element
@@ -104,8 +103,10 @@ class _Writer:
     def structure(self) -> Element:
         """Return the SystemStructureDescription."""
         name = self.description.name
-        root = element("ssd:SystemStructureDescription", version="1.0", name=name, generationTool="FMI workbench")
-        system = element("ssd:System", root, name=name)
+        root = element(
+            "ssd:SystemStructureDescription", None, {"version": "1.0", "name": name, "generationTool": "FMI workbench"}
+        )
+        system = element("ssd:System", root, {"name": name})
         self._connectors(system)
         elements = element("ssd:Elements", system)
         for part in self.parts:
@@ -118,10 +119,10 @@ class _Writer:
 
     def _experiment(self, root: Element) -> None:
         given = self.description.default_experiment
-        times = attributes(startTime=given.start_time, stopTime=given.stop_time)
-        rest = attributes(tolerance=given.tolerance, step=given.step)
+        times = attributes({"startTime": given.start_time, "stopTime": given.stop_time})
+        rest = attributes({"tolerance": given.tolerance, "step": given.step})
         if times or rest:
-            experiment = element("ssd:DefaultExperiment", root, **times)
+            experiment = element("ssd:DefaultExperiment", root, times)
             if rest:
                 add_annotation(experiment, ANNOTATION, "Experiment", rest)
 
@@ -164,12 +165,12 @@ class _Writer:
         component = part.component
         if isinstance(component, FmuComponent):
             source = self.resources.add_fmu(component.file, component.name)
-            implementation = _IMPLEMENTATIONS[component.interface]
-            xml = element("ssd:Component", parent, name=component.name, source=source, implementation=implementation)
+            kind = {"implementation": _IMPLEMENTATIONS[component.interface]}
         else:
             source = self.resources.add(f"{component.name}.json", block_bytes(component))
-            xml = element("ssd:Component", parent, name=component.name, source=source, type=BLOCK_TYPE)
+            kind = {"type": BLOCK_TYPE}
             self.notes.append(f"component {component.name} is no FMU: other tools cannot run it")
+        xml = element("ssd:Component", parent, {"name": component.name, "source": source, **kind})
         self._component_connectors(xml, part)
         if isinstance(component, FmuComponent):
             self._settings(xml, component, part)
@@ -193,7 +194,7 @@ class _Writer:
     def _settings(self, xml: Element, component: FmuComponent, part: _Part) -> None:
         if component.set and part.facts is not None:
             add_parameters(xml, component, part.facts)
-        own = attributes(step=component.step, solver=None if component.solver == "auto" else component.solver)
+        own = attributes({"step": component.step, "solver": None if component.solver == "auto" else component.solver})
         if own:
             add_annotation(xml, ANNOTATION, "Component", own)
             self.notes.append(f"component {component.name}: step and solver are for the workbench only")
@@ -207,10 +208,10 @@ class _Writer:
         for name, ports in self.resolved.inputs.items():
             for port in ports:
                 ends = {"endElement": self._name(port), "endConnector": port.variable.name}
-                element("ssd:Connection", connections, startConnector=name, **ends)
+                element("ssd:Connection", connections, {"startConnector": name, **ends})
         for name, port in self.resolved.outputs.items():
             starts = {"startElement": self._name(port), "startConnector": port.variable.name}
-            element("ssd:Connection", connections, **starts, endConnector=name)
+            element("ssd:Connection", connections, {**starts, "endConnector": name})
         if not len(connections):
             system.remove(connections)
 
@@ -226,12 +227,11 @@ class _Writer:
         units = [declared_unit(self.parts[p.component].component, p.variable) for p in (source, target)]
         if None not in units and units[0] != units[1]:
             ends["suppressUnitConversion"] = "true"
-        xml = element("ssd:Connection", parent, **ends)
+        xml = element("ssd:Connection", parent, ends)
         if (wire.gain, wire.offset) != (1.0, 0.0):
-            numbers = {"factor": number_text(wire.gain), "offset": number_text(wire.offset)}
-            element("ssc:LinearTransformation", xml, **numbers)
+            element("ssc:LinearTransformation", xml, {"factor": wire.gain, "offset": wire.offset})
         if wire.closes_at > -math.inf:
-            add_annotation(xml, ANNOTATION, "Connection", attributes(closesAt=wire.closes_at))
+            add_annotation(xml, ANNOTATION, "Connection", {"closesAt": wire.closes_at})
             self.notes.append(
                 f"connection {wire.label} closes at {wire.closes_at:g} s: for other tools it is closed from the start"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from lxml import etree
 
@@ -28,16 +29,21 @@ __all__ = [
 _OWN = "urn:fmi-workbench:ssp"
 
 
-def element(name: str, parent: Element | None = None, /, **attributes: str) -> Element:
+# Names of attributes → values; those that are None are left out.
+Values = Mapping[str, float | str | None]
+_NONE: Values = MappingProxyType({})
+
+
+def element(name: str, parent: Element | None, values: Values = _NONE) -> Element:
     """Return a new element "prefix:Name" below `parent` (None: a root), attributes in the order given."""
     prefix, _, local = name.partition(":")
     qualified = f"{{{NAMESPACES[prefix]}}}{local}"
     if parent is None:
-        return etree.Element(qualified, attributes, nsmap=NAMESPACES)
-    return etree.SubElement(parent, qualified, attributes)
+        return etree.Element(qualified, attributes(values), nsmap=NAMESPACES)
+    return etree.SubElement(parent, qualified, attributes(values))
 
 
-def attributes(**values: float | str | None) -> dict[str, str]:
+def attributes(values: Values) -> dict[str, str]:
     """Return the values that are there, as text."""
     return {k: v if isinstance(v, str) else number_text(v) for k, v in values.items() if v is not None}
 
@@ -72,17 +78,17 @@ def add_connector(
     enumeration: str | None,
 ) -> None:
     """Add a Connector with its type."""
-    connector = element("ssd:Connector", parent, name=name, kind=kind)
+    connector = element("ssd:Connector", parent, {"name": name, "kind": kind})
     local = ssp_type(variable_type, enumeration=enumeration is not None)
-    said = attributes(unit=unit if local == "Real" else None, name=enumeration if local == "Enumeration" else None)
-    element(f"ssc:{local}", connector, **said)
+    named = enumeration if local == "Enumeration" else None
+    element(f"ssc:{local}", connector, {"unit": unit if local == "Real" else None, "name": named})
 
 
 def add_parameters(parent: Element, component: FmuComponent, facts: FmuFacts) -> None:
     """Add the component's values as an inline parameter set."""
     binding = element("ssd:ParameterBinding", element("ssd:ParameterBindings", parent))
     values = element("ssd:ParameterValues", binding)
-    parameter_set = element("ssv:ParameterSet", values, version="1.0", name=component.name)
+    parameter_set = element("ssv:ParameterSet", values, {"version": "1.0", "name": component.name})
     parameters = element("ssv:Parameters", parameter_set)
     for name, value in component.set.items():
         variable = facts.variables.get(name)
@@ -91,10 +97,10 @@ def add_parameters(parent: Element, component: FmuComponent, facts: FmuFacts) ->
 
 
 def _add_parameter(parent: Element, name: str, value: Value, kind: str, items: Mapping[str, int]) -> None:
-    parameter = element("ssv:Parameter", parent, name=name)
+    parameter = element("ssv:Parameter", parent, {"name": name})
     item = next((i for i, number in items.items() if str(number) == str(value)), None)
     local = ssp_type(kind, enumeration=item is not None)
-    element(f"ssv:{local}", parameter, value=item if item is not None else _text(value, local))
+    element(f"ssv:{local}", parameter, {"value": item if item is not None else _text(value, local)})
 
 
 def _text(value: Value, local: str) -> str:
@@ -112,10 +118,11 @@ def add_units(root: Element, units: Mapping[str, Unit]) -> None:
     parent = element("ssd:Units", root)
     for name, unit in units.items():
         exponents = {b: str(e) for b, e in zip(BASE_UNITS, unit.exponents, strict=True) if e}
-        scale = attributes(
-            factor=None if unit.factor == 1.0 else unit.factor, offset=None if unit.offset == 0.0 else unit.offset
-        )
-        element("ssc:BaseUnit", element("ssc:Unit", parent, name=name), **exponents, **scale)
+        scale = {
+            "factor": None if unit.factor == 1.0 else unit.factor,
+            "offset": None if unit.offset == 0.0 else unit.offset,
+        }
+        element("ssc:BaseUnit", element("ssc:Unit", parent, {"name": name}), {**exponents, **scale})
 
 
 def add_enumerations(root: Element, enumerations: Mapping[str, Mapping[str, int]]) -> None:
@@ -124,12 +131,12 @@ def add_enumerations(root: Element, enumerations: Mapping[str, Mapping[str, int]
         return
     parent = element("ssd:Enumerations", root)
     for name, items in enumerations.items():
-        enumeration = element("ssc:Enumeration", parent, name=name)
+        enumeration = element("ssc:Enumeration", parent, {"name": name})
         for item, value in items.items():
-            element("ssc:Item", enumeration, name=item, value=str(value))
+            element("ssc:Item", enumeration, {"name": item, "value": str(value)})
 
 
-def add_annotation(parent: Element, kind: str, name: str, values: Mapping[str, str]) -> None:
+def add_annotation(parent: Element, kind: str, name: str, values: Values) -> None:
     """Add an annotation with one element of the workbench's own."""
-    annotation = element("ssc:Annotation", element("ssd:Annotations", parent), type=kind)
-    etree.SubElement(annotation, f"{{{_OWN}}}{name}", dict(values), nsmap={None: _OWN})
+    annotation = element("ssc:Annotation", element("ssd:Annotations", parent), {"type": kind})
+    etree.SubElement(annotation, f"{{{_OWN}}}{name}", attributes(values), nsmap={None: _OWN})
