@@ -29,7 +29,7 @@ def build(
         ),
     ],
     model: Annotated[
-        str | None, typer.Option("--model", metavar="NAME", help="Which model, where the sources hold several.")
+        str | None, typer.Option("--model", metavar="NAME", help="Model to build, if the sources contain several.")
     ] = None,
     fmi: Annotated[
         Literal["2", "3"] | None, typer.Option("--fmi", help="FMI version; 2 for one FMU, both for a folder.")

@@ -46,9 +46,10 @@ def export(
     A linear model becomes model exchange and co-simulation: a discrete one is sampled at multiples of its period, a
     continuous one is integrated. Inputs start at the point where the model was found.
 
-    A system becomes a container for co-simulation (FMPy's): it steps the FMUs inside by --step and hands values over
-    in between, so that every connection carries a delay of one step, which the system itself has not. Systems with
-    blocks, gains, unit conversions or connections that close later cannot be held by it; the message says what.
+    A system becomes a container for co-simulation (FMPy's): it steps the FMUs inside by --step and passes values on in
+    between, so that every connection carries a delay of one step, which the system itself does not have. Systems with
+    blocks, gains, unit conversions or connections that close later cannot become a container; the message names the
+    reason.
 
     Examples: `workbench export identified.json --out identified.fmu --fmi 3`,
     `workbench export loop.toml --out loop.fmu --step 0.001`

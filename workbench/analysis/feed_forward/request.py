@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FeedForward", "feed_forward"]
 
-_FILTER = "How the filter is made"
+_FILTER = "Design of the filter"
 _TRIALS = "Simulations, with --input"
 
 
@@ -104,15 +104,17 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
     feedback: _Gain | None = option(
         "Variable and gain of a scalar feedback to the same input, which stays.", default=None
     )
-    orders: _Orders | None = option("Orders of the reduced G and H, as 36,29; else as hankel says.", default=None)
+    orders: _Orders | None = option(
+        "Orders of the reduced G and H, e.g. 36,29; by default chosen by hankel.", default=None
+    )
     hankel: float = option(
-        "Without orders: keep Hankel singular values from this part of the largest on.",
+        "Without orders: smallest Hankel singular value that is kept, relative to the largest.",
         metavar="TOL",
         group=_FILTER,
         default=1e-4,
     )
     method: str = option(
-        "How G and H are reduced: match-dc keeps the gain at frequency 0, truncate that at high frequency.",
+        "Method of reducing G and H: match-dc keeps the gain at frequency 0, truncate the gain at high frequency.",
         choices=("match-dc", "truncate"),
         group=_FILTER,
         default="match-dc",
@@ -128,26 +130,26 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
     )
     low_pass_order: int = option("Order of the low-pass; 0: none.", metavar="N", group=_FILTER, default=1)
     sign: str = option(
-        "Sign of the filter after mirroring; auto goes by the number of real poles mirrored.",
+        "Sign of the filter after mirroring; auto decides by the number of mirrored real poles.",
         choices=("auto", "change", "keep"),
         group=_FILTER,
         default="auto",
     )
     band: Band | None = option(
-        "Lowest and highest frequency in which errors count; else from 0.1 Hz (or a fiftieth of the corner, if that is "
-        "less) up to the corner.",
+        "Lowest and highest frequency in which errors count; by default from 0.1 Hz (or a fiftieth of the corner, if "
+        "that is less) up to the corner.",
         unit="Hz",
         group=_FILTER,
         default=None,
     )
     inputs: Signals | None = option(
-        "Start the motion by forcing an input, as pulse:value=0.8,duration=0.1; with it, simulate.",
+        "Start the motion by forcing an input, e.g. pulse:value=0.8,duration=0.1, and simulate it.",
         flag="--input",
         group=_TRIALS,
         default=None,
     )
     outputs: Names = option(
-        "Variable to record besides the block's input, its output and the target.",
+        "Variable to record in addition to the block's input, its output and the target.",
         flag="--output",
         metavar="NAME",
         group=_TRIALS,
@@ -157,19 +159,19 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
         "Time at which feedback and filter are connected.", unit="s", metavar="T", group=_TRIALS, default=0.0
     )
     stop: float | None = option(
-        "End of the simulations; else the system's own.", unit="s", metavar="T", group=_TRIALS, default=None
+        "End of the simulations; by default that of the system.", unit="s", metavar="T", group=_TRIALS, default=None
     )
     actuator: str | None = option(
-        "Model with one input, one output and limits in front of the control input: .fmu, fmu:NAME.",
+        "Actuator model with limits in front of the control input, with one input and one output: .fmu, fmu:NAME.",
         metavar="MODEL",
         group=_TRIALS,
         default=None,
     )
     crude: bool = option(
-        "Also try a plain gain in place of the filter, without and within limits.", group=_TRIALS, default=False
+        "Also try a plain gain instead of the filter, without and with limits.", group=_TRIALS, default=False
     )
     time: float | None = option(
-        "Session time of the linearisation; else that of the operating point, or where the model starts.",
+        "Time of the linearisation; by default that of the operating point, or the model's start time.",
         unit="s",
         python=True,
         default=None,
