@@ -199,7 +199,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"order": 4, "horizon": 4}, "a horizon of 4 with 1 output.s. allows 3"),
     ({"horizon": 1}, "horizon must be 2"),
     ({"horizon": 80}, "too few samples: 200"),
-    ({"order": 3}, "the data hold 2 only"),
+    ({"order": 3}, "the data determine only 2"),
     ({"delay": -1}, "negative"),
     ({"delay": (1, 2)}, "one for each of the 1 inputs"),
     ({"delay": 200}, "as long as the record"),

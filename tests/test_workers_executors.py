@@ -114,7 +114,7 @@ def test_the_table_of_places(model: wb.FmuModel) -> None:
 def test_contradictions_are_refused() -> None:
     with pytest.raises(wb.InputError, match="at least 1"):
         Workers(jobs=0)
-    with pytest.raises(wb.InputError, match="cannot have 2 jobs"):
+    with pytest.raises(wb.InputError, match="cannot be 2 jobs"):
         Workers(jobs=2, in_process=True)
     with pytest.raises(wb.InputError, match="choose one place"):
         Workers(in_process=True, scheduler="tcp://localhost:1")

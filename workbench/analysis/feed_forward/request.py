@@ -82,6 +82,17 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
     Raises:
         InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
         FmuError, SimulationError: the model cannot be opened or evaluated.
+
+    Examples:
+        The aircraft without its aileron's actuator has one pair of unstable poles; the published feedback removes it.
+
+        >>> with wb.load("system:failed_aileron") as aircraft:
+        ...     design = wb.feed_forward(
+        ...         aircraft, block="damper", target="aircraft.inner_aileron", orders=(36, 29),
+        ...         feedback=("aircraft.outer_aileron_position", -0.7),
+        ...     )
+        >>> print(len(design.open_unstable), len(design.closed_unstable))
+        2 0
     """
 
     command = "feed-forward"
