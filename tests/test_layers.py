@@ -29,8 +29,6 @@ LEVEL = {layer: level for level, layers in enumerate(ORDER) for layer in layers}
 
 # What a method looks up when it is called: layer → layers. Results are drawn and reported, systems have `.loop()`.
 LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
-# A study calls the commands, of which it is one.
-OWN_COMMANDS = ("workbench.cli.run", "workbench.cli.run_commands")
 # No analysis builds; what all may use uses no layer but these.
 COMMON = {
     "errors": set(),
@@ -151,8 +149,6 @@ def test_no_modules_import_each_other() -> None:
         name: imported_modules(ast.parse(path.read_text(encoding="utf-8")), paths) - {name}
         for name, path in paths.items()
     }
-    for name in OWN_COMMANDS:
-        graph[name] -= {"workbench.cli.app"}
     assert not (circle := circle_in(graph)), " → ".join(circle)
 
 

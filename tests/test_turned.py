@@ -103,14 +103,16 @@ end Ball;
 """
 
 
+def built_as(fmi: int, name: str, source: str, folder: Path) -> Path:
+    """Return the FMU of a model for this machine."""
+    (folder / f"{name}.mo").write_text(source)
+    build_fmu([folder / f"{name}.mo"], out=folder / f"{name}.fmu", fmi=fmi, platforms=[HOST])
+    return folder / f"{name}.fmu"
+
+
 @pytest.fixture(scope="module", params=[2, 3])
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ball")
-    source = folder / "Ball.mo"
-    source.write_text(SOURCE)
-    out = folder / "Ball.fmu"
-    build_fmu([source], out=out, fmi=request.param, platforms=[HOST])
-    return out
+    return built_as(request.param, "Ball", SOURCE, tmp_path_factory.mktemp("ball"))
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.001, 0.02, 0.05])
@@ -407,11 +409,7 @@ end Pushed;
 
 @pytest.fixture(scope="module", params=[2, 3])
 def pushed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("pushed")
-    source = folder / "Pushed.mo"
-    source.write_text(RESTING)
-    build_fmu([source], out=folder / "Pushed.fmu", fmi=request.param, platforms=[HOST])
-    return folder / "Pushed.fmu"
+    return built_as(request.param, "Pushed", RESTING, tmp_path_factory.mktemp("pushed"))
 
 
 @pytest.mark.parametrize("interval", [0.01, 0.3, 0.7])
