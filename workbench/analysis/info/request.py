@@ -30,7 +30,7 @@ class Info(Request[str | Path, "FmuInfo | SystemInfo"]):
     Examples:
         >>> facts = wb.info("fmu:Rudder", probe=False)
         >>> print(facts.fmi_version, *(v.name for v in facts.inputs))
-        2.0 delC
+        2.0 delC pS mH bypass
     """
 
     command = "info"
