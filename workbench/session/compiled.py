@@ -17,7 +17,6 @@ import numpy as np
 from workbench.errors import FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
-from workbench.kernel.native_record import NativeRecord
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Record
 from workbench.session.cs import CsSession
@@ -71,20 +70,26 @@ class CompiledSession(FmuSession):
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
         forcing, record = self.loop.force(self.forcing), self.loop.record(variables, self.recording)
+        native = self._ready(until)
         try:
-            self._drive(until, targets, record, new=new)
+            self.loop.run(native, targets, record, new=new)
         except SimulationError as error:
             error.before = self.loop.rows(record, self.forcing)
             raise
         except KeyboardInterrupt:
             raise StoppedError(self.loop.rows(record, self.forcing)) from None
         finally:
+            self._take_over()
             self.forcing.written = forcing.written[: forcing.n]
         return self.loop.rows(record, self.forcing)
 
     @abstractmethod
-    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
-        """Let the kernel run to `until`, the last of `targets`; the session's time follows."""
+    def _ready(self, until: float) -> Me | Cs:
+        """Return the kernel's session, ready to run to a time [s]."""
+
+    @abstractmethod
+    def _take_over(self) -> None:
+        """Take over where the kernel's session stands."""
 
     def harmonics(
         self,
@@ -156,7 +161,7 @@ class CompiledCsSession(CompiledSession, CsSession):
         if self.setup.hold_inputs:
             self.loop.system.hold_inputs()
 
-    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+    def _ready(self, until: float) -> Cs:
         native = self._native
         native.time, native.previous = self.time, self._previous
         native.fixed = math.nan if self._fixed is None else self._fixed
@@ -164,12 +169,13 @@ class CompiledCsSession(CompiledSession, CsSession):
         native.variable_step = self.instance.capabilities.variable_step
         native.step_given = self.setup.step is not None
         self.loop.system.event_due = self._event_due
-        try:
-            self.loop.run("cs", native, targets, record, new=new)
-        finally:
-            self.time, self._previous = native.time, native.previous
-            self._event_due = self.loop.system.event_due
-            self._fixed = None if math.isnan(native.fixed) else native.fixed
+        return native
+
+    def _take_over(self) -> None:
+        native = self._native
+        self.time, self._previous = native.time, native.previous
+        self._event_due = self.loop.system.event_due
+        self._fixed = None if math.isnan(native.fixed) else native.fixed
 
 
 class CompiledMeSession(CompiledSession, MeSession):
@@ -207,11 +213,11 @@ class CompiledMeSession(CompiledSession, MeSession):
         """Number of right-hand sides so far."""
         return int(self.loop.system.structure.evaluations)
 
-    def _drive(self, until: float, targets: Floats, record: NativeRecord, *, new: bool) -> None:
-        try:
-            self.loop.run("me", self._native, targets, record, new=new)
-        finally:
-            self.time = self._native.time
+    def _ready(self, _: float) -> Me:
+        return self._native
+
+    def _take_over(self) -> None:
+        self.time = self._native.time
 
     def _memory(self) -> object:
         return self._native.next_time, self._scale.copy()

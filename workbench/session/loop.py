@@ -109,11 +109,10 @@ class Loop:
             self._sums[key] = NativeFourier(self.system.library, columns, begin=0.0, frequency=1.0, orders=orders)
         return self._sums[key]
 
-    def run(self, kind: str, native: Me | Cs, targets: Floats, record: NativeRecord, *, new: bool) -> None:
+    def run(self, native: Me | Cs, targets: Floats, record: NativeRecord, *, new: bool) -> None:
         """Let the kernel run to the last target.
 
         Args:
-            kind: "me" or "cs".
             native: the kernel's session.
             targets: shape (n,) [s].
             record: what is recorded.
@@ -122,8 +121,9 @@ class Loop:
         targets = np.ascontiguousarray(targets)
         data: int = targets.__array_interface__["data"][0]  # `targets.ctypes.data` takes longer
         library, address = self.system.library, ctypes.addressof(native)
-        start = library.kernel_me_run if kind == "me" else library.kernel_cs_run
-        go_on = library.kernel_me_go_on if kind == "me" else library.kernel_cs_go_on
+        is_me = isinstance(native, Me)
+        start = library.kernel_me_run if is_me else library.kernel_cs_run
+        go_on = library.kernel_me_go_on if is_me else library.kernel_cs_go_on
         done = start(address, float(targets[-1]), data, len(targets), record.address, new)
         while not done and self.system.structure.failure.code == PAUSED:
             for call in _listening:

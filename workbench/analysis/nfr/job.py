@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_fresh, run_point
@@ -85,11 +86,10 @@ class PointsJob(Job):
 
     def run(self, model: Model) -> Iterator[NfrPoint]:
         if model.interface != "cs":
-            yield from self._as_exact_as_needed(model)
-        elif self.step is None:
-            yield from refine(self.tasks, lambda tasks: list(self._pass(model, tasks)))
-        else:
-            yield from at_step(self.tasks, self.step, lambda tasks: list(self._pass(model, tasks)))
+            return self._as_exact_as_needed(model)
+        if self.step is None:
+            return iter(refine(self.tasks, lambda tasks: list(self._pass(model, tasks))))
+        return iter(at_step(self.tasks, self.step, lambda tasks: list(self._pass(model, tasks))))
 
     def _as_exact_as_needed(self, model: Model) -> Iterator[NfrPoint]:
         """Measure model exchange, near a resonance or a zero with a tighter tolerance."""
@@ -109,7 +109,7 @@ class PointsJob(Job):
         """Measure `tasks` once: each afresh, or all in one session."""
         if self.carry:
             return carried(model, tasks)
-        return (run_fresh(model, t) for t in tasks)
+        return map(partial(run_fresh, model), tasks)
 
     def _verified(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
         points = list(self._pass(model, tasks))

@@ -173,7 +173,12 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
             while response is None:
                 if task.stopped():
                     raise KeyboardInterrupt
-                period, longest = _one_period(session, task, sine, len(settling.periods))
+                points = _times(task, sine, len(settling.periods))
+                if isinstance(session, CompiledSession):
+                    period, longest = _summed(session, task, sine, points)
+                else:
+                    period, longest = _recorded(session, task, sine, points)
+                _check(period, task, time=float(points[-1]))
                 response = settling.add(period)
     except SimulationError as error:
         point, response = _failed(task, len(settling.periods), str(error)), None
@@ -190,21 +195,22 @@ def _aliasing(dt: float) -> str:
     )
 
 
-def _one_period(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
-    """Run the k-th period; return its harmonics and the largest distance of two rows [s]."""
-    # Times are computed from the first period's begin, not added up, so that they do not drift.
-    points = sine.start + (k + _fractions(task.rows)) / task.frequency
-    orders = max(1, min(ORDERS, task.rows // 4))
-    if isinstance(session, CompiledSession):
-        period, longest = _summed(session, task, sine, points, orders)
-    else:
-        period, longest = _recorded(session, task, sine, points, orders)
+def _times(task: PointTask, sine: Sine, k: int) -> Floats:
+    """Return the instants of the k-th period: from the first one's begin, not added up, so that they do not drift."""
+    times: Floats = sine.start + (k + _fractions(task.rows)) / task.frequency
+    return times
+
+
+def _orders(task: PointTask) -> int:
+    return max(1, min(ORDERS, task.rows // 4))
+
+
+def _check(period: Period, task: PointTask, *, time: float) -> None:
     if not np.isfinite(period.harmonics).all():
-        raise SimulationError(f"{task.output} is not finite", time=float(points[-1]))
+        raise SimulationError(f"{task.output} is not finite", time=time)
     if period.drive == 0.0:
         words = f"{task.input} does not move under an amplitude of {task.amplitude:g}"
-        raise SimulationError(words, time=float(points[-1]))
-    return period, longest
+        raise SimulationError(words, time=time)
 
 
 @lru_cache(maxsize=8)
@@ -225,7 +231,8 @@ def _basis(rows: int, orders: int) -> Floats | None:
     return basis
 
 
-def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
+def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats) -> tuple[Period, float]:
+    """Run a period; return its harmonics and the largest distance of two rows [s]."""
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
         record,
@@ -233,14 +240,15 @@ def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats, ord
         output=task.output,
         begin=sine.start,
         frequency=task.frequency,
-        orders=orders,
+        orders=_orders(task),
         points=points if session.communication_step is None else None,
     )
     return period, float(np.max(np.diff(record.time)))
 
 
-def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Floats, orders: int) -> tuple[Period, float]:
+def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Floats) -> tuple[Period, float]:
     """As `_recorded`; the rows are not kept, their Fourier sums are made where they arise."""
+    orders = _orders(task)
     found = session.harmonics(
         float(points[-1]),
         signals={task.input: sine},
