@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from workbench.cli.app import run
+from workbench.cli.program import COMMANDS as PROGRAM
 from workbench.cli.program import Lazily, program
-from workbench.cli.run_commands import AppCommands, run_command, run_study
+from workbench.cli.run_commands import run_command
 from workbench.errors import InputError
-from workbench.study.arguments import arguments
 from workbench.study.bundled import bundled_studies
+from workbench.study.commands import COMMANDS, Reference, command
 from workbench.study.plan import Run, make_plan
 from workbench.study.read import read_study
-from workbench.study.references import check_arguments
+from workbench.study.run import run_study
 
 FACTS = """
 [analyses.facts]
@@ -35,43 +37,50 @@ tolerance = 0
 
 
 @pytest.fixture
-def commands() -> AppCommands:
-    return AppCommands()
-
-
-@pytest.fixture
 def facts(tmp_path: Path) -> Path:
     path = tmp_path / "facts.toml"
     path.write_text(FACTS, encoding="utf-8")
     return path
 
 
-def test_every_command_with_a_result_can_be_an_analysis(commands: AppCommands) -> None:
-    expected = {"info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "excite", "identify"}
-    assert expected <= set(commands.names())
-    assert "run" not in commands.names()
-    assert all(commands.get(name).options for name in commands.names())
+def test_every_command_with_a_result_can_be_an_analysis() -> None:
+    assert set(COMMANDS) | {"run"} == set(PROGRAM)
+    assert all(command(name).options for name in COMMANDS)
+
+
+def test_a_study_knows_the_options_of_every_command() -> None:
+    """What the program reads, but those that a study gives itself: results and help."""
+    for name in COMMANDS:
+        parameters = Lazily()[name].params
+        spelt = {o.lstrip("-") for p in parameters if p.param_type_name == "option" for o in p.opts}
+        assert set(command(name).options) == spelt - {"json", "help"}, name
+        (subject,) = (p.opts[0] for p in parameters if p.param_type_name == "argument")
+        assert command(name).key(subject) == command(name).subject
 
 
 @pytest.mark.parametrize(
-    ("command", "options", "expected"),
+    ("name", "options", "expected"),
     [
         ("nfr", {"amplitude": [1, 2.5], "band": [0.5, 20]}, ["--amplitude=1,2.5", "--band=0.5:20"]),
-        ("nfr", {"carry": True, "offset": False}, ["--carry"]),
+        ("nfr", {"amplitude": 1, "band": "0.5:20"}, ["--amplitude=1", "--band=0.5:20"]),
+        ("nfr", {"carry": True, "offset": True}, ["--carry", "--offset"]),
         ("nfr", {"drift-check": False}, ["--no-drift-check"]),
         ("nfr", {"max_periods": 5, "set": {"k": 2, "on": True}}, ["--max-periods=5", "--set=k=2", "--set=on=true"]),
-        ("simulate", {"input": {"u": "step:value=2"}}, ["--input=u=step:value=2"]),
+        ("simulate", {"input": {"u": "step:time=0,value=2"}}, ["--input=u=step:time=0,value=2"]),
+        ("simulate", {"input": {"u": 2}}, ["--input=u=2.0"]),
         ("simulate", {"output": ["a", "b"]}, ["--output=a", "--output=b"]),
-        ("lin", {"over": {"k": [1, 2]}, "dx": [1, 2]}, ["--over=k=1,2", "--dx=1", "--dx=2"]),
+        ("lin", {"over": {"k": [1, 2]}, "dx": [1, 2]}, ["--over=k=1,2", "--dx=1,2"]),
         ("trim", {"bound": {"x": [-1, 1]}}, ["--bound=x=-1:1"]),
-        ("excite", {"prbs": {"amplitude": [1, 2], "seed": 3}}, ["--prbs=amplitude=1:2,seed=3"]),
+        ("modes", {"against": [{"k": 1, "m": 2}, {"k": 3}]}, ["--against=k=1,m=2", "--against=k=3"]),
+        ("excite", {"prbs": {"amplitude": [1, 2], "seed": 3}}, ["--prbs=amplitude=1.0:2.0,seed=3"]),
         ("identify", {"data": "a.csv", "order": 3}, ["a.csv", "--order=3"]),
+        ("lin", {"at": Reference(analysis="point")}, ["--at=point.json"]),
+        ("compare", {"window": [[0, 1], [1, 2]], "set": {"k": True}}, ["--window=0:1", "--window=1:2", "--set=k=true"]),
     ],
 )  # fmt: skip
-def test_options_become_arguments(
-    commands: AppCommands, command: str, options: dict[str, object], expected: list[str]
-) -> None:
-    assert arguments(commands.get(command), options) == expected
+def test_options_as_a_command_line_has_them(name: str, options: dict[str, Any], expected: list[str]) -> None:
+    known = command(name)
+    assert [word for key, value in options.items() for word in known.words(known.key(key), value)] == expected
 
 
 @pytest.mark.parametrize(
@@ -80,16 +89,24 @@ def test_options_become_arguments(
         ({"carry": 1}, "key 'carry' is true or false, not 1"),
         ({"input": True}, "key 'input' takes a value"),
         ({"ratio": [1, 2]}, "key 'ratio' takes one value"),
-        ({"input": [["a"]]}, "neither a number nor a string|takes one value"),
-        ({"freq": {"from": "a", "of": "b"}}, "'of' is unknown beside 'from'"),
+        ({"input": [["a"]]}, "key 'input' takes one value"),
+        ({"band": [0.5]}, "key 'band': "),
+        ({"band": ["low", 1]}, "key 'band': "),
+        ({"band": "0.5-20"}, "key 'band': '0.5-20' is not of the form LO:HI"),
+        ({"freq": [[1]]}, "key 'freq' takes F,.., not"),
+        ({"tolerance": -1}, "key 'tolerance': -1 is not a positive number"),
+        ({"max-periods": 2.5}, "key 'max-periods': '2.5' is not a whole number"),
+        ({"set": {"k": [1]}, "interface": "ms"}, "key 'interface': 'ms' is unknown; known: auto, cs, me"),
+        ({"at": 3, "timeout": "long"}, "key 'timeout': 'long' is not a number"),
     ],
 )
-def test_values_that_an_option_cannot_take(commands: AppCommands, options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        arguments(commands.get("nfr"), options)
+def test_values_that_an_option_cannot_take(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        command("nfr").values(options)
+    assert message in str(caught.value)
 
 
-def test_a_command_runs_silently(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_program_runs_silently(capfd: pytest.CaptureFixture[str]) -> None:
     ended = run_command(["trim", "fmu:FirstOrderLag"])
     assert (ended.code, ended.reason) == (0, "")
     assert any("interface: me" in note for note in ended.notes)
@@ -160,22 +177,22 @@ def test_wrong_options_are_one_line(
 
 @pytest.mark.parametrize("name", bundled_studies())
 def test_an_example_is_a_study_wherever_it_is_put(
-    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, commands: AppCommands
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     named = [] if name == "rudder_specification" else [f"study:{name}"]
     assert run(["run", *named, "--example"]) == 0
     text = capsys.readouterr().out
     assert tomllib.loads(text)["analyses"]
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
-    assert read_study(tmp_path / "mine.toml", commands).requirements
+    assert read_study(tmp_path / "mine.toml").requirements
 
 
 @pytest.mark.parametrize("name", bundled_studies())
-def test_bundled_studies_are_complete(name: str, commands: AppCommands) -> None:
-    study = read_study(f"study:{name}", commands)
-    plan = make_plan(study, commands)
+def test_bundled_studies_are_complete(name: str) -> None:
+    study = read_study(f"study:{name}")
+    plan = make_plan(study)
     for analysis in study.analyses.values():
-        check_arguments(analysis, commands)
+        analysis.command.check(analysis.options)
     assert study.requirements
     assert not plan.notes
     read = {analysis for r in study.requirements for analysis in r.analyses}
@@ -191,16 +208,16 @@ def test_the_rudder_keeps_its_specification(tmp_path: Path) -> None:
     assert all(r["passed"] for r in found["requirements"])
 
 
-def plan_of(tmp_path: Path, text: str, commands: AppCommands) -> list[Run]:
+def plan_of(tmp_path: Path, text: str) -> list[Run]:
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
-    study = read_study(path, commands)
+    study = read_study(path)
     for analysis in study.analyses.values():
-        check_arguments(analysis, commands)
-    return list(make_plan(study, commands).runs)
+        analysis.command.check(analysis.options)
+    return list(make_plan(study).runs)
 
 
-def test_several_models_and_results_as_models(tmp_path: Path, commands: AppCommands) -> None:
+def test_several_models_and_results_as_models(tmp_path: Path) -> None:
     text = """
     [models]
     a = {model = "fmu:FirstOrderLag", set = {tau = 2}}
@@ -218,19 +235,19 @@ def test_several_models_and_results_as_models(tmp_path: Path, commands: AppComma
     signal = "y"
     window = [[0, 1], [1, 2]]
     """
-    runs = {run.analysis.name: run for run in plan_of(tmp_path, text, commands)}
+    runs = {run.analysis.name: run for run in plan_of(tmp_path, text)}
     assert runs["exported"].command_line == "workbench export linear.json --out=linear.fmu"
     assert [f.name for f in runs["exported"].files] == ["linear.fmu"]
     words = runs["motions"].command_line
     assert words.startswith("workbench compare fmu:FirstOrderLag fmu:FirstOrderLag@3 ")
     assert words.endswith("--signal=y --window=0:1 --window=1:2")
     with pytest.raises(InputError, match="opens all its models in the same way"):
-        plan_of(tmp_path, text.replace("set = {tau = 2}}", "set = {tau = 3}}", 1), commands)
+        plan_of(tmp_path, text.replace("set = {tau = 2}}", "set = {tau = 3}}", 1))
     with pytest.raises(InputError, match="key 'model' takes one model"):
-        plan_of(tmp_path, text.replace('model = "a"', 'model = ["a", "b"]'), commands)
+        plan_of(tmp_path, text.replace('model = "a"', 'model = ["a", "b"]'))
 
 
-def test_what_a_system_and_an_option_name_is_part_of_the_key(tmp_path: Path, commands: AppCommands) -> None:
+def test_what_a_system_and_an_option_name_is_part_of_the_key(tmp_path: Path) -> None:
     inner = tmp_path / "parts"
     inner.mkdir()
     (inner / "lag.fmu").write_bytes(b"one")
@@ -238,20 +255,20 @@ def test_what_a_system_and_an_option_name_is_part_of_the_key(tmp_path: Path, com
     (tmp_path / "outer.toml").write_text('[components]\na = "parts/inner.toml"\nb = "fmu:Rudder"\n', encoding="utf-8")
     (tmp_path / "trim.json").write_text("{}", encoding="utf-8")
     text = '[analyses.a]\ncommand = "lin"\nmodel = "outer.toml"\nat = "trim.json"\nmethod = "exact"\n'
-    (before,) = plan_of(tmp_path, text, commands)
+    (before,) = plan_of(tmp_path, text)
     names = {"outer.toml", "parts/inner.toml", "parts/lag.fmu", "fmu:Rudder", "trim.json"}
     assert set(before.subject["files"]) == names
     for changed in ("parts/lag.fmu", "parts/inner.toml", "trim.json"):
         with (tmp_path / changed).open("ab") as file:
             file.write(b"\n")
-        (after,) = plan_of(tmp_path, text, commands)
+        (after,) = plan_of(tmp_path, text)
         assert after.subject != before.subject
         before = after
 
 
 def test_a_command_is_built_alone_and_listed_in_the_words_of_its_own_help() -> None:
     together = program(None).commands
-    for name, command in Lazily().items():
-        assert command.help.split("\n\n")[0] == together[name].help
+    for name, alone in Lazily().items():
+        assert alone.help.split("\n\n")[0] == together[name].help
     assert list(program("nfr").commands) == ["nfr"]
     assert list(program("nrf").commands) == list(together)

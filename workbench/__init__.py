@@ -84,7 +84,6 @@ if TYPE_CHECKING:
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
     from workbench.build.export import ExportResult, export
-    from workbench.cli.run_commands import run_study
     from workbench.core.linear import Linear, LinearPart
     from workbench.core.operating_point import OperatingPoint
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
@@ -93,6 +92,7 @@ if TYPE_CHECKING:
     from workbench.session import Record, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, parse_signal, pulse
     from workbench.study.result import StudyResult
+    from workbench.study.run import run_study
     from workbench.system.connect import connect
     from workbench.system.container import ContainerResult, export_container
     from workbench.system.description import (
@@ -339,13 +339,13 @@ _HOMES = {
     "workbench.analysis.trim.request": ("trim",),
     "workbench.analysis.trim.result": ("TrimResult",),
     "workbench.analysis.nfr.zero_input": ("ZeroInput",),
-    "workbench.cli.run_commands": ("run_study",),
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable"),
     "workbench.model.described": ("DescribedModel",),
     "workbench.session": ("Record", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "gust", "parse_signal", "pulse"),
     "workbench.study.result": ("StudyResult",),
+    "workbench.study.run": ("run_study",),
     "workbench.system.connect": ("connect",),
     "workbench.system.container": ("ContainerResult", "export_container"),
     "workbench.system.description": (

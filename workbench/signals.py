@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -31,6 +31,7 @@ __all__ = [
     "gust",
     "parse_signal",
     "pulse",
+    "signal_text",
     "signals_of",
 ]
 
@@ -421,6 +422,7 @@ def _gust(k: Mapping[str, float]) -> Signal:
     return gust(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("gust", k, "duration"))
 
 
+_TABLE, _HOLD = "table", "hold"
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "sine": _sine,
     "step": _step,
@@ -459,8 +461,9 @@ def parse_signal(text: str) -> Signal:
 
     Args:
         text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
-            `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`, or the
-            name of a CSV file with time [s] and value.
+            `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`,
+            `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase), or the name of a CSV file with
+            time [s] and value.
 
     Raises:
         InputError: unknown kind or option, missing option, not a number, no such file.
@@ -473,17 +476,54 @@ def parse_signal(text: str) -> Signal:
     if _is_number(text):
         return Constant(float(text))
     kind, colon, rest = text.partition(":")
+    if colon and kind == _TABLE:
+        return _table(rest)
     if colon and kind in _MAKERS:
         return _MAKERS[kind](_key_values(kind, rest))
     if text.lower().endswith((".csv", ".txt")):
         return read_table(text)
     raise InputError(
         f"'{text}' is no signal; write a number, a .csv file, or one of "
-        + ", ".join(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS)
+        + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
     )
 
 
 # -- several of them ---------------------------------------------------------------------------
+
+
+def signal_text(signal: Signal) -> str:
+    """Return the text that `parse_signal` reads as an equal signal.
+
+    Args:
+        signal: any but one that was defined outside of this module.
+
+    Raises:
+        InputError: it has no text.
+
+    Examples:
+        >>> print(signal_text(wb.Step(time=1.0, value=2.0)))
+        step:time=1.0,value=2.0,initial=0.0
+    """
+    if isinstance(signal, Constant):
+        return repr(signal.value)
+    if isinstance(signal, Table):
+        points = zip(signal.times, signal.values, strict=True)
+        hold = [f"{_HOLD}=1"] if signal.interpolate == _HOLD else []
+        return f"{_TABLE}:{','.join([*(f'{t!r}={x!r}' for t, x in points), *hold])}"
+    kind = type(signal).__name__.lower()
+    if kind not in _MAKERS:
+        raise InputError(f"a signal of class {type(signal).__name__} cannot be written as text")
+    return f"{kind}:{','.join(f'{key}={getattr(signal, key)!r}' for key in _KEYS[kind])}"
+
+
+def _table(text: str) -> Table:
+    """Read TIME=VALUE,.. and hold=1 for a staircase."""
+    items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
+    points = [(key, value) for key, value in items if key != _HOLD]
+    if not all(map(_is_number, chain(*points))):
+        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2")
+    held = len(points) < len(items)
+    return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")
 
 
 def signals_of(given: Mapping[str, Signal | float | str]) -> dict[str, Signal]:
@@ -507,7 +547,7 @@ def _signal(value: Signal | float | str) -> Signal:
 _SIGNALS = Form(
     metavar="NAME=SIGNAL",
     read=lambda texts: signals_of(pairs(texts)),
-    write=lambda value: [f"{name}={signal}" for name, signal in value.items()],
+    write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
     take=lambda value: signals_of(value or {}),
     repeated=True,
 )

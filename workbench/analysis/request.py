@@ -7,7 +7,8 @@ algorithm is named and imported when it is called: what is only asked about need
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import (
     TYPE_CHECKING,
@@ -22,14 +23,25 @@ from typing import (
 )
 
 from workbench.core.job import Job, Progress
+from workbench.core.loading import Loading
 from workbench.core.named import named
-from workbench.core.option import Options, documented, option, with_options
+from workbench.core.option import (
+    Declared,
+    Options,
+    asked_of,
+    documented,
+    option,
+    parts_of,
+    put_together,
+    recast,
+    with_options,
+)
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
     from workbench.model import Model  # noqa: F401 - the subject's type, below
 
-__all__ = ["MODEL_FILE", "Analysis", "Request", "Subject", "function"]
+__all__ = ["MODEL_FILE", "Analysis", "Request", "Subject", "asked_options", "command_line_of", "function"]
 
 _Subject = TypeVar("_Subject")
 _Record = TypeVar("_Record")
@@ -120,6 +132,17 @@ class Request(Options, Generic[_Subject, _Record]):
         record: _Record = named(self.algorithm)(subject, self, job)
         return record
 
+    @classmethod
+    def loading(cls, given: Mapping[str, Any]) -> Loading:
+        """Return how the model is opened.
+
+        Args:
+            given: values of `asked_options`.
+        """
+        models = {n.removeprefix(_MODELS): value for n, value in given.items() if n.startswith(_MODELS)}
+        found = put_together(Loading, {**given, **dict.fromkeys(cls.withheld), **models})
+        return found if found.tolerance is not None else recast(Loading, found, tolerance=cls.usual_tolerance)
+
     def went_well(self, record: _Record) -> bool:
         """Return whether the record is what was asked for; a command line ends with 1 otherwise.
 
@@ -129,6 +152,7 @@ class Request(Options, Generic[_Subject, _Record]):
         return True
 
 
+_MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL = {"metavar": "MODEL", "words": "FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME."}
 
 # A model that the request opens itself.
@@ -139,6 +163,39 @@ class Analysis(Request["Model", _Record]):
     """An analysis of a model; the command line opens the model."""
 
     subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", **_MODEL)
+
+
+def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]]:
+    """Return name → option and heading of what can be asked in a line or a table, also of how the model is opened.
+
+    An option that the analysis declares itself, as its own `step`, is given to the model as well, unless it is
+    withheld; where the flag alone is the same, the model does without; where the name alone is, both have theirs.
+
+    Args:
+        request: class of what is asked for.
+    """
+    own = {declared.name: (declared, group) for declared, group in parts_of(request)}
+    if issubclass(request, Analysis):
+        flags = {declared.flag for declared, _ in own.values()}
+        models = [(d, group) for d, group in parts_of(Loading) if d.flag not in flags]
+        own |= {_MODELS + d.name if d.name in own else d.name: (d, group) for d, group in models}
+    return own
+
+
+def command_line_of(asked: Request[Any, Any], subject: str, loading: Loading | None = None) -> str:
+    """Return the command line that runs a request again.
+
+    Args:
+        asked: what is asked for.
+        subject: how the command line names what it is run on.
+        loading: how the model is opened.
+    """
+    own = asked_of(asked)
+    models = asked_of(loading) if loading is not None else {}
+    if models.get("tolerance") == [f"--tolerance={asked.usual_tolerance}"]:
+        del models["tolerance"]
+    every = {word: None for words in (*own.values(), *models.values()) for word in words}
+    return shlex.join(["workbench", asked.command, subject, *every])
 
 
 def function(

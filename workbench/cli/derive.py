@@ -5,75 +5,55 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.analysis.request import Analysis, Request, function
+from workbench.analysis.request import Analysis, Request, asked_options, function
 from workbench.cli.options import Csv, Json, Plot, Report, open_model
-from workbench.core.loading import Loading
-from workbench.core.option import Declared, Options, options_of, values_of
+from workbench.core.option import Declared, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.report.extras import EXTRAS, Written
 
 if TYPE_CHECKING:
+    from workbench.cli.ask import Before
     from workbench.cli.output import Output
     from workbench.origin import Origin
     from workbench.report import Page
 
-__all__ = ["Extras", "command"]
+__all__ = ["command"]
 
 _OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
-_MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _NOT_WELL = 1  # exit code of a record that says so
 
 
-@dataclass(frozen=True, kw_only=True)
-class Extras:
-    """What a command has besides the options of its request.
-
-    Attributes:
-        drawn: options of pages and pictures alone: name → (type, default).
-        plotted: options of `--plot` alone, likewise.
-        files: others than those of every command: name → (type, what writes it from record and path).
-        before: is given the request, what typer read and the files; returns the request that is run.
-    """
-
-    drawn: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    plotted: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    files: Mapping[str, tuple[Any, Callable[[Any, Path], object]]] = field(default_factory=dict)
-    before: Callable[[Any, Mapping[str, Any], Output], Any] = lambda asked, *_: asked
-
-    @property
-    def options(self) -> dict[str, tuple[Any, Any]]:
-        """All of these as options: name → (type, default)."""
-        return {**self.drawn, **self.plotted, **{name: (kind, None) for name, (kind, _) in self.files.items()}}
-
-
-def command(request: type[Request[Any, Any]], extras: Extras | None = None) -> Callable[..., int]:
+def command(request: type[Request[Any, Any]], before: Before | None = None) -> Callable[..., int]:
     """Return the command of a request, as typer takes it.
 
     Args:
         request: what is asked for.
-        extras: what the command has besides.
+        before: returns the request that is run, see `workbench.cli.ask`.
     """
-    more = extras or Extras()
+    kind = EXTRAS.get(request.command, Written)
 
     def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
-        asked = more.before(_request(request, given), given, out)
+        asked = put_together(request, _values(asked_options(request), given))
+        written = put_together(kind, {**_values(_drawn(kind), given), "plot": given.get("plot")})
+        written.check(asked)
+        if before is not None:
+            asked = before(asked, given, out)
         with _opened(request, given) as subject:
-            return _run(subject, asked, out, more, given)
+            return _run(subject, asked, out, written)
 
     run.__doc__ = _help(request)
     run.__name__ = request.command.replace("-", "_")
-    run.__signature__ = _signature(request, more)  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in _signature(request, more).parameters.values()}
+    run.__signature__ = _signature(request, kind)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in _signature(request, kind).parameters.values()}
     return run
 
 
@@ -84,15 +64,12 @@ def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Itera
     if not issubclass(request, Analysis):
         yield named
         return
-    models = {name.removeprefix(_MODELS): value for name, value in given.items() if name.startswith(_MODELS)}
-    loading = _request(Loading, {**given, **dict.fromkeys(request.withheld), **models})
-    if loading.tolerance is None:
-        loading = replace(loading, tolerance=request.usual_tolerance)
+    loading = request.loading(_values(asked_options(request), given))
     with open_model(named, loading) as model:
         yield model
 
 
-def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, given: Mapping[str, Any]) -> int:  # noqa: ANN401
+def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) -> int:  # noqa: ANN401
     """Run a request; whatever ends it, what it has is shown and written."""
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import note
@@ -119,7 +96,7 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, gi
             note(text)
         origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
         try:
-            _show(record, out, extras, given, origin)
+            _show(record, out, written, origin)
         except InputError:
             if stopped is None:  # else the picture or file that cannot be made is not the error to tell
                 raise
@@ -133,14 +110,13 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, extras: Extras, gi
     raise stopped
 
 
-def _show(record: Any, out: Output, extras: Extras, given: Mapping[str, Any], origin: Origin) -> None:  # noqa: ANN401 - of any class that has a page
+def _show(record: Any, out: Output, written: Written, origin: Origin) -> None:  # noqa: ANN401 - of any class that has a page
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
     from workbench.report.results import page_of
     from workbench.report.terminal import text_of
 
-    drawn = {name: given[name] for name in extras.drawn}
-    page: Page = page_of(record, **drawn)
+    page: Page = page_of(record, **written.told(written.drawn))
     for text in [*page.notes, *out.unsaid(record)]:
         note(text)
     flush()
@@ -149,56 +125,29 @@ def _show(record: Any, out: Output, extras: Extras, given: Mapping[str, Any], or
     out.write(
         record.to_dict(),
         csv=getattr(record, "to_csv", None),
-        plot=lambda path: record.plot(path, **drawn, **{name: given[name] for name in extras.plotted}),
+        plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,
         page=lambda: page,
         origin=origin,
     )
-    for name, (_, write) in extras.files.items():
-        if given[name] is not None:
-            write(record, given[name])
-            out.wrote(given[name])
+    for path in written.write(record):
+        out.wrote(path)
 
 
 # -- options -----------------------------------------------------------------------------------
 
 
-def _flat(request: type[Options], group: str = "") -> Iterator[tuple[str, Declared, str]]:
-    """Yield name, option and heading of what the command line has; a part of options is taken apart."""
-    for declared in options_of(request):
-        if declared.option.python:
-            continue
-        if part := _part(declared):
-            yield from _flat(part, declared.group)
-        else:
-            yield declared.name, declared, declared.group or group
-
-
-def _part(declared: Declared) -> type[Options] | None:
-    """Return the options that stand for one; None: it is an option itself."""
-    kind = declared.option.part or declared.type
-    return kind if inspect.isclass(kind) and issubclass(kind, Options) else None
-
-
-def _signature(request: type[Request[Any, Any]], extras: Extras) -> inspect.Signature:
-    """Return the options of the request, then those by which models are opened, then the files.
-
-    An option that the analysis declares itself, as its own `step`, is given to the model as well, unless it is
-    withheld; where the flag alone is the same, the model does without; where the name alone is, both have theirs.
-    """
+def _signature(request: type[Request[Any, Any]], written: type[Written]) -> inspect.Signature:
+    """Return the options of the request, then those by which models are opened, then the files."""
     subject = request.subject
-    own = {name: (declared, group) for name, declared, group in _flat(request)}
-    if issubclass(request, Analysis):
-        flags = {declared.flag for declared, _ in own.values()}
-        own |= {_MODELS + n if n in own else n: (d, g) for n, d, g in _flat(Loading) if d.flag not in flags}
+    own = {**asked_options(request), **_drawn(written)}
     argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
     parameters = [_parameter(subject.spelt, argument, inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
     files = {name: found for name, found in _OUTPUT.items() if name not in request.unwritten}
-    for options in (extras.options, files):
-        parameters += [_parameter(name, kind, default) for name, (kind, default) in options.items()]
+    parameters += [_parameter(name, kind, default) for name, (kind, default) in files.items()]
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
 
 
@@ -248,17 +197,14 @@ def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
 # -- values ------------------------------------------------------------------------------------
 
 
-def _request(request: type[Options], given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of the kind asked for
-    """Make the request from what typer read."""
-    values: dict[str, Any] = {}
-    for declared in options_of(request):
-        if declared.option.python:
-            continue
-        if part := _part(declared):
-            values[declared.name] = _request(part, given)
-        elif given.get(declared.name) is not None:
-            values[declared.name] = _read(declared, given[declared.name])
-    return request(**values)
+def _drawn(written: type[Written]) -> dict[str, tuple[Declared, str]]:
+    """Return the options of a command's pictures and files besides those that every command has."""
+    return {d.name: (d, group) for d, group in parts_of(written) if d.name not in ("csv", "plot", "report")}
+
+
+def _values(options: Mapping[str, tuple[Declared, str]], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of the options that typer read, by name."""
+    return {name: _read(d, given[name]) for name, (d, _) in options.items() if given.get(name) is not None}
 
 
 def _read(declared: Declared, value: Any) -> Any:  # noqa: ANN401

@@ -7,38 +7,29 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from workbench import __version__
+from workbench.analysis.commands import request_of
+from workbench.core.named import named
 from workbench.errors import one_line
 
 __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
-# In the order of a working day: name → request, or function that typer calls.
-COMMANDS = {
-    "info": "analysis.info.request:Info",
-    "simulate": "analysis.simulate.request:Simulate",
-    "nfr": "analysis.nfr.request:Nfr",
-    "trim": "analysis.trim.request:Trim",
-    "lin": "analysis.lin.request:LinCommand",
-    "loop": "analysis.loop.request:Loop",
-    "delays": "analysis.delays.request:Delays",
-    "limit-cycle": "analysis.limit_cycle.request:LimitCycles",
-    "feedback": "analysis.feedback.request:Feedback",
-    "feed-forward": "analysis.feed_forward.request:FeedForward",
-    "modes": "analysis.modes.request:Modes",
+_FUNCTIONS = {
     "compare": "cli.compare_motions:compare",
-    "check": "analysis.check.request:Check",
-    "excite": "analysis.excite.request:Excite",
-    "identify": "analysis.identify.request:Identify",
     "run": "cli.run:run",
     "reproduce": "cli.reproduce:reproduce",
     "build": "cli.build:build",
     "export": "cli.export:export",
 }
+# In the order of a working day: requests, and functions that typer calls.
+COMMANDS = (
+    "info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "feedback", "feed-forward", "modes",
+    "compare", "check", "excite", "identify", "run", "reproduce", "build", "export",
+)  # fmt: skip
 
 
 def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
@@ -74,15 +65,14 @@ def function_of(name: str) -> Callable[..., int | None]:
     found: Callable[..., Any] = _declared(name)
     if not isinstance(found, type):
         return found
+    from workbench.cli.ask import before
     from workbench.cli.derive import command
-    from workbench.cli.extras import EXTRAS
 
-    return command(found, EXTRAS.get(name))
+    return command(found, before(name))
 
 
 def _declared(name: str) -> Any:  # noqa: ANN401 - a class or a function
-    module, _, what = COMMANDS[name].partition(":")
-    return getattr(import_module(f"workbench.{module}"), what)
+    return named(f"workbench.{_FUNCTIONS[name]}") if name in _FUNCTIONS else request_of(name)
 
 
 def _words(name: str) -> Callable[[], None]:

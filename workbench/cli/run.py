@@ -60,7 +60,6 @@ def run(
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """
     from workbench.cli.output import Output
-    from workbench.cli.run_commands import AppCommands
     from workbench.study.run import StudyRun, default_store
 
     if example:
@@ -74,7 +73,7 @@ def run(
     out = Output("run", json_path=json_path, csv_path=csv_path, report=report)
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
-    prepared = StudyRun(study, AppCommands(), store=folder, fresh=fresh)
+    prepared = StudyRun(study, store=folder, fresh=fresh)
     result = _run(prepared, jobs=jobs, timeout=timeout)
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, page=result.page)

@@ -34,6 +34,7 @@ __all__ = [
     "setting",
     "several",
     "varied",
+    "written",
 ]
 
 
@@ -198,7 +199,13 @@ def _write_widths(value: Any) -> list[str]:  # noqa: ANN401
     return _NUMBERS.write(several(value))
 
 
-_WIDTHS = Form(metavar="[NAME=]WIDTH", read=_read_widths, write=_write_widths, take=lambda value: value, repeated=True)
+def _take_widths(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, Mapping):
+        return _VALUES.take(value)
+    return float(value) if isinstance(value, int | float) else several(value)
+
+
+_WIDTHS = Form(metavar="[NAME=]WIDTH", read=_read_widths, write=_write_widths, take=_take_widths, repeated=True)
 
 
 def _read_limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -287,7 +294,8 @@ def setting(text: str) -> float | int | bool | str:
     return text
 
 
-def _written(value: object) -> str:
+def written(value: object) -> str:
+    """Return the text of a number, a switch or a text, as `setting` reads it."""
     if isinstance(value, bool):
         return str(value).lower()
     return _short(value) if isinstance(value, float) else str(value)
@@ -296,7 +304,7 @@ def _written(value: object) -> str:
 _SETTINGS = Form(
     metavar="NAME=VALUE",
     read=lambda texts: {name: setting(text) for name, text in pairs(texts).items()},
-    write=lambda value: [f"{name}={_written(x)}" for name, x in value.items()],
+    write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
     take=lambda value: {str(name): x for name, x in dict(value or {}).items()},
     repeated=True,
 )
@@ -305,7 +313,7 @@ _CONFIGURATIONS = Form(
     metavar="NAME=VALUE,..",
     read=lambda texts: tuple(_SETTINGS.read(split_names(text)) for text in texts),
     write=lambda value: [",".join(_SETTINGS.write(one)) for one in value],
-    take=lambda value: tuple(_SETTINGS.take(one) for one in value or ()),
+    take=lambda value: tuple(_SETTINGS.take(one) for one in ([value] if isinstance(value, Mapping) else value or ())),
     repeated=True,
 )
 

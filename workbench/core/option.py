@@ -7,7 +7,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import (
@@ -23,10 +23,23 @@ from typing import (
     get_origin,
 )
 
-from workbench.core.forms import Form
+from workbench.core.forms import Form, written
 from workbench.errors import InputError, suggest
 
-__all__ = ["Declared", "Option", "Options", "documented", "option", "options_of", "recast", "values_of", "with_options"]
+__all__ = [
+    "Declared",
+    "Option",
+    "Options",
+    "asked_of",
+    "documented",
+    "option",
+    "options_of",
+    "parts_of",
+    "put_together",
+    "recast",
+    "values_of",
+    "with_options",
+]
 
 _DECLARED = "option"
 _ARGUMENTS = "Args:"
@@ -136,6 +149,17 @@ class Declared:
             raise InputError(f"{self.spoken}: {error}") from None
         return found
 
+    def write(self, value: Any) -> list[str]:  # noqa: ANN401 - of this option
+        """Return the words by which a command line gives a value, one for each time the option stands there.
+
+        Args:
+            value: as the analysis takes it.
+        """
+        if isinstance(value, bool) and self.form is None:
+            return [self.flag if value else f"--no-{self.flag.removeprefix('--')}"]
+        texts = [written(value)] if self.form is None else self.form.write(value)
+        return [f"{self.flag}={text}" for text in texts]
+
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
         unit = f" [{self.option.unit}]" if self.option.unit else ""
         for x in value if isinstance(value, tuple) else (value,):
@@ -212,6 +236,63 @@ def options_of(request: type[Options]) -> tuple[Declared, ...]:
 def values_of(asked: Options) -> dict[str, Any]:
     """Return the options of a request by name, as they are."""
     return {d.name: getattr(asked, d.name) for d in options_of(type(asked))}
+
+
+def parts_of(request: type[Options], group: str = "") -> Iterator[tuple[Declared, str]]:
+    """Yield each option with its heading as a command line has it: a part of options is taken apart.
+
+    Args:
+        request: class of the options.
+        group: heading of those that have none.
+    """
+    for declared in options_of(request):
+        if declared.option.python:
+            continue
+        if part := _part(declared):
+            yield from parts_of(part, declared.group)
+        else:
+            yield declared, declared.group or group
+
+
+def put_together(request: type[_Kind], given: Mapping[str, Any]) -> _Kind:
+    """Return a request, parts of options put together; what is not given has its default.
+
+    Args:
+        request: class of the options.
+        given: values by name, others among them.
+    """
+    values: dict[str, Any] = {}
+    for declared in options_of(request):
+        part = None if declared.option.python else _part(declared)
+        if part:
+            values[declared.name] = put_together(part, given)
+        elif not declared.option.python and given.get(declared.name) is not None:
+            values[declared.name] = given[declared.name]
+    return request(**values)
+
+
+def asked_of(asked: Options) -> dict[str, list[str]]:
+    """Return what is asked for, as JSON can hold it: options that have not their default, in the words of `write`.
+
+    Args:
+        asked: a request.
+    """
+    found: dict[str, list[str]] = {}
+    for declared in options_of(type(asked)):
+        value = getattr(asked, declared.name)
+        if declared.option.python or value is None or value == declared.default:
+            continue
+        if isinstance(value, Options):
+            found |= asked_of(value)
+        elif words := declared.write(value):
+            found[declared.name] = words
+    return found
+
+
+def _part(declared: Declared) -> type[Options] | None:
+    """Return the options that stand for one; None: it is an option itself."""
+    kind = declared.option.part or declared.type
+    return kind if inspect.isclass(kind) and issubclass(kind, Options) else None
 
 
 def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noqa: ANN401

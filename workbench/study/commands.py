@@ -1,117 +1,289 @@
-"""What a study has to know of the commands that do its analyses; the command line tells it."""
+"""The commands that do a study's analyses, and the options that a table of TOML gives to them."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
+from workbench.analysis.commands import REQUESTS, request_of
+from workbench.analysis.request import Request, asked_options
+from workbench.core.forms import Form
+from workbench.core.loading import Loading
+from workbench.core.option import Declared, parts_of, put_together
 from workbench.errors import InputError, suggest
+from workbench.report.extras import EXTRAS, Written
 
-__all__ = ["Command", "Commands", "Ended", "Option", "RunCommand"]
+__all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"]
+
+# Commands that are no requests: the program runs them. Name → what they work on and their options.
+_PROGRAMS = {
+    "compare": (
+        "systems",
+        ("signal", "window", "input", "label", "at", "unit", "stop", "interval", "interface", "solver", "tolerance",
+         "start", "set", "in-process", "timeout", "memory-limit", "csv", "plot", "report"),
+    ),
+    "reproduce": ("what", ("list", "pictures", "jobs", "in-process", "csv", "report")),
+    "build": ("sources", ("out", "model", "fmi", "report")),
+    "export": ("model", ("out", "fmi", "name", "step", "report")),
+}  # fmt: skip
+COMMANDS = (*REQUESTS, *_PROGRAMS)
+_SEVERAL = ("systems", "what", "sources")
+_MODEL = "model"
+_ON_MODELS = (_MODEL, "systems")
+_UNWRITTEN = {"csv": "csv_path"}
+_KINDS = {float: "a number", int: "a whole number", str: "text"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Option:
-    """One option or argument of a command.
+class Reference:
+    """What another analysis wrote, in place of a file.
 
     Attributes:
-        name: the long name without dashes; of an argument its own name.
-        argument: whether it stands without a name.
-        flag: whether it takes no value.
-        off: what switches a flag off, such as "--no-probe"; empty: it is off unless given.
-        multiple: whether it can be given several times.
-        metavar: what the help shows in place of the value, such as "A,.." or "NAME=VALUE".
+        analysis: its name.
+        kind: "json" for its result, "csv", or what follows NAME_ in the name of a further CSV file.
     """
 
-    name: str
-    argument: bool = False
-    flag: bool = False
-    off: str = ""
-    multiple: bool = False
-    metavar: str = ""
+    analysis: str
+    kind: str = "json"
+
+    @property
+    def file(self) -> str:
+        """The name that the file would have."""
+        return f"{self.analysis}.{self.kind}" if self.kind in ("json", "csv") else f"{self.analysis}_{self.kind}.csv"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Command:
     """One command.
 
     Attributes:
         name: as it is called.
-        options: by every name they have.
+        subject: key of what it works on.
+        request: what is run; None: the program runs it.
+        options: key in a study → name and option; those of a program's command declare nothing.
+        written: what its record can be written to; None: the program does it.
     """
 
     name: str
-    options: Mapping[str, Option]
+    subject: str
+    request: type[Request[Any, Any]] | None
+    options: Mapping[str, tuple[str, Declared | None]]
+    written: type[Written] | None
 
     @property
-    def model(self) -> Option | None:
-        """The argument that names a model, if there is one."""
-        return next((o for o in self.options.values() if o.argument and _is_model(o)), None)
+    def on_models(self) -> bool:
+        """Whether it works on models."""
+        return self.subject in _ON_MODELS
 
-    def option(self, name: str) -> Option:
-        """Return the option of a name; underscores stand for hyphens.
+    @property
+    def several(self) -> bool:
+        """Whether it works on several of them."""
+        return self.subject in _SEVERAL
+
+    def key(self, given: str) -> str:
+        """Return the key as the command spells it; underscores stand for hyphens.
 
         Raises:
-            InputError: there is none.
+            InputError: there is no such option.
         """
-        found = self.options.get(name) or self.options.get(name.replace("_", "-"))
-        if found is None:
-            raise InputError(f"key '{name}' is not an option of '{self.name}'; {suggest(name, self.options)}")
+        for key in (given, given.replace("_", "-")):
+            if key in self.options or key == self.subject:
+                return key
+        if self.request is not None and given == self.request.subject.spelt:
+            return self.subject
+        raise InputError(f"key '{given}' is not an option of '{self.name}'; {suggest(given, self.options)}")
+
+    def values(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of a request's options by name.
+
+        Args:
+            table: key → value as TOML has it; keys of other options are passed over.
+
+        Raises:
+            InputError: a value that its option cannot take.
+        """
+        found = {}
+        for key, value in table.items():
+            name, declared = self.options.get(key, ("", None))
+            if declared is not None:
+                found[name] = _value(key, declared, value)
         return found
 
-
-def _is_model(option: Option) -> bool:
-    return option.metavar.rstrip(".") in ("MODEL", "SYSTEM")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ended:
-    """How a command ended.
-
-    Attributes:
-        code: its exit code.
-        reason: why there is no result; empty: it came to its end.
-        bad_input: whether what was asked for cannot be done, rather than that it failed.
-        notes: remarks beside the result, one line each.
-    """
-
-    code: int
-    reason: str = ""
-    bad_input: bool = False
-    notes: tuple[str, ...] = ()
-
-
-# Runs a command with its arguments, in the process that calls it; a function of a module, so that it can be sent.
-RunCommand = Callable[[Sequence[str]], Ended]
-
-
-class Commands(ABC):
-    """All commands that a study can use.
-
-    Obligations of a subclass:
-      1. `run` is a function of a module that writes nothing to standard output or standard error.
-      2. `check` finds what the command's own reading of its arguments finds, and runs nothing.
-    """
-
-    run: RunCommand
-
-    def __contains__(self, name: str) -> bool:
-        """Tell whether a study can use a command of that name."""
-        return name in self.names()
-
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the commands."""
-
-    @abstractmethod
-    def get(self, name: str) -> Command:
-        """Return what is known of a command; `name` is one of `names()`."""
-
-    @abstractmethod
-    def check(self, name: str, arguments: Sequence[str]) -> None:
-        """Read the arguments as the command would.
+    def table(self, key: str, value: Any) -> Mapping[str, Any]:  # noqa: ANN401 - what TOML can hold
+        """Return what is given for `set` or `bias` as a table.
 
         Raises:
-            InputError: one is missing, or has a value of another type.
+            InputError: it is none.
         """
+        found = value if isinstance(value, Mapping) else next(iter(self.values({key: value}).values()), None)
+        if not isinstance(found, Mapping):
+            raise InputError(f"key '{key}' takes a table, as in {{NAME = VALUE}}, where the model has one, too")
+        return found
+
+    def words(self, key: str, value: Any) -> list[str]:  # noqa: ANN401 - what TOML can hold
+        """Return the words by which a command line gives an option.
+
+        Args:
+            key: of the option, or of the subject.
+            value: as TOML has it.
+
+        Raises:
+            InputError: a value that the option cannot take.
+        """
+        declared = None if key == self.subject else self.options[key][1]
+        if declared is not None and not any(references(value)):
+            found = _value(key, declared, value)
+            if not _as_text(declared, value):
+                return declared.write(found)
+        if isinstance(value, bool):
+            return [f"--{key}" if value else f"--no-{key}"]
+        texts = _texts(filled(value, lambda reference: reference.file))
+        return texts if key == self.subject else [f"--{key}={text}" for text in texts]
+
+    def check(self, table: Mapping[str, Any]) -> None:
+        """Look for mistakes before anything runs; an option whose value another analysis gives is left out.
+
+        Args:
+            table: key → value as TOML has it, references in it.
+
+        Raises:
+            InputError: an option is missing, or has a value that it cannot have.
+        """
+        given = {self.options[key][0] for key in table if key in self.options}
+        for key, (name, declared) in self.options.items():
+            if declared is not None and declared.required and name not in given:
+                raise InputError(f"key '{key}' is missing: {declared.help}")
+        if self.request is not None and not self.on_models and self.subject not in table:
+            raise InputError(f"key '{self.subject}' is missing: {self.request.subject.words}")
+        if self.request is not None and not any(references(table)):
+            self.asked(table)
+
+    def asked(self, table: Mapping[str, Any]) -> tuple[Request[Any, Any], Written, Loading]:
+        """Return the request, what its record is written to, and how its model is opened.
+
+        Args:
+            table: key → value as TOML has it.
+
+        Raises:
+            InputError: a value that its option cannot have.
+        """
+        assert self.request is not None  # noqa: S101 - of a command that is a request
+        assert self.written is not None  # noqa: S101
+        if table.get("order") == "ask":
+            raise InputError("key 'order': nobody can be asked in a study; give a number or auto")
+        values = self.values(table)
+        asked, written = put_together(self.request, values), put_together(self.written, values)
+        written.check(asked)
+        return asked, written, self.request.loading(values)
+
+
+@cache
+def command(name: str) -> Command:
+    """Return what is known of one of `COMMANDS`."""
+    if name in _PROGRAMS:
+        subject, keys = _PROGRAMS[name]
+        plain = {key: (key, None) for key in keys}
+        return Command(name=name, subject=subject, request=None, options=plain, written=None)
+    request = request_of(name)
+    subject = _MODEL if request.subject.metavar == _MODEL.upper() else request.subject.spelt
+    written = EXTRAS.get(name, Written)
+    every = {n: d for n, (d, _) in asked_options(request).items()}
+    every |= {d.name: d for d, _ in parts_of(written) if _UNWRITTEN.get(d.name, d.name) not in request.unwritten}
+    options = {f.lstrip("-"): (n, d) for n, d in every.items() for f in (d.flag, d.option.also) if f}
+    return Command(name=name, subject=subject, request=request, options=options, written=written)
+
+
+# -- values ------------------------------------------------------------------------------------
+
+
+def _value(key: str, declared: Declared, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold, or its option
+    """Return the value of an option from what TOML holds: typed, or as text as on the command line."""
+    form = declared.form
+    kind = declared.option.metavar or (form.metavar if form is not None else _KINDS.get(declared.type, ""))
+    if declared.type is bool and form is None:
+        if not isinstance(value, bool):
+            raise InputError(f"key '{key}' is true or false, not {value!r}")
+        return value
+    if isinstance(value, bool):
+        raise InputError(f"key '{key}' takes a value ({kind or 'text'}), not {str(value).lower()}")
+    if isinstance(value, Mapping) and (form is None or "=" not in form.metavar):
+        raise InputError(f"key '{key}' is not a table; it takes {kind or 'one value'}")
+    if isinstance(value, list) and (form is None or not (form.repeated or set(form.metavar) & set(",:"))):
+        raise InputError(f"key '{key}' takes one value, not a list")
+    try:
+        found = _plain(declared.type, value) if form is None else _formed(form, value)
+        return declared.checked(found)
+    except TypeError:
+        raise InputError(f"key '{key}' takes {kind}, not {value!r}") from None
+    except InputError as error:
+        text = str(error).removeprefix(f"{declared.spoken}: ").removeprefix(f"{declared.spoken} ")
+        raise InputError(f"key '{key}': {text}") from None
+    except ValueError as error:
+        raise InputError(f"key '{key}': {error}") from None
+
+
+def _plain(kind: type, value: Any) -> Any:  # noqa: ANN401
+    try:
+        return kind(str(value)) if kind in (int, str) else kind(value)
+    except ValueError:
+        raise ValueError(f"'{value}' is not {_KINDS.get(kind, kind.__name__)}") from None
+
+
+def _formed(form: Form, value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, str | int | float):
+        return form.read([str(value)])
+    if isinstance(value, list) and form.repeated and all(isinstance(item, str) for item in value):
+        return form.read(value)
+    texts = {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
+    if not (texts and form.repeated):
+        return form.take(value)
+    read = form.read([f"{name}={text}" for name, text in texts.items()])
+    others = {k: v for k, v in value.items() if k not in texts}
+    return {**read, **form.take(others)} if others else read
+
+
+def _as_text(declared: Declared, value: Any) -> bool:  # noqa: ANN401
+    """Return whether a value is written as on the command line already: names of files stay as they are there."""
+    several = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+    repeated = declared.form is not None and declared.form.repeated
+    return isinstance(value, str) or (repeated and bool(several) and all(isinstance(item, str) for item in several))
+
+
+def references(value: Any) -> Iterator[Reference]:  # noqa: ANN401 - what TOML can hold, references in it
+    """Yield the references in a value."""
+    if isinstance(value, Reference):
+        yield value
+    elif isinstance(value, Mapping | list):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from references(item)
+
+
+def filled(value: Any, fill: Callable[[Reference], str]) -> Any:  # noqa: ANN401
+    """Return a value with a text in place of each reference.
+
+    Args:
+        value: what TOML can hold, references in it.
+        fill: reference → text.
+    """
+    if isinstance(value, Mapping):
+        return {key: filled(item, fill) for key, item in value.items()}
+    if isinstance(value, list):
+        return [filled(item, fill) for item in value]
+    return fill(value) if isinstance(value, Reference) else value
+
+
+def _texts(value: Any) -> list[str]:  # noqa: ANN401 - what TOML can hold
+    """Return a value as a program's command takes it: a text each time the option stands there."""
+    if isinstance(value, list):
+        return [_text(item) for item in value]
+    if isinstance(value, Mapping):
+        return [f"{name}={_text(v)}" for name, v in value.items()]
+    return [_text(value)]
+
+
+def _text(value: Any) -> str:  # noqa: ANN401
+    if isinstance(value, list):
+        return ":".join(map(_text, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.study.commands import Command, Reference, references
 from workbench.study.schema import Scalar
 
 if TYPE_CHECKING:
     from workbench.study.kinds.base import Requirement
 
-__all__ = ["Analysis", "Change", "Point", "Reference", "Study", "Word"]
+__all__ = ["Analysis", "Change", "Point", "Study"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,25 +38,6 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference:
-    """What another analysis wrote, in place of a file.
-
-    Attributes:
-        analysis: its name.
-        kind: "json" for its result, "csv", or what follows NAME_ in the name of a further CSV file.
-        prefix: what stands before the file, such as "delC=".
-    """
-
-    analysis: str
-    kind: str = "json"
-    prefix: str = ""
-
-
-# One argument of a command.
-Word = str | Reference
-
-
-@dataclass(frozen=True, kw_only=True)
 class Analysis:
     """One analysis.
 
@@ -63,13 +45,18 @@ class Analysis:
         name: in the study.
         command: that does it.
         models: in `Study.models`; none where the command takes none, several where it compares them.
-        options: as given, by the names of the command's options.
+        options: as given, by the keys of the command, references in them.
     """
 
     name: str
-    command: str
+    command: Command
     models: tuple[str, ...]
     options: Mapping[str, Any]
+
+    @property
+    def references(self) -> list[Reference]:
+        """What it takes from other analyses."""
+        return list(references(self.options))
 
 
 @dataclass(frozen=True, kw_only=True)

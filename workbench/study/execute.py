@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
-from workbench.study.commands import Commands
-from workbench.study.description import Reference
+from workbench.study.commands import Reference, filled
 from workbench.study.finished import Finished
 from workbench.study.outcome import Outcome
 from workbench.study.plan import Plan, Run
@@ -27,19 +25,11 @@ __all__ = ["Execution", "Progress"]
 Progress = Callable[[int, str], None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Setting:
-    commands: Commands
-    finished: Finished
-    folder: Path
-
-
 class Execution:
     """Runs a plan; what is finished is on disk before the next begins.
 
     Args:
         plan: what to run.
-        commands: that do the analyses.
         finished: the store.
         folder: of the study.
 
@@ -49,9 +39,9 @@ class Execution:
         interrupted: whether `stop` ended it.
     """
 
-    def __init__(self, plan: Plan, *, commands: Commands, finished: Finished, folder: Path) -> None:
+    def __init__(self, plan: Plan, *, finished: Finished, folder: Path) -> None:
         self._plan = plan
-        self._setting = _Setting(commands=commands, finished=finished, folder=folder)
+        self._finished, self._folder = finished, folder
         self._jobs = 1
         self._runner: Runner | None = None
         self._stopped = False
@@ -62,7 +52,7 @@ class Execution:
 
     def _reuse(self) -> None:
         for run in self._plan.runs:
-            found = self._setting.finished.load(run)
+            found = self._finished.load(run)
             if found is not None:
                 self.outcomes[run] = found
 
@@ -122,7 +112,7 @@ class Execution:
     def _done(self, run: Run, outcome: Outcome) -> None:
         self.measured += 1
         self.outcomes[run] = outcome
-        self._setting.finished.save(run, outcome)
+        self._finished.save(run, outcome)
         if outcome.bad_input:
             self._refuse(run)
 
@@ -150,49 +140,49 @@ class Execution:
 
     def _lacking(self, run: Run) -> str:
         """Return why a run cannot begin; empty: it can."""
-        for word in run.words:
-            if not isinstance(word, Reference):
-                continue
-            needed = run.needs[word.analysis]
+        for reference in run.analysis.references:
+            needed = run.needs[reference.analysis]
             outcome = self.outcomes[needed]
             if outcome.result is None:
                 return f"it needs {needed.label}, which failed: {outcome.reason}"
-            if word.kind != "json" and word.kind not in outcome.files:
-                return f"{needed.label} wrote no '{word.kind}'; it wrote: {', '.join(outcome.files) or 'none'}"
+            if reference.kind != "json" and reference.kind not in outcome.files:
+                return f"{needed.label} wrote no '{reference.kind}'; it wrote: {', '.join(outcome.files) or 'none'}"
         return ""
 
     def _job(self, number: int, run: Run) -> Job:
         from workbench.study.worker import Job  # noqa: PLC0415
 
-        setting = self._setting
-        workplace = setting.finished.workplace(run)
-        arguments = [word if isinstance(word, str) else self._file(word, run, workplace) for word in run.words]
+        workplace = self._finished.workplace(run)
+        command = run.analysis.command
+        table = filled(run.options, lambda reference: self._file(reference, run, workplace))
         return Job(
             number=number,
-            arguments=(*arguments, *self._own(run, workplace)),
-            folder=setting.folder,
+            command=command.name,
+            subject=[str(model.model) for model in run.models],
+            options={**table, **self._own(run, workplace)},
+            command_line=run.command_line,
+            folder=self._folder,
             workplace=workplace,
             csv=run.analysis.name if run.wants else "",
-            run=setting.commands.run,
         )
 
-    def _own(self, run: Run, workplace: Path) -> list[str]:
+    def _own(self, run: Run, workplace: Path) -> dict[str, Any]:
         """Return what the study adds: a store for the points of an analysis, and one job where there are many."""
-        command, given = self._setting.commands.get(run.analysis.command), run.analysis.options
-        own: list[str] = []
-        if "store" in command.options:
-            own.append(f"--store={workplace / 'points'}")
-        if "jobs" in command.options and "jobs" not in given and not given.get("in-process"):
-            own.append(f"--jobs={max(1, self._jobs // max(1, len(self.missing)))}")
+        known, given = run.analysis.command.options, run.options
+        own: dict[str, Any] = {}
+        if "store" in known:
+            own["store"] = str(workplace / "points")
+        if "jobs" in known and "jobs" not in given and not given.get("in-process"):
+            own["jobs"] = max(1, self._jobs // max(1, len(self.missing)))
         return own
 
     def _file(self, reference: Reference, run: Run, workplace: Path) -> str:
-        """Write what a reference stands for into a file; return the argument."""
+        """Write what a reference stands for into a file; return its name."""
         outcome = self.outcomes[run.needs[reference.analysis]]
         text, suffix = _content(reference, outcome)
         path = workplace / f"of_{reference.analysis}_{reference.kind}.{suffix}"
         path.write_text(text, encoding="utf-8")
-        return f"{reference.prefix}{path}"
+        return str(path)
 
 
 def _content(reference: Reference, outcome: Outcome) -> tuple[str, str]:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from workbench import __version__
 from workbench.errors import InputError
-from workbench.study.arguments import arguments
-from workbench.study.commands import Command, Commands
-from workbench.study.description import Analysis, Change, Point, Reference, Study, Word
+from workbench.study.commands import Command, Reference
+from workbench.study.description import Analysis, Change, Point, Study
 from workbench.study.fingerprint import Hashes, code_hash
 from workbench.study.place import place
 from workbench.study.points import model_at, part_of, points
-from workbench.study.references import words_of
 
 __all__ = ["OUTPUTS", "Plan", "Run", "make_plan"]
 
@@ -32,19 +31,21 @@ class Run:
     Attributes:
         analysis: what is run.
         point: as far as it concerns the analysis.
-        words: the arguments, references in them.
         models: as the point has them.
+        options: of the command, by its keys: the model's and those of the analysis.
+        words: the arguments of the program that do the same; results of others stand as NAME.json.
         wants: CSV files that other analyses take.
         needs: name of an analysis referred to → its run.
-        subject: what the result depends on, but the arguments: for the store.
-        key: the arguments, and all that those referred to depend on: for the store.
+        subject: what the result depends on, but the options: for the store.
+        key: the options, and all that those referred to depend on: for the store.
         files: that the run writes by its own options.
     """
 
     analysis: Analysis
     point: Point
-    words: tuple[Word, ...]
     models: tuple[Change, ...]
+    options: Mapping[str, Any]
+    words: Sequence[str]
     wants: tuple[str, ...]
     needs: Mapping[str, Run]
     subject: Mapping[str, Any]
@@ -58,14 +59,14 @@ class Run:
 
     @property
     def command_line(self) -> str:
-        """What does the same by hand; results of others stand as NAME.json."""
-        words = [w if isinstance(w, str) else f"{w.prefix}{_file_name(w)}" for w in self.words]
-        return shlex.join(["workbench", *words])
+        """What does the same by hand."""
+        return shlex.join(["workbench", *self.words])
 
 
-def _file_name(reference: Reference) -> str:
-    kind = reference.kind
-    return f"{reference.analysis}.{kind}" if kind in ("json", "csv") else f"{reference.analysis}_{kind}.csv"
+def _words(command: Command, models: Sequence[Change], options: Mapping[str, Any]) -> list[str]:
+    ordered = sorted(options, key=lambda key: key != command.subject)
+    words = [word for key in ordered for word in command.words(key, options[key])]
+    return [command.name, *(str(model.model) for model in models), *words]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,17 +86,16 @@ class Plan:
     notes: Sequence[str]
 
 
-def make_plan(study: Study, commands: Commands) -> Plan:
+def make_plan(study: Study) -> Plan:
     """Return what has to be run.
 
     Args:
         study: what was asked for.
-        commands: that do the analyses.
 
     Raises:
         InputError: a file cannot be read; a parameter of the grid for a command that has no `set`.
     """
-    return _Planner(study, commands).plan()
+    return _Planner(study).plan()
 
 
 class _Planner:
@@ -103,13 +103,11 @@ class _Planner:
 
     Args:
         study: what was asked for.
-        commands: that do the analyses.
     """
 
-    def __init__(self, study: Study, commands: Commands) -> None:
-        self._study, self._commands = study, commands
-        self._words = {name: words_of(analysis, commands) for name, analysis in study.analyses.items()}
-        self._references = {n: [w for w in words if isinstance(w, Reference)] for n, words in self._words.items()}
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._references = {name: analysis.references for name, analysis in study.analyses.items()}
         self._runs: dict[str, Run] = {}
         self._notes: dict[str, None] = {}
         self._files = Hashes(study.folder)
@@ -143,19 +141,22 @@ class _Planner:
 
     def _run(self, name: str, point: Point, needs: Mapping[str, Run]) -> Run:
         analysis = self._study.analyses[name]
-        command = self._commands.get(analysis.command)
         models = tuple(model_at(self._study, model, point) for model in analysis.models)
         part = part_of(self._study, point, self._models(name))
-        words, files = self._renamed([*self._model_words(analysis, command, models), *self._words[name]], part)
-        wants = tuple(sorted({w.kind for w in self._wanted(name)} - {"json"}))
-        words = [analysis.command, *words]
-        subject = {**self._common, "command": analysis.command, "files": self._hashes(models, words)}
+        options = self._options(analysis, models)
+        files = {key: _with_label(Path(options[key]), part.label) for key in OUTPUTS if key in options}
+        options |= {key: str(path) for key, path in files.items()}
+        wants = tuple(sorted({r.kind for r in self._wanted(name)} - {"json"}))
+        with place(f"[analyses.{name}]"), chdir(self._study.folder):
+            words = _words(analysis.command, models, options)
+        hashes = self._hashes(models, [word for word in words if not _writes(word)])
+        subject = {**self._common, "command": analysis.command.name, "files": hashes}
         key = _key(words, wants, needs)
         identity = json.dumps([subject, key], sort_keys=True)
         if identity not in self._runs:
             self._runs[identity] = Run(
-                analysis=analysis, point=part, words=tuple(words), models=models, wants=wants, needs=needs,
-                subject=subject, key=key, files=tuple(files),
+                analysis=analysis, point=part, models=models, options=options, words=words, wants=wants,
+                needs=needs, subject=subject, key=key, files=tuple(self._study.folder / p for p in files.values()),
             )  # fmt: skip
         return self._runs[identity]
 
@@ -163,51 +164,34 @@ class _Planner:
         for references in self._references.values():
             yield from (r for r in references if r.analysis == name)
 
-    def _model_words(self, analysis: Analysis, command: Command, models: Sequence[Change]) -> list[Word]:
-        """Return the models and their options, but those that the analysis gives itself."""
-        if not models:
-            return []
-        where = f"[analyses.{analysis.name}]"
+    def _options(self, analysis: Analysis, models: Sequence[Change]) -> dict[str, Any]:
+        """Return how the models are opened, then the options of the analysis; `set` and `bias` are joined."""
+        where, command, own = f"[analyses.{analysis.name}]", analysis.command, analysis.options
         if any(model.options != models[0].options for model in models):
             raise InputError(
                 f"{where}: '{command.name}' opens all its models in the same way, but their set, bias, … differ"
             )
-        options = {}
-        for name, value in models[0].options.items():
+        found: dict[str, Any] = {}
+        for name, value in models[0].options.items() if models else ():
             if name not in command.options:
                 self._not_taken(where, command, name, models[0])
-            elif isinstance(value, Mapping) and isinstance(analysis.options.get(name), Mapping):
-                options[name] = {k: v for k, v in value.items() if k not in analysis.options[name]}
-            elif isinstance(value, Mapping) or name not in analysis.options:
-                options[name] = value
-        with place(where):
-            return [*(str(model.model) for model in models), *arguments(command, options)]
+            elif isinstance(value, Mapping) and name in own:
+                with place(where):
+                    found[name] = {**value, **command.table(name, own[name])}
+            else:
+                found[name] = value
+        return {**found, **{name: value for name, value in own.items() if not isinstance(found.get(name), Mapping)}}
 
     def _not_taken(self, where: str, command: Command, name: str, model: Change) -> None:
         self._notes[f"{where}: '{command.name}' has no option {name}; it uses {model.model} as it is"] = None
 
-    def _renamed(self, words: Sequence[Word], point: Point) -> tuple[list[Word], list[Path]]:
-        """Keep files that are written at several points apart; return the arguments and the files."""
-        found: list[Word] = []
-        files: list[Path] = []
-        for word in words:
-            name, equals, value = word.partition("=") if isinstance(word, str) else ("", "", "")
-            if equals and name.removeprefix("--") in OUTPUTS and name.startswith("--"):
-                path = _with_label(Path(value), point.label)
-                files.append(self._study.folder / path)
-                found.append(f"{name}={path}")
-            else:
-                found.append(word)
-        return found, files
-
-    def _hashes(self, models: Sequence[Change], words: Sequence[Word]) -> dict[str, str]:
+    def _hashes(self, models: Sequence[Change], words: Sequence[str]) -> dict[str, str]:
         """Return the hashes of all files that the arguments name, systems with their FMUs."""
         found: dict[str, str] = {}
         for model in models:
             found |= self._files.of_model(str(model.model))
         for word in words:
-            if isinstance(word, str) and not _writes(word):
-                found |= self._files.of_word(word)
+            found |= self._files.of_word(word)
         return found
 
 
@@ -220,8 +204,7 @@ def _with_label(path: Path, label: str) -> Path:
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 
 
-def _key(words: Sequence[Word], wants: Sequence[str], needs: Mapping[str, Run]) -> str:
-    """Return what tells a run from others of the same subject, as text."""
-    plain = [w if isinstance(w, str) else {"from": w.analysis, "as": w.kind, "prefix": w.prefix} for w in words]
+def _key(words: Sequence[str], wants: Sequence[str], needs: Mapping[str, Run]) -> str:
+    """Return what tells a run from others of the same subject, as text; the order of options does not."""
     others = {name: [run.subject, run.key] for name, run in needs.items()}
-    return json.dumps({"arguments": plain, "wants": list(wants), "needs": others}, sort_keys=True)
+    return json.dumps({"asked": sorted(words), "wants": list(wants), "needs": others}, sort_keys=True)

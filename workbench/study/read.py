@@ -9,26 +9,26 @@ from typing import Any
 
 from workbench.errors import InputError, suggest
 from workbench.study.bundled import locate_study
-from workbench.study.commands import Commands, Option
+from workbench.study.commands import COMMANDS, Command, Reference, command
 from workbench.study.description import Analysis, Change, Study
 from workbench.study.kinds import read_requirement
 from workbench.study.kinds.base import Requirement
 from workbench.study.place import known, place
-from workbench.study.references import check_references
 from workbench.study.schema import AnalysisTable, ChangeTable, ModelTable, Scalar, StudyTable
 from workbench.system.toml_schema import read_table
 
 __all__ = ["read_study"]
 
+# The runner gives these itself.
+_OURS = {"json": "results are in the JSON of the study", "store": "the study has its own store"}
 _FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
 
 
-def read_study(name: str | Path, commands: Commands) -> Study:
+def read_study(name: str | Path) -> Study:
     """Return the study that a file describes.
 
     Args:
         name: a path, or `study:NAME`.
-        commands: what its analyses can be.
 
     Raises:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown (near
@@ -38,11 +38,45 @@ def read_study(name: str | Path, commands: Commands) -> Study:
     path = locate_study(name)
     data = _load(path)
     try:
-        study = _study(path, data, commands)
-        check_references(study, commands)
+        study = _study(path, data)
+        _check_references(study)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return study
+
+
+def _check_references(study: Study) -> None:
+    """Check that no reference leads nowhere or back.
+
+    Raises:
+        InputError: one line with the table and the key.
+    """
+    for analysis in study.analyses.values():
+        for reference in analysis.references:
+            _check_reference(analysis, reference, study)
+    for name in study.analyses:
+        _check_circle(name, study, ())
+
+
+def _check_reference(analysis: Analysis, reference: Reference, study: Study) -> None:
+    where = f"[analyses.{analysis.name}]"
+    known(where, "analysis", reference.analysis, study.analyses)
+    source = study.analyses[reference.analysis]
+    if reference.kind == "json":
+        return
+    if "csv" not in source.command.options:
+        raise InputError(f"{where}: [analyses.{source.name}] runs {source.command.name}, which writes no CSV")
+    if "csv" in source.options:
+        raise InputError(
+            f"[analyses.{source.name}]: leave 'csv' out: [analyses.{analysis.name}] takes it from the store"
+        )
+
+
+def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
+    if name in before:
+        raise InputError(f"[analyses.{name}]: needs its own result, by way of {', '.join(before)}")
+    for reference in study.analyses[name].references:
+        _check_circle(reference.analysis, study, (*before, name))
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -56,12 +90,12 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not TOML: {error}") from None
 
 
-def _study(path: Path, data: Mapping[str, Any], commands: Commands) -> Study:
+def _study(path: Path, data: Mapping[str, Any]) -> Study:
     table = read_table(StudyTable, data, "")
     models = {name: _model(name, given, path.parent) for name, given in table.models.items()}
     analyses: dict[str, Analysis] = {}
     for name, given in table.analyses.items():
-        analyses[name] = _analysis(name, given, models, commands, path.parent)
+        analyses[name] = _analysis(name, given, models, path.parent)
     if not analyses:
         raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
     configurations = {n: _configuration(n, given, models, path.parent) for n, given in table.configurations.items()}
@@ -161,34 +195,53 @@ def _flat(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 # -- analyses and requirements -----------------------------------------------------------------
 
 
-def _analysis(name: str, given: object, models: dict[str, Change], commands: Commands, folder: Path) -> Analysis:
+def _analysis(name: str, given: object, models: dict[str, Change], folder: Path) -> Analysis:
     where = f"[analyses.{name}]"
     if not isinstance(given, dict):
         raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
     own = {k: v for k, v in given.items() if k in AnalysisTable.model_fields}
-    command = read_table(AnalysisTable, own, where).command
-    if command not in commands:  # the names of all take longer to find
-        known(where, "command", command, commands.names())
-    facts = commands.get(command)
-    options = {k: v for k, v in given.items() if k not in own}
+    name_of = read_table(AnalysisTable, own, where).command
+    known(where, "command", name_of, COMMANDS)
+    facts = command(name_of)
+    options: dict[str, Any] = {}
+    with place(where):
+        for key in given.keys() - own.keys():
+            if key in _OURS:
+                raise InputError(f"leave '{key}' out: {_OURS[key]}")
+        for key, value in given.items():
+            if key not in own:
+                options[facts.key(key)] = _referring(key, value)
     asked: list[object] = []
-    if facts.model is not None and not isinstance(options.get(facts.model.name), Mapping):
-        asked = _asked(where, facts.model, options.pop(facts.model.name, None), models)
-    for key in options:
-        with place(where):
-            facts.option(key)
+    if facts.on_models and not isinstance(options.get(facts.subject), Reference):
+        asked = _asked(where, facts, options.pop(facts.subject, None), models)
     names = tuple(_model_of(where, model, models, folder) for model in asked)
-    return Analysis(name=name, command=command, models=names, options=options)
+    return Analysis(name=name, command=facts, models=names, options=options)
 
 
-def _asked(where: str, option: Option, given: object, models: Mapping[str, Change]) -> list[object]:
+def _referring(key: str, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold
+    """Return a value with references as such."""
+    if isinstance(value, list):
+        return [_referring(key, item) for item in value]
+    if not isinstance(value, Mapping):
+        return value
+    if "from" not in value:
+        return {name: _referring(key, item) for name, item in value.items()}
+    unknown = set(value) - {"from", "as"}
+    if unknown:
+        raise InputError(f"key '{key}': '{min(unknown)}' is unknown beside 'from'; known: as, from")
+    if not all(isinstance(v, str) for v in value.values()):
+        raise InputError(f"key '{key}': from and as must be strings")
+    return Reference(analysis=value["from"], kind=value.get("as", "json"))
+
+
+def _asked(where: str, command: Command, given: object, models: Mapping[str, Change]) -> list[object]:
     """Return the models that an analysis names: one, or as many as its command takes."""
     if given is None:
-        raise InputError(f"{where}: key '{option.name}' is missing; models: {', '.join(models) or 'none'}")
+        raise InputError(f"{where}: key '{command.subject}' is missing; models: {', '.join(models) or 'none'}")
     if not isinstance(given, list):
         return [given]
-    if not option.multiple or not given:
-        raise InputError(f"{where}: key '{option.name}' takes {'at least ' if option.multiple else ''}one model")
+    if not command.several or not given:
+        raise InputError(f"{where}: key '{command.subject}' takes {'at least ' if command.several else ''}one model")
     return given
 
 
@@ -220,7 +273,7 @@ def _requirements(
         for name in requirement.configurations or ():
             known(where, "configuration", name, configurations)
         _check_grid(where, requirement, grid)
-        requirement.check(where, [analyses[name].command for name in requirement.analyses])
+        requirement.check(where, [analyses[name].command.name for name in requirement.analyses])
         found.append(requirement)
     return tuple(found)
 

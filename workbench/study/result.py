@@ -204,7 +204,7 @@ def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
         "point": run.point.label,
         "configuration": run.point.configuration,
         "parameters": dict(run.point.values),
-        "command": run.analysis.command,
+        "command": run.analysis.command.name,
         "command_line": run.command_line,
         "files": dict(run.subject["files"]),
         "code": outcome.code,

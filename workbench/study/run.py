@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.study.bundled import is_bundled_study
-from workbench.study.commands import Commands
 from workbench.study.description import Study
 from workbench.study.evaluate import answer, questions
 from workbench.study.execute import Execution, Progress
@@ -16,13 +16,12 @@ from workbench.study.finished import FOLDER, Finished
 from workbench.study.place import place
 from workbench.study.plan import Plan, Run, make_plan
 from workbench.study.read import read_study
-from workbench.study.references import check_arguments
 from workbench.study.result import Checked, StudyResult
 
 if TYPE_CHECKING:
     from workbench.workers import Workers
 
-__all__ = ["StudyRun", "default_store"]
+__all__ = ["StudyRun", "default_store", "run_study"]
 
 
 def default_store(name: str | Path) -> Path:
@@ -35,7 +34,6 @@ class StudyRun:
 
     Args:
         name: of the study: a path, or `study:NAME`.
-        commands: that do its analyses.
         store: folder of finished analyses; None: nothing is kept.
         fresh: whether everything is measured again.
 
@@ -47,11 +45,11 @@ class StudyRun:
         InputError: the study cannot be read, or the store cannot be used.
     """
 
-    def __init__(self, name: str | Path, commands: Commands, *, store: Path | None, fresh: bool = False) -> None:
-        self.study: Study = read_study(name, commands)
-        self._commands, self._store, self._fresh = commands, store, fresh
+    def __init__(self, name: str | Path, *, store: Path | None, fresh: bool = False) -> None:
+        self.study: Study = read_study(name)
+        self._store, self._fresh = store, fresh
         with place(str(self.study.path)):
-            self.plan: Plan = make_plan(self.study, commands)
+            self.plan: Plan = make_plan(self.study)
         self._execution: Execution | None = None
 
     @property
@@ -63,8 +61,9 @@ class StudyRun:
         """Look for mistakes before anything runs; what is in the store had none."""
         from workbench.study.names import check_names  # noqa: PLC0415 - a study in its store opens no model
 
-        for analysis in {run.analysis.name: run.analysis for run in runs}.values():
-            check_arguments(analysis, self._commands)
+        for run in {run.analysis.name: run for run in runs}.values():
+            with place(f"[analyses.{run.analysis.name}]"), chdir(self.study.folder):
+                run.analysis.command.check(run.options)
         check_names(self.study, runs)
 
     def _checked(self, finished: Finished, execution: Execution) -> list[Checked]:
@@ -103,9 +102,7 @@ class StudyRun:
                 hold; what was measured is in the store.
         """
         with Finished(self._store, fresh=self._fresh) as finished, place(str(self.study.path)):
-            self._execution = execution = Execution(
-                self.plan, commands=self._commands, finished=finished, folder=self.study.folder
-            )
+            self._execution = execution = Execution(self.plan, finished=finished, folder=self.study.folder)
             reused = len(execution.outcomes)
             if execution.missing:
                 self._check(execution.missing)
@@ -121,3 +118,54 @@ class StudyRun:
             notes=self.plan.notes,
             command=command,
         )
+
+
+def run_study(
+    study: str | Path,
+    *,
+    store: str | Path | None = "auto",
+    fresh: bool = False,
+    jobs: int | None = None,
+    timeout: float | None = None,
+) -> StudyResult:
+    """Run a study: analyses over a grid of parameters, compared with requirements.
+
+    Args:
+        study: file (.toml), or a bundled one, `study:NAME`.
+        store: folder of finished analyses; "auto": .workbench-store beside the study (of a bundled one in the present
+            folder); None: nothing is kept or reused.
+        fresh: measure again what the store has.
+        jobs: worker processes at a time; None: one per core.
+        timeout: longest time for one analysis [s]; None: an hour.
+
+    Returns:
+        Values, limits and margins, with `.passed`, `.to_dict()`, `.to_csv()`, `.to_junit()` and `.report()`.
+
+    Raises:
+        InputError: the study is wrong: one line with the file, the table and the key.
+        FmuError: a model cannot be opened.
+
+    Examples:
+        In equilibrium the output of 1/(s + 1) is its input.
+
+        >>> from pathlib import Path
+        >>> _ = Path("lag.toml").write_text('''
+        ... models.lag = "fmu:FirstOrderLag"
+        ... analyses.rest = {command = "trim", model = "lag", u0 = {u = 2.0}}
+        ... [[requirements]]
+        ... name = "gain"
+        ... analysis = "rest"
+        ... kind = "value"
+        ... path = "y.y"
+        ... equal = 2.0
+        ... tolerance = 1e-9
+        ... ''')
+        >>> print(wb.run_study("lag.toml", store=None).passed)
+        True
+    """
+    from workbench.workers import DEFAULT_TIMEOUT, Workers  # noqa: PLC0415 - see `StudyRun`
+
+    limit = DEFAULT_TIMEOUT if timeout is None else timeout
+    folder = default_store(study) if store == "auto" else None if store is None else Path(store)
+    prepared = StudyRun(study, store=folder, fresh=fresh)
+    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit))

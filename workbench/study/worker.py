@@ -6,65 +6,138 @@ import json
 import multiprocessing
 import os
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import traceback
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import InputError
+from workbench import __version__
+from workbench.analysis.request import Analysis, function
+from workbench.core.job import Job as RequestJob
+from workbench.core.named import named
+from workbench.core.option import values_of
+from workbench.core.record import plain
+from workbench.errors import InputError, WorkbenchError
 from workbench.model.base import Model
 from workbench.model.recipe import Recipe
+from workbench.origin.call import origin_of_call
+from workbench.report.extras import Written
+from workbench.report.results import page_of, write_report
 from workbench.session.base import Session
 from workbench.signals import Signal
-from workbench.study.commands import RunCommand
+from workbench.study.commands import Command, command
 from workbench.study.outcome import Outcome
+from workbench.system.load import open_file
 
 __all__ = ["Job", "NoRecipe", "perform"]
 
+_NOT_WELL = 1  # exit code of a record that says so
 _RESULT = "result.json"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One command.
+    """One analysis.
 
     Attributes:
         number: of the run, for whoever sent it.
-        arguments: the command and its arguments.
+        command: its name.
+        subject: the models.
+        options: of the command, by its keys, as TOML has them; files in place of references.
+        command_line: that does the same.
         folder: in which it runs.
         workplace: where its result is written.
         csv: name of the CSV file without suffix, where other analyses take it; empty: none is wanted.
-        run: runs a command in this process.
     """
 
     number: int
-    arguments: tuple[str, ...]
+    command: str
+    subject: Sequence[str]
+    options: Mapping[str, Any]
+    command_line: str
     folder: Path
     workplace: Path
     csv: str
-    run: RunCommand
 
 
 def perform(_model: Model, job: Job) -> Iterator[Outcome]:
-    """Run a command and yield what it gave, once."""
+    """Do an analysis and yield what it gave, once."""
     os.chdir(job.folder)
+    known = command(job.command)
+    begin = time.monotonic()
+    try:
+        outcome = _by_program(known, job) if known.request is None else _by_request(known, job)
+    except WorkbenchError as error:
+        outcome = Outcome(reason=error.args[0], bad_input=isinstance(error, InputError))
+    except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
+        outcome = Outcome(reason=_bug(error))
+    files = _tables(job) if job.csv else {}
+    yield replace(outcome, seconds=round(time.monotonic() - begin, 3), files=files)
+
+
+def _bug(error: Exception) -> str:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(last.filename).name}, line {last.lineno}"
+    return f"{type(error).__name__}: {error} ({place}); this is a bug of the workbench"
+
+
+def _by_request(known: Command, job: Job) -> Outcome:
+    asked, written, loading = known.asked(job.options)
+    _check_writable(written)
+    begin = time.monotonic()
+    work = RequestJob()
+    with ExitStack() as stack:
+        subject: Any = job.subject[0] if job.subject else job.options[known.subject]
+        model_notes: tuple[str, ...] = ()
+        if isinstance(asked, Analysis):
+            subject = stack.enter_context(open_file(subject, loading))
+            model_notes = tuple(subject.notes)
+        record = asked.run(subject, work)
+        page = page_of(record, **written.told(written.drawn))
+        seconds = round(time.monotonic() - begin, 3)
+        data = {"command": job.command, "version": __version__, "seconds": seconds, **record.to_dict()}
+        data = {key: plain(value) for key, value in data.items()}
+        files = _write(record, written, job)
+        if files:
+            data["files"] = files
+        notes = tuple(dict.fromkeys([*model_notes, *work.notes, *page.notes]))
+        if written.report is not None:
+            origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=seconds)
+            known_of = replace(origin, command=job.command, call=job.command_line, notes=notes, data=data)
+            write_report(page, written.report, known_of)
+    return Outcome(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
+
+
+def _check_writable(written: Written) -> None:
+    for name, path in values_of(written).items():
+        if isinstance(path, str | Path) and name not in written.plotted and not Path(path).parent.is_dir():
+            raise InputError(f"{name}: the folder '{Path(path).parent}' does not exist")
+
+
+def _write(record: Any, written: Written, job: Job) -> list[str]:  # noqa: ANN401 - of any class
+    """Write the files of a record; return those of the CSV."""
+    tables = [job.workplace / f"{job.csv}.csv"] if job.csv else []
+    tables += [Path(written.csv)] if written.csv is not None else []
+    files = [str(file) for path in tables for file in record.to_csv(path) or ()]
+    if written.plot is not None:
+        record.plot(Path(written.plot), **written.told((*written.drawn, *written.plotted)))
+    deque(written.write(record), 0)
+    return files
+
+
+def _by_program(known: Command, job: Job) -> Outcome:
+    """Let the program do what is not a request yet."""
     result, table = job.workplace / _RESULT, job.workplace / f"{job.csv}.csv"
     result.unlink(missing_ok=True)
-    written = ("--json", str(result), *(("--csv", str(table)) if job.csv else ()))
-    begin = time.monotonic()
-    ended = job.run((*job.arguments, *written))
-    seconds = round(time.monotonic() - begin, 3)
+    words = [word for key, value in job.options.items() for word in known.words(key, value)]
+    files = [f"--json={result}", *([f"--csv={table}"] if job.csv else [])]
+    ended: Outcome = named("workbench.cli.run_commands:run_command")([job.command, *job.subject, *words, *files])
     found = _read(result)
     reason = ended.reason or ("" if found is not None else f"it ended with exit code {ended.code} and no result")
-    yield Outcome(
-        result=None if ended.reason else found,
-        code=ended.code,
-        reason=reason,
-        bad_input=ended.bad_input,
-        notes=ended.notes,
-        seconds=seconds,
-        files=_tables(job) if job.csv else {},
-    )
+    return replace(ended, result=None if ended.reason else found, reason=reason)
 
 
 def _read(path: Path) -> Mapping[str, Any] | None:

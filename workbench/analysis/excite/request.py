@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, fields
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,10 +32,13 @@ def _form(kind: str) -> Form:
     )
 
 
-def _design(kind: str, value: Design | str) -> Design:
-    """Return the design that a text describes."""
+def _design(kind: str, value: Design | str | Mapping[str, Any]) -> Design:
+    """Return the design that a text or a table of TOML describes."""
     from workbench.analysis.excite.parse import parse_design  # noqa: PLC0415  --help needs no numerics
 
+    if isinstance(value, Mapping):
+        texts = {k: ":".join(map(str, v)) if isinstance(v, list | tuple) else v for k, v in value.items()}
+        value = ",".join(f"{key}={text}" for key, text in texts.items())
     return parse_design(kind, value) if isinstance(value, str) else value
 
 

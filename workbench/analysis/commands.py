@@ -1,0 +1,38 @@
+"""The analyses by the names of their commands; each is imported when it is asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from workbench.analysis.request import Request
+from workbench.core.named import named
+
+__all__ = ["REQUESTS", "request_of"]
+
+# In the order of a working day.
+REQUESTS = {
+    "info": "info.request:Info",
+    "simulate": "simulate.request:Simulate",
+    "nfr": "nfr.request:Nfr",
+    "trim": "trim.request:Trim",
+    "lin": "lin.request:LinCommand",
+    "loop": "loop.request:Loop",
+    "delays": "delays.request:Delays",
+    "limit-cycle": "limit_cycle.request:LimitCycles",
+    "feedback": "feedback.request:Feedback",
+    "feed-forward": "feed_forward.request:FeedForward",
+    "modes": "modes.request:Modes",
+    "check": "check.request:Check",
+    "excite": "excite.request:Excite",
+    "identify": "identify.request:Identify",
+}
+
+
+def request_of(command: str) -> type[Request[Any, Any]]:
+    """Return the class of what a command asks for.
+
+    Args:
+        command: one of `REQUESTS`.
+    """
+    found: type[Request[Any, Any]] = named(f"workbench.analysis.{REQUESTS[command]}")
+    return found

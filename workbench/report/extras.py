@@ -1,0 +1,152 @@
+"""What is asked of a record rather than of its analysis: files to write, and which pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from workbench.core.forms import File
+from workbench.core.option import Options, option
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.analysis.excite.request import Excite
+    from workbench.analysis.feed_forward.request import FeedForward
+    from workbench.analysis.feed_forward.result import FeedForwardResult
+    from workbench.analysis.feedback.request import Feedback
+    from workbench.analysis.identify.request import Identify
+    from workbench.analysis.identify.result import IdentifyResult
+
+__all__ = ["EXTRAS", "Written"]
+
+
+class Written(Options):
+    """The files that a record is written to, besides its JSON.
+
+    Attributes:
+        drawn: options that pages and pictures are told.
+        plotted: options that the picture alone is told.
+    """
+
+    drawn: ClassVar[tuple[str, ...]] = ()
+    plotted: ClassVar[tuple[str, ...]] = ()
+
+    _: KW_ONLY
+    csv: File | None = option("Write the result as CSV.", default=None)
+    plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None)
+    report: File | None = option("Write one self-contained page, .html: pictures, tables, data.", default=None)
+
+    def told(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Return options by name.
+
+        Args:
+            names: `drawn`, `plotted` or both.
+        """
+        return {name: getattr(self, name) for name in names}
+
+    def check(self, asked: Any) -> None:  # noqa: ANN401 - of the command's class
+        """Refuse what cannot be drawn or written, before the analysis is run.
+
+        Args:
+            asked: the request.
+
+        Raises:
+            InputError: what is missing.
+        """
+
+    def write(self, record: Any) -> Iterator[str | Path]:  # noqa: ANN401 - of the command's class
+        """Write further files; yield each that is written.
+
+        Args:
+            record: what was found.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        yield from ()
+
+
+class _Nfr(Written):
+    drawn = ("offset",)
+
+    _: KW_ONLY
+    offset: bool = option("Also draw the mean of the output.", default=False)
+
+
+class _Excite(Written):
+    def check(self, asked: Excite) -> None:
+        """Refuse to choose the signal: nobody knows which amplitude a model tolerates."""
+        if asked.prbs is asked.multisine is None:
+            raise InputError("a signal is needed: --prbs amplitude=1,rate=.. or --multisine band=LOW:HIGH,amplitude=1")
+
+
+class _Feedback(Written):
+    plotted = ("plot_kind",)
+
+    _: KW_ONLY
+    plot_kind: str = option(
+        "Picture that --plot writes.",
+        choices=("overview", "root-locus", "nyquist", "cycles", "settling", "run"),
+        default="overview",
+    )
+
+    def check(self, asked: Feedback) -> None:
+        if self.plot is None and self.plot_kind != "overview":
+            raise InputError("--plot-kind needs --plot")
+        there = {"settling": ("--settle", asked.settle), "run": ("--gain", asked.gain is not None)}
+        needed, given = there.get(self.plot_kind, ("", True))
+        if not given:
+            raise InputError(f"--plot-kind: {self.plot_kind} needs {needed}")
+
+
+class _FeedForward(Written):
+    plotted = ("figure",)
+
+    _: KW_ONLY
+    figure: str = option(
+        "Which picture --plot writes.",
+        choices=("overview", "reduced", "compensation", "mirrored", "simulated", "error", "poles"),
+        default="overview",
+    )
+    out: File | None = option("Write the filter: .json (matrices) or .fmu.", default=None)
+
+    def check(self, asked: FeedForward) -> None:
+        if asked.inputs is None and (asked.crude or self.figure == "simulated"):
+            raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
+        if self.out is not None:
+            from workbench.build.export import check_linear_file  # noqa: PLC0415 - seldom needed
+
+            check_linear_file(Path(self.out))
+
+    def write(self, record: FeedForwardResult) -> Iterator[str | Path]:
+        from workbench.build.export import write_linear  # noqa: PLC0415 - seldom needed
+
+        if self.out is not None:
+            write_linear(record.filter_dict(), Path(self.out))
+            yield self.out
+
+
+class _Identify(Written):
+    _: KW_ONLY
+    bode: File | None = option("Write a Bode plot of the model, --lin and --nfr.", default=None)
+
+    def check(self, asked: Identify) -> None:
+        if self.bode is not None and asked.lin is asked.nfr is None:
+            raise InputError("--bode: give what to compare the model with: --lin, --nfr or both")
+
+    def write(self, record: IdentifyResult) -> Iterator[str | Path]:
+        if self.bode is not None and record.overlay is not None:
+            record.overlay.plot(self.bode)
+            yield self.bode
+
+
+# Name of the command → what is asked of its record; of all others `Written` alone.
+EXTRAS: dict[str, type[Written]] = {
+    "nfr": _Nfr,
+    "excite": _Excite,
+    "feedback": _Feedback,
+    "feed-forward": _FeedForward,
+    "identify": _Identify,
+}
