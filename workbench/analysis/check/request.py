@@ -37,7 +37,7 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     After a run that fails on its way, the other checks look at a tenth of it. Of a system each FMU is checked by
     itself, with the start values and steps of the system.
 
-    Not a proof: a check sees test runs near the start values. What it calls broken was seen to be.
+    Not a proof: a check sees only test runs near the start values. What it calls broken has been observed.
 
     Returns:
         The card; `card.passed` tells whether no promise is broken.

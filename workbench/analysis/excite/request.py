@@ -60,12 +60,12 @@ else:
 class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
 
-    One session runs from the operating point: it settles, where asked, then the identification and the
-    validation part are recorded one after the other. u[k] is held over an interval, y[k] is read right after u[k]
-    took effect; in models that are sampled, after their sample.
+    One session starts at the operating point: it settles if requested, then the identification and the
+    validation part are recorded one after the other. u[k] is held over an interval; y[k] is read right after u[k]
+    took effect, in sampled models after their sample.
 
-    Not for an unstable model: close its loop first. A co-simulation FMU alone shows no sampling of its own: whether
-    its outputs follow an input at once or one interval later is then its own affair.
+    Not for an unstable model: close its loop first. A single co-simulation FMU does not show its sampling, so its
+    outputs may follow an input at once or one interval later.
 
     Returns:
         Both parts, and how good the signal is.

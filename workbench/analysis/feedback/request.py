@@ -94,9 +94,9 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
       minimum, and how that moves with the threshold;
     - one simulation in which the feedback closes (`gain`).
 
-    What acts on the target already stays; the feedback is added to it, as g times the deviation of the source from
-    rest. Of a sampled or co-simulated system the feedback is taken as sampled with the period of its linear model.
-    Stable gains speak about small motions: where the block weakens or strengthens the loop, look at the cycles left.
+    Signals that already act on the target stay; the feedback is added to them, as g times the deviation of the source
+    from rest. In a sampled or co-simulated system the feedback is sampled with the period of the linear model.
+    Stable gains are valid for small motions: if the block weakens or strengthens the loop, see the remaining cycles.
 
     Returns:
         Stable gains, crossings, poles over the gain, cycles left; `settling` and `run` where they were asked for.

@@ -59,13 +59,13 @@ else:
 class Identify(Request["Experiment | File", "IdentifyResult"]):
     """Identify a discrete linear model from recorded data, judge the data, and validate the model.
 
-    The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is taken off, the
+    The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is subtracted, the
     order is chosen from singular values or principal angles, the model is estimated by a subspace method, and its
-    simulation and one-step prediction are compared with other data; without any, with the data of the fit, which
-    flatters it.
+    simulation and one-step prediction are compared with other data, or else with the data of the fit, which makes
+    it look too good.
 
-    Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags tell)
-    and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
+    Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags show
+    it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
 
     Returns:
         The model, how it came about and what it is worth.

@@ -27,20 +27,20 @@ METHODS = (DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION)
 class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     """Predict limit cycles from the crossings of L(jω) with −1/N(A), refine them, and confirm them by simulation.
 
-    The system is cut at the block. What lies between the block's output and its input is linearised (`workbench.lin`);
-    the block's describing function comes from quadrature if it is static, else it is measured; harmonic balance then
-    drives the block with the very motion, all its harmonics, and measures those of the answer. Then, for each
+    The system is cut at the block. The part from the block's output to its input is linearised (`workbench.lin`);
+    the block's describing function is computed by quadrature if the block is static, otherwise measured. Harmonic
+    balance drives the block with all harmonics of the motion and measures those of its output. Then, for each
     crossing of L(jω) with −1/N(A) in the band:
 
     - describing function: frequency, amplitude, stability by counting poles on both sides;
     - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block
-      (not for a measured block, whose inside is not known: shooting tells it);
+      (not for a measured block, whose states are unknown: shooting gives it);
     - shooting on the simulated system itself (unstable cycles too), stability by its Floquet multipliers;
     - simulation from the predicted state, for those that are stable.
 
-    The first two take what surrounds the block as linear; shooting and simulation do not, and show by how much that is
-    wrong. Where no cycle is predicted the system is run from disturbed operating points (`observed`), and what keeps
-    oscillating is reported: other cycles that no crossing predicts are not found.
+    The first two treat everything around the block as linear; shooting and simulation do not, and show the error of
+    that. If no cycle is predicted, the system is run from disturbed operating points (`observed`), and what keeps
+    oscillating is reported. Other cycles that no crossing predicts are not found.
     Not for sampled or co-simulated parts.
 
     Returns:

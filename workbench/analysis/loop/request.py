@@ -34,21 +34,21 @@ Open = str | tuple[str, str]
 class Loop(InWorkers, Analysis["LoopResult"]):
     """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
-    Convention: negative feedback. The connection is cut; z is passed on in place of the source, y comes back in the
-    source, all other loops stay closed. L = -Y/Z, wherever the minus sign lies, and the closed loop is
+    Convention: negative feedback. The connection is cut; z is passed on instead of the source, y returns at the
+    source, all other loops stay closed. L = -Y/Z, wherever the minus sign is, and the closed loop is
     S = 1/(1 + L), T = L/(1 + L). A loop with positive feedback thus has L < 0 at low frequency.
 
     The linear L is that of `lin` for the opened system: exact, a state space, for sampled loops in z at their basic
-    period. Its crossovers are found over all frequencies, not on a grid. Stability of the closed loop is told from all
-    its poles; where it is not stable, margins mean nothing and are NaN.
+    period. Its crossovers are found over all frequencies, not on a grid. Stability of the closed loop follows from all
+    its poles; if it is not stable, margins are meaningless and NaN.
 
     With amplitudes, L is measured too, by sines (as by `nfr`), at an amplitude of the signal z that is passed on, once
     or both ways: "break" opens the loop at the operating point, z biased at its value there, and measures the
     describing function of the open loop; "inject" leaves the loop closed, adds a sine, and compares the signals on
     both sides, the sine adjusted until z has the amplitude. Between the frequencies points are added at the crossovers.
     Where a nonlinearity is not symmetric at the operating point, the sine moves the mean of z in closed loop, while the
-    broken loop holds it: the two differ. The distortion of z and y stands beside each point: margins of a loop whose z
-    is far from a sine are not to be trusted. Stability at an amplitude is counted by Nyquist's criterion from the
+    broken loop holds it: the two differ. The distortion of z and y is given for each point: margins of a loop whose z
+    is far from a sine are not reliable. Stability at an amplitude is counted by Nyquist's criterion from the
     linear loop.
 
     Not for co-simulation parts (their communication steps are a part of the loop). Measured values of a sampled loop

@@ -21,8 +21,8 @@ __all__ = ["Simulate", "simulate"]
 class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
     """Simulate under given inputs and record a time history.
 
-    A forced input has the values of its signal, not those of the operating point. Events are recorded besides the
-    points that are asked for.
+    A forced input has the values of its signal, not those of the operating point. Events are recorded in addition to
+    the requested points.
 
     Returns:
         The time history; `ended_at` tells where an FMU ended its own run.

@@ -21,10 +21,10 @@ _HOW = "How it searches"
 class Trim(AtPoint, Analysis["TrimResult"]):
     """Find an operating point: states, inputs and outputs at which nothing moves.
 
-    Unless told otherwise every state is unknown, every derivative must vanish, every input is held at its start value
-    and outputs are what they are. Then unknowns and equations are counted, and what is missing is said by name.
+    By default every state is unknown, every derivative must vanish, every input is held at its start value and outputs
+    are free. Unknowns and equations are counted, and what is missing is named.
 
-    How it is done depends on the model, and `method` of the result says it:
+    The method depends on the model; `method` of the result names it:
       - "equations", continuous model exchange: dx/dt = 0 by bounded least squares, with the FMU's
         directional derivatives where it has them and a probe confirms them, else by differences. Relations
         are evaluated anew at every point; discrete states keep their values.
@@ -33,9 +33,9 @@ class Trim(AtPoint, Analysis["TrimResult"]):
       - "step map", co-simulation whose states have start values: those that return after a communication step.
       - "running", other co-simulation: run until nothing moves; free inputs are adjusted from run to run.
 
-    Where the equations leave directions open, there is a family of equilibria: the directions are reported, and the
-    member that is chosen has the least floating derivatives and is nearest to the start values; with family "nearest"
-    the latter alone. Both are measured in nominal values.
+    If the equations leave directions open, there is a family of equilibria: the directions are reported, and the
+    chosen member has the smallest floating derivatives and is nearest to the start values; with family "nearest"
+    only the latter counts. Both are measured in nominal values.
 
     Not for periodic motion (a limit cycle has no point at rest). One equilibrium is found where there are several
     apart from each other; `x0` and `bound` lead to others. An equilibrium need not be stable, except by "running".
