@@ -8,6 +8,7 @@ algorithm is named and imported when it is called: what is only asked about need
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import (
@@ -220,4 +221,10 @@ def _record_of(request: type[Request[Any, Any]]) -> str:
 
 
 def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
-    return asked.run(subject, Job(asked.progress))
+    if asked.progress is not None or "IPython" not in sys.modules:
+        return asked.run(subject, Job(asked.progress))
+    from workbench.core.progress import Bar, in_notebook  # noqa: PLC0415 - seldom needed
+
+    with Bar(1.0) as bar:
+        show = in_notebook()
+        return asked.run(subject, Job((lambda what, done, n: bar.update(done / n, str(what))) if show else None))

@@ -101,7 +101,7 @@ def compare(
     from workbench.analysis.motions.compare import compare_motions
     from workbench.cli.notes import note
     from workbench.cli.output import Output
-    from workbench.cli.progress import Bar
+    from workbench.core.progress import Bar
     from workbench.signals import parse_signal
 
     out = Output("compare", json_path=json_path, csv_path=csv_path, plot=plot, report=report)

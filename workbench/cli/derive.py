@@ -73,8 +73,8 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) 
     """Run a request; whatever ends it, what it has is shown and written."""
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import note
-    from workbench.cli.progress import Bar
     from workbench.core.job import Job
+    from workbench.core.progress import Bar
     from workbench.origin.call import origin_of_call
 
     bar = Bar(1.0)

@@ -53,7 +53,7 @@ def reproduce(
     from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import note
     from workbench.cli.output import Output
-    from workbench.cli.progress import Bar
+    from workbench.core.progress import Bar
     from workbench.reproduce.page import reproduce_page
     from workbench.reproduce.run import reproduce as measure
     from workbench.reproduce.select import select

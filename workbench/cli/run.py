@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.cli.output import Output
-    from workbench.cli.progress import Bar
+    from workbench.core.progress import Bar
     from workbench.study.result import StudyResult
     from workbench.study.run import StudyRun
 
@@ -134,7 +134,7 @@ class _Progress:
 
     def update(self, done: int, label: str) -> None:
         """Tell what was done; before anything is, with an empty label."""
-        from workbench.cli.progress import Bar
+        from workbench.core.progress import Bar
 
         if self._bar is None:
             self._bar = self._stack.enter_context(Bar(self._total))

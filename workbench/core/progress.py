@@ -1,21 +1,29 @@
-"""A progress bar on standard error, for people who wait longer than a second."""
+"""A progress bar on standard error or in a notebook, for people who wait longer than a second."""
 
 from __future__ import annotations
 
+import sys
 import time
+from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-__all__ = ["Bar"]
+__all__ = ["Bar", "in_notebook"]
 
 _PATIENCE = 1.0
 
 
+def in_notebook() -> bool:
+    """Return whether a notebook runs this that can show a bar."""
+    python = sys.modules.get("IPython")
+    return python is not None and hasattr(python.get_ipython(), "kernel") and find_spec("ipywidgets") is not None
+
+
 class Bar:
-    """Shows how far the work is, once it has taken a second, and only on a terminal.
+    """Shows how far the work is, once it has taken a second, and only on a terminal or in a notebook.
 
     Args:
         total: amount of work.
