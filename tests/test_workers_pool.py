@@ -95,7 +95,9 @@ def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel, monkeypatch
         events = pool.run(obey, deque([("endless_in_c",), ("say", 1)]))
         assert next(events) == Reply(("endless_in_c",), "before")
         clock.per_look = 0.1
-        assert next(events) == Lost(("endless_in_c",), "time limit: not finished after 0.3 s; --timeout sets it")
+        assert next(events) == Lost(
+            ("endless_in_c",), "time limit: not finished after 0.3 s; --timeout sets it", late=True
+        )
         clock.per_look = 0.0
         assert list(events) == [Reply(("say", 1), 1)]
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import tf2ss
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
 from workbench.system.toml_schema import (
@@ -54,9 +54,8 @@ def read_component(name: str, given: object, folder: Path) -> Component:
 def _what_is_missing(given: Mapping[str, Any]) -> str:
     choices = ", ".join(_READERS)
     for key in given:
-        hint = suggest(str(key), _READERS)
-        if hint.startswith("did you mean"):
-            return f"key '{key}' is unknown; {hint}"
+        if close_names(str(key), _READERS):
+            return f"key '{key}' is unknown; {suggest(str(key), _READERS)}"
     return f"does not say what it is; give one of: {choices}"
 
 

@@ -130,7 +130,7 @@ class Pool(Runner):
             if worker.deadline is not None and now > worker.deadline and not worker.pipe.poll():
                 worker.kill()
                 self._workers.remove(worker)
-                yield from self._lose(worker, reasons.timed_out(self._limits))
+                yield from self._lose(worker, reasons.timed_out(self._limits), late=True)
 
     def _bury(self, worker: WorkerProcess) -> int | None:
         self._workers.remove(worker)
@@ -140,7 +140,7 @@ class Pool(Runner):
         self._in_work.pop(worker.index or 0)
         worker.index, worker.deadline, worker.ready = None, None, True
 
-    def _lose(self, worker: WorkerProcess, reason: str) -> Iterator[Lost]:
+    def _lose(self, worker: WorkerProcess, reason: str, *, late: bool = False) -> Iterator[Lost]:
         if worker.index is None:
             raise WorkbenchError(f"a worker process ended before it began: {reason}")
-        yield Lost(self._in_work.pop(worker.index), reason)
+        yield Lost(self._in_work.pop(worker.index), reason, late)

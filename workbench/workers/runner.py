@@ -37,10 +37,12 @@ class Lost:
     Attributes:
         job: the task's argument, the very object; items may have come before.
         reason: one line.
+        late: it was ended because its time was up.
     """
 
     job: Any
     reason: str
+    late: bool = False
 
 
 class Runner(ABC):

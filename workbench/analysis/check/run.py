@@ -190,7 +190,7 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
     lost = names.pop(0)
-    yield _line(job.interface, Done(lost, _loss(lost, event.reason), 0.0))
+    yield _line(job.interface, Done(lost, _loss(lost, event), 0.0))
     again = job.after_loss(lost)
     if again is None:
         return
@@ -202,11 +202,11 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
         yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason), 0.0))
 
 
-def _loss(name: str, reason: str) -> Answer:
+def _loss(name: str, lost: Lost) -> Answer:
     """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
-    if not reason.startswith("time limit"):
-        return Answer("broken", reason, _CRASH)
-    return Answer("broken" if name == "runs" else "watch", reason, _HANG)
+    if not lost.late:
+        return Answer("broken", lost.reason, _CRASH)
+    return Answer("broken" if name == "runs" else "watch", lost.reason, _HANG)
 
 
 # -- all of them --------------------------------------------------------------------------------
