@@ -12,6 +12,7 @@ import typer
 
 from workbench.analysis.request import Analysis, Request, asked_options, function
 from workbench.cli.options import Csv, Json, Plot, Report, open_model
+from workbench.core.loading import Loading
 from workbench.core.option import Declared, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError, suggest
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from workbench.origin import Origin
     from workbench.report import Page
 
-__all__ = ["command"]
+__all__ = ["command", "request_from"]
 
 _OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
 _NOT_WELL = 1  # exit code of a record that says so
@@ -42,12 +43,12 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
-        asked = put_together(request, _values(asked_options(request), given))
+        asked, loading = request_from(request, given)
         written = put_together(kind, {**_values(_drawn(kind), given), "plot": given.get("plot")})
         written.check(asked)
         if before is not None:
             asked = before(asked, given, out)
-        with _opened(request, given) as subject:
+        with _opened(request, given[request.subject.spelt], loading) as subject:
             return _run(subject, asked, out, written)
 
     run.__doc__ = _help(request)
@@ -58,13 +59,11 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
 
 
 @contextmanager
-def _opened(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> Iterator[Any]:
+def _opened(request: type[Request[Any, Any]], named: str, loading: Loading) -> Iterator[Any]:
     """Yield what the request is run on: a model is opened, anything else is what was typed."""
-    named = given[request.subject.spelt]
     if not issubclass(request, Analysis):
         yield named
         return
-    loading = request.loading(_values(asked_options(request), given))
     with open_model(named, loading) as model:
         yield model
 
@@ -195,6 +194,20 @@ def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
 
 
 # -- values ------------------------------------------------------------------------------------
+
+
+def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> tuple[Any, Loading]:
+    """Return a request, and how its model is opened.
+
+    Args:
+        request: class of what is asked for.
+        given: what typer read.
+
+    Raises:
+        InputError: a value that an option cannot have.
+    """
+    values = _values(asked_options(request), given)
+    return put_together(request, values), request.loading(values)
 
 
 def _drawn(written: type[Written]) -> dict[str, tuple[Declared, str]]:

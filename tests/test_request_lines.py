@@ -1,0 +1,129 @@
+"""Every request can be written as a command line, which reads it back as an equal request."""
+
+from __future__ import annotations
+
+import random
+import shlex
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from workbench.analysis.commands import REQUESTS, request_of
+from workbench.analysis.excite.multisine import MultisineDesign
+from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.request import Request, asked_options, command_line_of
+from workbench.cli.derive import request_from
+from workbench.cli.program import program
+from workbench.core.loading import Loading
+from workbench.core.option import Declared, asked_of, put_together
+from workbench.errors import InputError
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, parse_signal, pulse, signal_text
+
+NAMES = ("u", "plant.y[2]", "side stick", "x_1")
+
+
+def number(chance: random.Random) -> float:
+    return chance.choice([chance.uniform(0.1, 9.9), 10.0 ** chance.randint(-12, 12), chance.random() / 3.0, 2.0])
+
+
+def rising(chance: random.Random) -> tuple[float, float]:
+    low, high = sorted((number(chance), number(chance) + 1e-9))
+    return low, high + 1.0
+
+
+def signal(chance: random.Random) -> Signal:
+    a, b = number(chance), number(chance)
+    return chance.choice([
+        Constant(-a), Sine(frequency=a, amplitude=b, phase=-30.0), Step(time=a, value=-b, initial=1e-7),
+        Prbs(hold=a, amplitude=b, order=9, seed=3), pulse(time=a, value=b, duration=0.1), gust(value=-a, duration=b),
+        Table([0.0, 1.0, 1.0, 2.5], [0.0, a, -b, 3.0], "hold"),
+    ])  # fmt: skip
+
+
+def named(value: Callable[[random.Random], Any]) -> Callable[[random.Random], Any]:
+    return lambda chance: {name: value(chance) for name in chance.sample(NAMES[:2], 2)}
+
+
+# What --help shows in place of the value → a value.
+VALUES: dict[str, Callable[[random.Random], Any]] = {
+    "A,..": lambda c: [number(c) for _ in range(3)],
+    "LO:HI": rising,
+    "NAME,..": lambda c: c.sample(NAMES, 2),
+    "[NAME=]WIDTH": lambda c: c.choice([number(c), [number(c), number(c)], {"x": number(c)}]),
+    "NAME=LO:HI": named(rising),
+    "NAME=A,B,..": named(lambda c: [number(c), number(c)]),
+    "NAME=VALUE": named(number),
+    "NAME=VALUE,..": lambda c: [named(number)(c), {"on": True, "mode": "fast", "n": 3}],
+    "NAME=SIGNAL": named(signal),
+    "PATH": lambda _: "some folder/file.json",
+    "auto|N|ask": lambda c: c.choice(["auto", 4]),
+    "auto|N,..": lambda c: c.choice(["auto", 2, [1, 2]]),
+    "PLANT.Y": lambda c: c.choice(["plant.y", "plant.y -> controller.u"]),
+    "X": lambda c: c.choice(["25deg", "3.5"]),
+    "NAME:GAIN": lambda c: ("plant.y", -number(c)),
+    "G,H": lambda c: (c.randint(1, 40), c.randint(1, 40)),
+}
+# Options of which few values make sense.
+SPECIAL: dict[str, Callable[[random.Random], Any]] = {
+    "prbs": lambda c: PrbsDesign(amplitude=number(c), rate=number(c), seed=4),
+    "multisine": lambda c: MultisineDesign(amplitude=number(c), band=(0.5, 20.0), lines="odd"),
+    "methods": lambda _: ("shooting", "harmonic balance"),
+    "redo": lambda _: ("failed",),
+    "vary": lambda _: "airspeed=150:350",
+    "jobs": lambda c: c.randint(1, 8),
+    "scheduler": lambda _: None,
+    "in_process": lambda _: False,
+}
+
+
+def value_of(request: str, declared: Declared, chance: random.Random) -> object:
+    """Return a random value of an option."""
+    if declared.name in SPECIAL and (request, declared.name) != ("limit-cycle", "vary"):
+        return SPECIAL[declared.name](chance)
+    if declared.option.choices:
+        return chance.choice(declared.option.choices)
+    if declared.form is not None:
+        return VALUES[declared.form.metavar](chance)
+    if declared.type is bool:
+        return chance.random() < 0.5
+    return {int: chance.randint(2, 50), str: chance.choice(NAMES)}.get(declared.type, number(chance))
+
+
+def asked_at_random(name: str, chance: random.Random) -> tuple[Request[Any, Any], Loading]:
+    """Return a request, and how its model is opened."""
+    request, share = request_of(name), 0.6
+    while True:
+        options = {n: d for n, (d, _) in asked_options(request).items() if d.required or chance.random() < share}
+        try:
+            values = {n: declared.checked(value_of(name, declared, chance)) for n, declared in options.items()}
+            return put_together(request, values), request.loading(values)
+        except InputError:  # out of its range, or options that exclude each other
+            share *= 0.98
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+@pytest.mark.parametrize("seed", range(8))
+def test_a_line_is_read_back_as_the_same_request(name: str, seed: int) -> None:
+    asked, loading = asked_at_random(name, random.Random(f"{name} {seed}"))
+    words = shlex.split(command_line_of(asked, "a model.fmu", loading))
+    assert words[:3] == ["workbench", name, "a model.fmu"]
+    found = program(name).commands[name].make_context(name, words[2:]).params
+    again, opened = request_from(type(asked), {k: v for k, v in found.items() if v not in ([], ())})
+    assert asked_of(again) == asked_of(asked)
+    assert asked_of(opened) == asked_of(loading)
+    for key, value in vars(asked).items():
+        assert same(getattr(again, key), value), key
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two values are equal; parts of options by what is asked of them."""
+    if hasattr(one, "__dataclass_fields__") and hasattr(other, "__dataclass_fields__"):
+        return one == other or vars(one) == vars(other)
+    return one == other or (not one and not other) or str(one) == str(other)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_text_of_a_signal_is_read_back(seed: int) -> None:
+    wanted = signal(random.Random(seed))
+    assert parse_signal(signal_text(wanted)) == wanted
