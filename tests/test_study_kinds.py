@@ -177,7 +177,7 @@ def model(command: str, A: Array, B: Array, C: Array, D: Array, dt: float = 0.0)
         found: LinResult | IdentifiedModel = LinResult(
             *matrices, model="m", interface="me", method="exact", why="", dt=dt, input_names=("u",),
             output_names=("y",), state_names=tuple(f"x{k}" for k in range(len(A))),
-            point=OperatingPoint(x={}, u={}),
+            operating_point=OperatingPoint(x={}, u={}),
         )  # fmt: skip
     else:
         n, one = len(A), np.zeros(1)
@@ -343,7 +343,7 @@ def test_limit_cycles() -> None:
     assert find("limit cycle frequency", CYCLES, equal=2.64, relative=0.005).passed
     with pytest.raises(InputError, match="signal 'tap' was not measured; did you mean tip"):
         find("limit cycle amplitude", CYCLES, signal="tap", max=1)
-    with pytest.raises(NotMeasured, match="shooting has none"):
+    with pytest.raises(NotMeasured, match="but not by shooting"):
         find("limit cycle amplitude", CYCLES, method="shooting", max=1)
 
 
