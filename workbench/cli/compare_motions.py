@@ -29,10 +29,6 @@ from workbench.cli.options import (
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-    from workbench.analysis.motions.result import MotionComparison
     from workbench.model.described import DescribedModel
 
 __all__ = ["compare"]
@@ -102,6 +98,8 @@ def compare(
     from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.core.progress import Bar
+    from workbench.report.results import page_of
+    from workbench.report.terminal import text_of
     from workbench.signals import parse_signal
 
     out = Output("compare", json_path=json_path, csv_path=csv_path, plot=plot, report=report)
@@ -140,7 +138,7 @@ def compare(
         )
     for text in result.notes:
         note(text)
-    _show(result, out.console)
+    out.say(lambda width: text_of(page_of(result), width))
     out.write(result.to_dict(), csv=result.to_csv, plot=result.plot, report=result)
     return _POINTS_FAILED if result.failed else 0
 
@@ -168,36 +166,3 @@ def _labels(systems: list[str], labels: list[str]) -> list[str]:
     if labels and twice:
         raise InputError(f"--label: '{twice.pop()}' is given twice")
     return [f"{n} ({k})" if n in twice else n for k, n in enumerate(found, 1)]
-
-
-def _show(result: MotionComparison, console: Console) -> None:
-    for signal in result.signals:
-        console.print(_table(result, signal))
-    for failure in result.failed:
-        console.print(f"failed: {failure.system}: {failure.reason}", markup=False, soft_wrap=True)
-
-
-def _table(result: MotionComparison, signal: str) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    own, shown = result.units[signal], result.shown[signal]
-    both = shown.unit != own
-    table = Table(title=escape(signal), title_justify="left", box=box.SIMPLE_HEAD)
-    headings = [f"peak [{shown.unit}]", f"rms [{shown.unit}]"] if shown.unit else ["peak", "rms"]
-    if both:
-        headings += [f"peak [{own}]", f"rms [{own}]"]
-    table.add_column(escape("window [s]"), no_wrap=True)
-    table.add_column("model", overflow="fold")
-    for heading in (*headings, "of the first"):
-        table.add_column(escape(heading), justify="right")
-    for number, (begin, end) in enumerate(result.windows):
-        for name in result.systems:
-            found, ratio = result.measure(name, signal, number), result.ratio(name, signal, number)
-            if found is None:
-                continue
-            values = [shown.factor * found.peak, shown.factor * found.rms, *([found.peak, found.rms] if both else [])]
-            cells = [f"{v:.4g}" for v in values]
-            table.add_row(f"{begin:g} … {end:g}", escape(name), *cells, "" if ratio is None else f"{ratio:.4g}")
-    return table

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,22 +17,17 @@ if TYPE_CHECKING:
     from workbench.workers import Workers
 
 __all__ = [
-    "At",
-    "Bias",
     "Csv",
     "InProcess",
     "Interface",
     "Jobs",
     "Json",
     "MemoryLimit",
-    "ModelName",
     "Plot",
     "Report",
-    "Scheduler",
     "Set",
     "Solver",
     "Start",
-    "Step",
     "Timeout",
     "Tolerance",
     "numbers",
@@ -43,10 +37,6 @@ __all__ = [
     "workers",
 ]
 
-ModelName = Annotated[
-    str,
-    typer.Argument(metavar="MODEL", help="FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME."),
-]
 Interface = Annotated[
     Literal["auto", "me", "cs"],
     typer.Option("--interface", help="Interface of the FMU; auto prefers me (model exchange)."),
@@ -54,10 +44,6 @@ Interface = Annotated[
 Solver = Annotated[
     Literal["auto", "vkm", "gear"],
     typer.Option("--solver", help="Integrator for model exchange: vkm (Kutta-Merson) or gear (stiff)."),
-]
-Step = Annotated[
-    float | None,
-    typer.Option("--step", metavar="S", help="Communication step, or output interval of model exchange [s]."),
 ]
 Tolerance = Annotated[float | None, typer.Option("--tolerance", help="Relative tolerance of the integrator.")]
 Start = Annotated[
@@ -67,17 +53,6 @@ Start = Annotated[
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Value of a parameter, or start value; repeatable."),
-]
-Bias = Annotated[
-    list[str] | None, typer.Option("--bias", metavar="NAME=VALUE", help="Constant added to an input; repeatable.")
-]
-At = Annotated[
-    Path | None,
-    typer.Option(
-        "--at",
-        metavar="POINT.JSON",
-        help="Operating point to start from: what trim --json wrote, or the JSON of any other result.",
-    ),
 ]
 Json = Annotated[
     str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
@@ -102,10 +77,6 @@ Timeout = Annotated[
 ]
 MemoryLimit = Annotated[
     float | None, typer.Option("--memory-limit", metavar="MB", help="Memory that an FMU may allocate (Linux).")
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="tcp://..", help="Address of a Dask scheduler; the points run on its cluster."),
 ]
 
 
@@ -197,30 +168,6 @@ def numbers(option: str, text: str, *, separator: str = ",") -> tuple[float, ...
         InputError: an item that is not a number.
     """
     return tuple(_number(option, None, item) for item in text.split(separator))
-
-
-def span(option: str, text: str, *, above: float = -math.inf, rising: bool = True, example: str) -> tuple[float, float]:
-    """Read LO:HI.
-
-    Args:
-        option: that was given.
-        text: its value.
-        above: what both must exceed.
-        rising: whether LO must lie below HI.
-        example: of such a value, for the message.
-
-    Raises:
-        InputError: another form, or limits that do not rise.
-    """
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:  # not two of them, or not numbers
-        low = high = math.nan
-    if not above < min(low, high) or (rising and not low < high):
-        least = "" if above == -math.inf else f"{above:g} < "
-        order = f" with {least}LO < HI" if rising else ""
-        raise InputError(f"{option}: '{text}' is not of the form LO:HI{order}, as in {example}")
-    return low, high
 
 
 def _number(option: str, name: str | None, text: str) -> float:

@@ -41,15 +41,21 @@ def _lead(result: MotionComparison) -> str:
 
 def _signal(result: MotionComparison, signal: str) -> Section:
     own, shown = result.units[signal], result.shown[signal]
-    headings = (
-        "window [s]", "model", bracketed("peak", shown.unit), bracketed("rms", shown.unit), bracketed("peak", own),
-        bracketed("rms", own), "at [s]", "peak over that of the first",
-    )  # fmt: skip
+    units = list(dict.fromkeys((shown.unit, own)))
+    sizes = [bracketed(what, unit) for unit in units for what in ("peak", "rms")]
+    headings = ("window [s]", "model", *sizes, "at [s]", "peak over that of the first")
     rows = []
     for m in (m for m in result.motions if m.signal == signal):
         begin, end = result.windows[m.window]
         x = m.measure
-        values = (shown.factor * x.peak, shown.factor * x.rms, x.peak, x.rms, x.peak_time)
+        values = (shown.factor * x.peak, shown.factor * x.rms, x.peak, x.rms)[-2 * len(units) :]
         ratio = result.ratio(m.system, signal, m.window)
-        rows.append((f"{begin:g} … {end:g}", m.system, *(number(v, ".4g") for v in values), number(ratio, ".4g")))
-    return Section(signal, tables=[Table(headings, sorted(rows, key=lambda r: r[0]), right=range(2, 8))])
+        rows.append(
+            (
+                f"{begin:g} … {end:g}",
+                m.system,
+                *(number(v, ".4g") for v in (*values, x.peak_time)),
+                number(ratio, ".4g"),
+            )
+        )
+    return Section(signal, tables=[Table(headings, sorted(rows, key=lambda r: r[0]), right=range(2, len(headings)))])
