@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import workbench
 from tests.record_examples import Maker
+from workbench.analysis.nfr.result import NfrResult
 from workbench.core.record import Part, Record, entry
 from workbench.errors import InputError
 
@@ -269,3 +270,12 @@ def test_a_key_that_is_missing_or_wrong_is_an_input_error(kind: type[Record]) ->
                 refused.append(str(error))
     assert refused
     assert not any("\n" in message for message in refused)
+
+
+def test_the_table_of_a_frequency_response_counts_what_was_averaged() -> None:
+    """0 and 1, as it always was: spreadsheets add them up."""
+    text, record = io.StringIO(), Maker(empty=False).record(NfrResult)
+    record.to_csv(text)
+    heading, *rows = csv.reader(io.StringIO(text.getvalue()))
+    column = [row[heading.index("averaged")] for row in rows]
+    assert column == [str(int(x)) for x in record.averaged.ravel()]

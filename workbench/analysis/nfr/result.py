@@ -185,7 +185,8 @@ class NfrResult(Record):
         yield (*_COLUMNS, "failed", "status", *_CSV_FIELDS, *(f"h{n}" for n in range(2, 11)))
         for i, a in enumerate(self.amplitude.tolist()):
             for j, f in enumerate(self.frequency_hz.tolist()):
-                values = [getattr(self, name)[i, j] for name in _COLUMNS[2:]]
+                values = [getattr(self, name)[i, j] for name in _COLUMNS[2:8]]
+                values += [int(self.averaged[i, j]), self.periods[i, j]]
                 known = self.certificates[i][j] or _NOTHING_KNOWN
                 found = [getattr(known, name) for name in _CSV_FIELDS]
                 yield (a, f, *values, reasons.get((a, f), ""), self.status[i][j], *found, *known.harmonics)
