@@ -119,7 +119,7 @@ def test_a_sequence_that_repeats_within_the_record_is_told() -> None:
     note = PrbsDesign(rate=50.0, order=11).sequences(1, dt=0.01, samples=3000, validation=3000).notes
     assert "repeats after 40.94 s" in note[0]
     two = PrbsDesign(order=10).sequences(2, dt=0.01, samples=800, validation=0).notes
-    assert "one sequence, 5.11 s apart" in two[0]
+    assert "one sequence, shifted by 5.11 s" in two[0]
     assert "above the sampling rate" in PrbsDesign(rate=200.0).sequences(1, dt=0.01, samples=80, validation=0).notes[0]
 
 
