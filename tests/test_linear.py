@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.core import matrices
 from workbench.core.linear import Linear, LinearPart
 from workbench.core.matrices import held, resolvent, unheld
+from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import growth_rates, sides
 from workbench.errors import InputError
 
@@ -207,6 +208,14 @@ def test_balanced_states_change_no_response(seed: int) -> None:
     assert other.balanced().response(FREQUENCY) == pytest.approx(system.response(FREQUENCY), rel=1e-9)
     assert factor * even.response(FREQUENCY) == pytest.approx(system.response(FREQUENCY), rel=1e-9)
     assert np.linalg.norm(even.B) == pytest.approx(1.0)
+
+
+def test_a_balanced_model_claims_no_units_of_its_states() -> None:
+    part = LinearPart(np.diag([-1.0, -2.0]), np.array([1e6, 1.0]), np.array([1.0, 1e-6]), state_names=("a", "b"),
+                      input_names=("u",), output_names=("y",), units={"a": "m", "u": "N"},
+                      operating_point=OperatingPoint(x={"a": 1.0, "b": 0.0}, u={"u": 0.0}))  # fmt: skip
+    even = part.balanced()
+    assert (even.units, even.operating_point) == ({"u": "N"}, None)
 
 
 # -- from continuous to sampled and back -----------------------------------------------------------

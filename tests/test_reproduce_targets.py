@@ -172,7 +172,7 @@ def test_a_name_and_how_names_begin() -> None:
         (("8.9",), "chapter 8.9"),
         (("fig27",), "figure 27: no target belongs to it; the nearest are 25, 26, 28, 29"),
         (("figure",), "'figure': the number is missing"),
-        (("3", "nonsense"), "'nonsense' is no chapter"),
+        (("3", "nonsense"), "'nonsense' is not a chapter"),
     ],
 )
 def test_wrong_words_are_one_line(words: tuple[str, ...], message: str) -> None:

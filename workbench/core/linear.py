@@ -224,9 +224,15 @@ class Linear(Part):
         )  # fmt: skip
 
     def balanced(self) -> Self:
-        """Return the model with its states in units that make rows and columns of A alike in size."""
+        """Return the model with its states in units that make rows and columns of A alike in size.
+
+        The point, whose states are in the model's own units, is left out, and so are these units.
+        """
         A, scale = balance(self.A)
-        return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale)
+        units = {n: self.units[n] for n in (*self.input_names, *self.output_names) if n in self.units}
+        return replace(
+            self, A=A, B=self.B / scale[:, None], C=self.C * scale, units=units, operating_point=None
+        )  # fmt: skip
 
     def of_unit_size(self) -> tuple[Self, float]:
         """Return the balanced model with B and C of size 1, and the factor that this leaves out."""
