@@ -92,7 +92,7 @@ def test_parse_reads_a_table(tmp_path: Path) -> None:
         ("sine:frequency=-2", "must be positive"),
         ("sine:freqency=2", "did you mean frequency"),
         ("step:time=1,value=x", "needs a number"),
-        ("saw:frequency=1", "is no signal"),
+        ("saw:frequency=1", "is not a signal"),
         ("nowhere.csv", "cannot be read"),
         ("nan", "finite"),
         ("prbs:hold=0.1,order=40", "order must be"),

@@ -483,7 +483,7 @@ def parse_signal(text: str) -> Signal:
     if text.lower().endswith((".csv", ".txt")):
         return read_table(text)
     raise InputError(
-        f"'{text}' is no signal; write a number, a .csv file, or one of "
+        f"'{text}' is not a signal; write a number, a .csv file, or one of "
         + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
     )
 

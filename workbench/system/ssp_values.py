@@ -54,7 +54,7 @@ def _value(parameter: Parameter, text: str, variable: Variable, facts: FmuFacts,
             return _item(parameter, text, facts.items.get(variable.name, {}))
         return _number(parameter, text, variable, facts.units, unit)
     except (KeyError, ValueError) as error:
-        raise InputError(f"{where}: '{text}' is no value of a {variable.type}{_hint(error)}") from None
+        raise InputError(f"{where}: '{text}' is not a value of a {variable.type}{_hint(error)}") from None
 
 
 def _hint(error: Exception) -> str:
