@@ -56,7 +56,7 @@ LIES = {
     "ignored-slopes": Lie("inputs", "watch", _CS, "have no effect"),
     "wrong-slopes": Lie("inputs", "broken", _CS, "input derivatives make the result worse"),
     "late-inputs": Lie(
-        "jumps", "watch", _CS, r"the answer of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
+        "jumps", "watch", _CS, r"the response of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
     ),
     "own-clock": Lie("start-time", "broken", _CS, r"the FMU ignores the start time .* s and begins at 0"),
     "zero-nominal": Lie("nominals", "broken", _ME, "nominal value of x is 0"),

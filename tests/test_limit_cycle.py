@@ -356,7 +356,7 @@ def test_result_picture_and_table(tmp_path: Path) -> None:
         ({"block": "block", "methods": ("shoting",)}, "did you mean shooting"),
         ({"block": "block", "outputs": ["z"]}, "variable 'z' is unknown"),
         ({"block": "block", "harmonics": 0}, "harmonics: 0 is too small; take at least 1"),
-        ({"block": "block", "band": (2.0, 1.0)}, "rise"),
+        ({"block": "block", "band": (2.0, 1.0)}, "the lower first"),
     ],
 )
 def test_mistakes_are_one_line(options: dict[str, Any], message: str) -> None:
