@@ -14,8 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Group, Wire, Wiring, wiring
@@ -63,6 +61,10 @@ def _components(graph: Graph) -> NDArray[np.int32]:
     """Return a number for each node, the same within a strong component."""
     if not len(graph):
         return np.zeros(0, dtype=np.int32)
+    # Slow to import, and every command imports this module.
+    from scipy.sparse import csr_matrix  # noqa: PLC0415
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
     label: NDArray[np.int32] = connected_components(csr_matrix(graph), directed=True, connection="strong")[1]
     return label
 

@@ -11,7 +11,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from workbench.core.linear import LinearPart
 from workbench.errors import WorkbenchError
@@ -87,6 +86,8 @@ def crossover(model: DescribedModel, factor: float) -> float | None:
     if not len(falls):
         return None
     k = int(falls[-1])
+    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and every command imports this module
+
     return float(10.0 ** brentq(level, float(grid[k]), float(grid[k + 1])))
 
 
