@@ -15,8 +15,8 @@ from workbench.session.base import Floats, Record
 from workbench.signals import Signal, Sine, Step
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.health import resolve
-from workbench.system.model import Opened, SystemModel
-from workbench.system.parts import Part
+from workbench.system.model import SystemModel
+from workbench.system.parts import Opened, Part
 from workbench.system.recipe import SystemRecipe
 
 

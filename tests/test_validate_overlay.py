@@ -54,7 +54,7 @@ def linear(*, dt: float = 0.0, sampled: bool = False) -> LinResult:
     return LinResult(
         model="Plant", interface="me", method="exact", why="", A=a, B=b, C=C, D=np.zeros((1, 1)), dt=dt,
         state_names=("a", "b"), input_names=("u",), output_names=("y",), units={},
-        point=OperatingPoint(x={}, u={}, y={}), intersample=between if sampled else None,
+        operating_point=OperatingPoint(x={}, u={}, y={}), intersample=between if sampled else None,
     )  # fmt: skip
 
 

@@ -17,8 +17,6 @@ from workbench.model.load import FmuRecipe
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
 from workbench.system.health import resolve
-from workbench.system.master.model import MasterModel
-from workbench.system.model import SystemModel
 from workbench.system.parts import Opened, Part, open_parts
 
 if TYPE_CHECKING:
@@ -62,6 +60,10 @@ class SystemRecipe(LoadRecipe):
         Raises:
             InputError, FmuError: see `connect`.
         """
+        # Slow to import, and everything that asks what a recipe is imports this module.
+        from workbench.system.master.model import MasterModel  # noqa: PLC0415
+        from workbench.system.model import SystemModel  # noqa: PLC0415
+
         with ExitStack() as undo:
             parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
             opened = Opened(self.system, parts, resolve(self.system, [p.description.variables for p in parts]))
