@@ -7,6 +7,7 @@ lines is an error with that code, and each `assert_type` holds.
 from __future__ import annotations
 
 import inspect
+import math
 from typing import Any, assert_type
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import workbench as wb
 from workbench.analysis.request import Request
 from workbench.core.option import options_of
+from workbench.errors import InputError
 
 FUNCTIONS = {name: value for name in wb.__all__ if inspect.isfunction(value := getattr(wb, name))}
 
@@ -59,3 +61,22 @@ def test_what_a_function_does_not_know_is_told_with_its_name() -> None:
         wb.load("fmu:Rudder", tolerence=1e-8)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"^nfr\(\) missing a required argument: 'output'$"):
         wb.nfr(wb.load, "u")  # type: ignore[arg-type, call-arg]
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("small", "errcrit: 'small' is not a number"),
+        (-1.0, "errcrit: -1 is not a positive number"),
+        (math.inf, "errcrit: inf is not a positive finite number"),
+    ],
+)
+def test_what_is_no_number_in_the_range_is_told(value: float, says: str) -> None:
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError) as told:
+        wb.nfr(model, "u", "y", [1.0], [1.0], errcrit=value)
+    assert str(told.value) == says
+
+
+def test_a_number_is_needed_for_an_option_without_a_range_too() -> None:
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError, match=r"interval: 'x' is not a number \[s\]"):
+        wb.simulate(model, stop=1.0, interval="x")  # type: ignore[arg-type]

@@ -264,3 +264,16 @@ def test_a_worker_whose_fmu_hangs_ends_with_the_program(tmp_path: Path, name: st
     found.process.communicate()  # returns when nobody has the pipes any more
     assert ended(found.pid)
     assert not list(found.temporary.iterdir())
+
+
+def test_a_reader_that_has_seen_enough_costs_no_file(tmp_path: Path) -> None:
+    file = tmp_path / "lag.json"
+    words = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1"]
+    with start(["-m", "workbench", *words, "--in-process", "--json", str(file)]) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        program.stdout.close()  # as `| head -1` does
+        program.stderr.read()
+    assert program.returncode == 0
+    told = json.loads(file.read_text(encoding="utf-8"))
+    assert told["asked"] == {"input": "u", "output": "y", "frequencies": "1", "amplitudes": "1", "in_process": True}

@@ -13,7 +13,7 @@ import typer
 from workbench.analysis.request import Analysis, Request, asked_options, function
 from workbench.cli.options import Csv, Json, Plot, Report, open_model
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, parts_of, put_together, values_of
+from workbench.core.option import Declared, Options, asked_in_json, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.report.extras import EXTRAS, Written
@@ -95,7 +95,7 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) 
             note(text)
         origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
         try:
-            _show(record, out, written, origin)
+            _show(record, asked, out, written, origin)
         except InputError:
             if stopped is None:  # else the picture or file that cannot be made is not the error to tell
                 raise
@@ -109,7 +109,7 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) 
     raise stopped
 
 
-def _show(record: Any, out: Output, written: Written, origin: Origin) -> None:  # noqa: ANN401 - of any class that has a page
+def _show(record: Any, asked: Options, out: Output, written: Written, origin: Origin) -> None:  # noqa: ANN401
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
     from workbench.report.results import page_of
@@ -122,7 +122,7 @@ def _show(record: Any, out: Output, written: Written, origin: Origin) -> None:  
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
     out.say(lambda width: text_of(page, width, how))
     out.write(
-        record.to_dict(),
+        {"asked": asked_in_json(asked), **record.to_dict()},
         csv=getattr(record, "to_csv", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,

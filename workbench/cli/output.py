@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 import time
@@ -86,8 +87,13 @@ class Output:
         Args:
             text: returns it for the width of a terminal [characters], None: of a pipe.
         """
-        if "-" not in {self.json_path, self.csv_path}:
+        if "-" in {self.json_path, self.csv_path}:
+            return
+        try:
             sys.stdout.write(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None))
+            sys.stdout.flush()
+        except BrokenPipeError:  # whoever read has seen enough; the files are still to be written
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
     def unsaid(self, record: object) -> list[str]:
         """Return what has to be told on standard error, where standard output belongs to JSON or CSV.

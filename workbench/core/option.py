@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
+from numbers import Real
 from typing import (
     Annotated,
     Any,
@@ -30,6 +31,7 @@ __all__ = [
     "Declared",
     "Option",
     "Options",
+    "asked_in_json",
     "asked_of",
     "documented",
     "option",
@@ -162,9 +164,12 @@ class Declared:
 
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
         unit = f" [{self.option.unit}]" if self.option.unit else ""
+        ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
         for x in value if isinstance(value, tuple) else (value,):
+            if (ranged or self.type in (int, float)) and not isinstance(x, Real):
+                raise ValueError(f"{x!r} is not a number{unit}")
             if self.option.positive and not 0.0 < x < math.inf:
-                raise ValueError(f"{x:g} is not a positive number{unit}")
+                raise ValueError(f"{x:g} is not a positive{' finite' if x == math.inf else ''} number{unit}")
             if self.option.below is not None and not x < self.option.below:
                 raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}{unit}")
             if self.option.finite and not math.isfinite(x):
@@ -286,6 +291,19 @@ def asked_of(asked: Options) -> dict[str, list[str]]:
             found |= asked_of(value)
         elif words := declared.write(value):
             found[declared.name] = words
+    return found
+
+
+def asked_in_json(asked: Options) -> dict[str, Any]:
+    """Return what is asked for as a record's file tells it: option → text of its value, true or false.
+
+    Args:
+        asked: a request.
+    """
+    found: dict[str, Any] = {}
+    for name, words in asked_of(asked).items():
+        texts = [word.partition("=")[2] for word in words]
+        found[name] = texts if len(texts) > 1 else texts[0] or not words[0].startswith("--no-")
     return found
 
 

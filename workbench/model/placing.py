@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from workbench.model.base import Model
     from workbench.session.base import Session
 
-__all__ = ["find_point", "named", "standing", "start_at"]
+__all__ = ["bias_of", "find_point", "named", "standing", "start_at"]
 
 _Model = TypeVar("_Model", bound="Model")
 
@@ -89,6 +89,20 @@ def standing(model: Model, session: Session | None = None) -> OperatingPoint:
     units = {v.name: v.unit for v in (*model.states, *model.inputs, *model.outputs)}
     shown = {name: units[name] for name in (*x, *u, *y)}
     return named(model, OperatingPoint(x=x, u=u, y=y, discrete=discrete, units=shown, time=session.time))
+
+
+def bias_of(model: Model, name: str, at: OperatingPoint | None = None) -> float:
+    """Return what a session adds to the signal that forces an input: the model's bias, unless a point gives the value.
+
+    Args:
+        model: that the session is of.
+        name: of the input.
+        at: where the session starts; None: where the model says.
+    """
+    point = at or model.at
+    if not isinstance(model.recipe, LoadRecipe) or (point is not None and name in point.u):
+        return 0.0
+    return model.recipe.bias.get(name, 0.0)
 
 
 def _held(model: Model) -> list[Variable]:

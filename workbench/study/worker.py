@@ -18,7 +18,7 @@ from workbench import __version__
 from workbench.analysis.request import Analysis, function
 from workbench.core.job import Job as RequestJob
 from workbench.core.named import named
-from workbench.core.option import values_of
+from workbench.core.option import asked_in_json, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.base import Model
@@ -98,7 +98,8 @@ def _by_request(known: Command, job: Job) -> Outcome:
         record = asked.run(subject, work)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)
-        data = {"command": job.command, "version": __version__, "seconds": seconds, **record.to_dict()}
+        head = {"command": job.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(asked)}
+        data = {**head, **record.to_dict()}
         data = {key: plain(value) for key, value in data.items()}
         files = _write(record, written, job)
         if files:

@@ -12,6 +12,7 @@ import numpy as np
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.described import DescribedModel
+from workbench.model.placing import bias_of
 from workbench.session.base import Floats, Record, Session
 from workbench.session.fmu import FmuSession
 from workbench.signals import Constant, Signal, Sine
@@ -139,7 +140,7 @@ class Subject:
 
     def constants(self, share: float = 1.0) -> dict[str, Constant]:
         """Return inputs that jump once, by `share` of the amplitude, and stay there."""
-        return {n: Constant(middle + share * a - self._bias(n)) for n, (middle, a) in self.inputs.items()}
+        return {n: Constant(middle + share * a - bias_of(self.model, n)) for n, (middle, a) in self.inputs.items()}
 
     def sines(self, share: float = 1.0) -> dict[str, Sine]:
         """Return inputs that swing, each with a frequency of its own, three periods or more in a test run.
@@ -151,7 +152,7 @@ class Subject:
             n: Sine(
                 amplitude=math.copysign(min(abs(share) * a, max(a, self._limits[n])), share),
                 frequency=(_PERIODS + 0.37 * i) / self.span,
-                offset=middle - self._bias(n),
+                offset=middle - bias_of(self.model, n),
                 start=self.start,
             )
             for i, (n, (middle, a)) in enumerate(self.inputs.items())
@@ -168,9 +169,6 @@ class Subject:
                 high = math.inf if v.maximum is None else v.maximum
                 room[v.name] = min(middle - low, high - middle)
         return room
-
-    def _bias(self, name: str) -> float:
-        return self.model.recipe.bias.get(name, 0.0)
 
     # -- runs -----------------------------------------------------------------------------
 

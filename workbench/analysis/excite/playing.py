@@ -13,8 +13,8 @@ from workbench.analysis.excite.sampling import Sampling, sampling_of
 from workbench.analysis.lin.response import communication_step
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
-from workbench.model import DescribedModel, Model
-from workbench.model.placing import standing
+from workbench.model import Model
+from workbench.model.placing import bias_of, standing
 from workbench.session.base import Floats, Record, Session
 from workbench.signals import Constant, Signal, Table
 
@@ -94,7 +94,7 @@ def measure(
         notes = [*model.remarks()]
         where = standing(model, session)
         start = np.array(list(session.values(asked.inputs).values()))
-        bias = _bias(model, asked, at)
+        bias = np.array([bias_of(model, name, at) for name in asked.inputs])
         middle = start - bias if design.offset is None else each("offset", design.offset, len(asked.inputs))
         time = sampling.begin(session.time + asked.settle)
         notes += _settle(session, asked, middle, time - sampling.lead)
@@ -155,14 +155,6 @@ def _settle(session: Session, asked: Excite, middle: Floats, until: float) -> tu
         if np.ptp(values) > _REST * max(float(np.max(np.abs(values))), 1e-300):
             return (f"{name} still moves by {np.ptp(values):.3g} at the end of settling; settle longer, or trim first",)
     return ()
-
-
-def _bias(model: Model, asked: Excite, at: OperatingPoint | None) -> Floats:
-    """Return what the session adds to each forced input of its own accord, shape (m,)."""
-    if not isinstance(model, DescribedModel):
-        return np.zeros(len(asked.inputs))
-    led = {} if at is None else at.u
-    return np.array([0.0 if n in led else model.recipe.bias.get(n, 0.0) for n in asked.inputs])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
