@@ -177,7 +177,7 @@ def _truncated(file: Path) -> None:
 
 
 BROKEN_FILES = {
-    "wrong-guid": (_wrong_guid, r"refuses to be instantiated.*the GUID is not that of this model"),
+    "wrong-guid": (_wrong_guid, r"cannot be instantiated.*the GUID is not that of this model"),
     "missing-binary": (_missing_binary, r"no binary hostile for this platform .*\(has: "),
     "broken-binary": (_broken_binary, r"cannot load this FMU's binary"),
     "zip-slip": (

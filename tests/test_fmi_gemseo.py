@@ -190,7 +190,7 @@ def test_a_wrong_guid_is_refused_with_the_fmus_own_words(tmp_path: Path, capfd: 
         archive.extractall(folder)
     xml = folder / "modelDescription.xml"
     xml.write_text(re.sub(r'guid="\{.*?\}"', 'guid="{wrong}"', xml.read_text(), count=1))
-    with load(folder) as model, pytest.raises(FmuError, match=r"refuses to be instantiated; its log: .*GUID"):
+    with load(folder) as model, pytest.raises(FmuError, match=r"cannot be instantiated; its log: .*GUID"):
         model.open_session()
     assert capfd.readouterr().out == ""
     shutil.rmtree(folder)

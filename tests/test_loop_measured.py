@@ -74,7 +74,7 @@ def test_distortion_tells_where_a_describing_function_says_little(saturated: Loo
     assert max(p.thd_passed or 0.0 for p in small) < 1e-3
     assert (large[0].thd_passed or 0.0) > 0.1
     assert (large[-1].thd_passed or 0.0) < 0.01
-    assert any("is no sine" in note for note in saturated.curve(2.0, "inject").notes)
+    assert any("is not a sine" in note for note in saturated.curve(2.0, "inject").notes)
     assert (large[-1].harmonics[1] or 0.0) > 0.9 * (large[-1].thd_returned or 0.0)  # the third
 
 
