@@ -8,7 +8,8 @@ from __future__ import annotations
 import ctypes
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,6 +18,7 @@ import numpy as np
 from workbench.errors import FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
+from workbench.kernel.native_record import NativeFourier, NativeRecord
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Record
 from workbench.session.cs import CsSession
@@ -69,10 +71,18 @@ class CompiledSession(FmuSession):
         return self._loop
 
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
-        forcing, record = self.loop.force(self.forcing), self.loop.record(variables, self.recording)
-        native = self._ready(until)
-        try:
+        with self._under_way(until, variables) as (native, record):
             self.loop.run(native, targets, record, new=new)
+        return self.loop.rows(record, self.forcing)
+
+    @contextmanager
+    def _under_way(
+        self, until: float, variables: Sequence[Variable], sums: NativeFourier | None = None
+    ) -> Iterator[tuple[Me | Cs, NativeRecord]]:
+        """Yield the kernel's session and what records, for a run; after it the session stands where the run ended."""
+        forcing, record = self.loop.force(self.forcing), self.loop.record(variables, self.recording, sums)
+        try:
+            yield self._ready(until), record
         except SimulationError as error:
             error.before = self.loop.rows(record, self.forcing)
             raise
@@ -81,7 +91,6 @@ class CompiledSession(FmuSession):
         finally:
             self._take_over()
             self.forcing.written = forcing.written[: forcing.n]
-        return self.loop.rows(record, self.forcing)
 
     @abstractmethod
     def _ready(self, until: float) -> Me | Cs:
@@ -124,11 +133,9 @@ class CompiledSession(FmuSession):
         n_inputs, n = len(signals), len(record)
         sums = self.loop.fourier(n_inputs + n, orders=orders)
         sums.aim(begin=begin, frequency=frequency, known=_known(points, basis, orders), grid=not self._communicates)
-        self.recording.keep, self.recording.sums = False, sums
-        try:
-            self.advance(until, signals=signals, record=record, points=points)
-        finally:
-            self.recording.keep, self.recording.sums = True, None
+        targets, variables, new = self._set_out(until, signals, record, points)
+        with self._under_way(until, variables, sums) as (native, rows):
+            self.loop.run(native, targets, rows, new=new)
         found = sums.result()
         return Harmonics(
             values=dict(zip(record, found[n_inputs:], strict=True)),

@@ -302,6 +302,17 @@ class FmuSession(Session):
         points: Floats | None = None,
     ) -> Record:
         until = float(until)
+        targets, variables, new = self._set_out(until, signals, record, points)
+        try:
+            return self._advance(until, targets, variables, new=new)
+        except EndedError as error:
+            self._add_end(error, variables)
+            raise
+
+    def _set_out(
+        self, until: float, signals: Mapping[str, Signal], record: Sequence[str], points: Floats | None
+    ) -> tuple[Floats, list[Variable], bool]:
+        """Put `signals` in force, and keep the call for a replay; return what `_advance` is given besides `until`."""
         targets = self._targets(until, points)
         variables = find(record, self.setup.variables)
         self._calls.append(_Call(until, dict(signals), points))
@@ -310,11 +321,7 @@ class FmuSession(Session):
             before = self.forcing
             self.forcing = Forcing(self.instance, self.inputs, self.setup.bias, signals)
             self._forcing_changed(before)
-        try:
-            return self._advance(until, targets, variables, new=new)
-        except EndedError as error:
-            self._add_end(error, variables)
-            raise
+        return targets, variables, new
 
     def _forcing_changed(self, before: Forcing) -> None:
         """Carry over what the FMU sees from the previous signals to the present ones."""

@@ -48,14 +48,10 @@ class Recording:
     Attributes:
         bound: a recorded value of larger magnitude is a SimulationError.
         every: of the rows at plain points each n-th is kept.
-        keep: whether rows are kept at all.
-        sums: Fourier sums that see every row.
     """
 
     bound: float = math.inf
     every: int = 1
-    keep: bool = True
-    sums: NativeFourier | None = None
 
 
 class Loop:
@@ -88,8 +84,8 @@ class Loop:
         native.written[: native.n] = forcing.written
         return native
 
-    def record(self, variables: Sequence[Variable], how: Recording) -> NativeRecord:
-        """Return what records `variables`."""
+    def record(self, variables: Sequence[Variable], how: Recording, sums: NativeFourier | None) -> NativeRecord:
+        """Return what records `variables`; with sums that see every row none is kept."""
         key = tuple(v.name for v in variables)
         if key not in self._records:
             places = [self.instance.ports(v)[0] for v in variables]
@@ -97,8 +93,8 @@ class Loop:
         record = self._records[key]
         structure = record.structure
         record.trust_declaration()
-        structure.bound, structure.every, structure.keep = how.bound, how.every, how.keep
-        structure.fourier = None if how.sums is None else how.sums.address
+        structure.bound, structure.every, structure.keep = how.bound, how.every, sums is None
+        structure.fourier = None if sums is None else sums.address
         return record
 
     def fourier(self, n: int, *, orders: int) -> NativeFourier:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
-from workbench.analysis.nfr.point import NfrPoint, PointTask, run_fresh, run_point
+from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.step import at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
@@ -16,7 +16,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import standing
-from workbench.session.base import Floats
+from workbench.session.base import Floats, Session
 from workbench.workers import Job, Remark
 
 __all__ = ["PointsJob", "StartJob", "SurroundingsJob"]
@@ -86,58 +86,57 @@ class PointsJob(Job):
 
     def run(self, model: Model) -> Iterator[NfrPoint]:
         if model.interface != "cs":
-            return self._as_exact_as_needed(model)
-        if self.step is None:
-            return iter(refine(self.tasks, lambda tasks: list(self._pass(model, tasks))))
-        return iter(at_step(self.tasks, self.step, lambda tasks: list(self._pass(model, tasks))))
+            return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
-    def _as_exact_as_needed(self, model: Model) -> Iterator[NfrPoint]:
-        """Measure model exchange, near a resonance or a zero with a tighter tolerance."""
+        def measured(tasks: Sequence[PointTask]) -> list[NfrPoint]:
+            return list(self._pass(nullcontext(model), tasks))
+
+        if self.step is None:
+            return iter(refine(self.tasks, measured))
+        return iter(at_step(self.tasks, self.step, measured))
+
+    def _exact_enough(self, model: Model) -> tuple[AbstractContextManager[Model], list[PointTask]]:
+        """Return what to measure model exchange with, near a resonance or a zero with a tighter tolerance."""
         tasks = [replace(t, rtol=model.rtol) for t in self.tasks]
         factor = min(map(_factor, tasks))
         if factor == 1.0 or model.recipe is None:
-            yield from self._measured(model, tasks)
-            return
-        recipe = model.recipe.tighter(factor)
-        with recipe.open() as exact:
-            yield from self._measured(exact, [replace(t, rtol=exact.rtol) for t in tasks])
+            return nullcontext(model), tasks
+        exact = model.recipe.tighter(factor).open()
+        return exact, [replace(t, rtol=exact.rtol) for t in tasks]
 
-    def _measured(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        return self._verified(model, tasks) if self.verify else self._pass(model, tasks)
-
-    def _pass(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        """Measure `tasks` once: each afresh, or all in one session."""
-        if self.carry:
-            return carried(model, tasks)
-        return map(partial(run_fresh, model), tasks)
-
-    def _verified(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        points = list(self._pass(model, tasks))
-        if model.recipe is None:
-            raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
-        with model.recipe.tighter(_TIGHTER).open() as exact:
-            finer = list(self._pass(exact, tasks))
+    def _verified(self, model: Model) -> Iterator[NfrPoint]:
+        opened, tasks = self._exact_enough(model)
+        with opened as exact:
+            if exact.recipe is None:
+                raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
+            points = list(self._pass(nullcontext(exact), tasks))
+            finer = list(self._pass(exact.recipe.tighter(_TIGHTER).open(), tasks))
         for point, other in zip(points, finer, strict=True):
             yield checked(point, other, by="tolerance", words=f"{_TIGHTER:g} of the tolerance")
 
+    def _pass(self, opened: AbstractContextManager[Model], tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
+        """Measure `tasks` once: each afresh, or all in one session; after a failed point the next has a new one.
 
-def carried(model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-    """Measure in one session; after a failed point the next one begins in a new session."""
-    rest = list(tasks)
-    while rest:
-        # One session serves all frequencies; the rows of each divide its period and bound the step.
-        steps = [t.step for t in rest if t.step is not None]
-        first = {rest[0].input: rest[0].sine(model.start_time)}
-        with model.open_session(signals=first, step=max(steps, default=None)) as session:
+        Raises:
+            FmuError, SimulationError: a session cannot be opened; no other point would fare better.
+        """
+        with opened as model, ExitStack() as stack:
+            session: Session | None = None
             known: Floats | None = None
-            while rest:
-                task = rest.pop(0)
+            for i, task in enumerate(tasks):
+                if session is None:
+                    # One session serves all that follow; the rows of each divide its period and bound the step.
+                    steps = [t.step for t in (tasks[i:] if self.carry else [task]) if t.step is not None]
+                    first = {task.input: task.sine(model.start_time)}
+                    session = stack.enter_context(model.open_session(signals=first, step=max(steps, default=None)))
                 evidence = task.evidence(known)
                 point = run_point(session, task, evidence)
-                known = _standing(evidence, point)
+                if self.carry and point.reason is None:
+                    known = _standing(evidence, point)
+                else:
+                    stack.close()
+                    session = known = None
                 yield point if model.interface == "cs" else replace(point, step=None)
-                if point.reason is not None:
-                    break
 
 
 def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:

@@ -17,13 +17,12 @@ from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
 from workbench.core.record import Part
 from workbench.errors import SimulationError
-from workbench.model import Model
 from workbench.session import Session
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Sine
 
-__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_fresh", "run_point"]
+__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_point"]
 
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
@@ -139,17 +138,6 @@ class NfrPoint(Part):
         return "failed" if self.reason is not None else "averaged" if self.averaged else "settled"
 
 
-def run_fresh(model: Model, task: PointTask) -> NfrPoint:
-    """Measure a point in a session of its own, from the model's initial state.
-
-    Raises:
-        FmuError, SimulationError: the session cannot be opened; no other point would fare better.
-    """
-    with model.open_session(signals={task.input: task.sine(model.start_time)}, step=task.step) as session:
-        point = run_point(session, task)
-    return point if model.interface == "cs" else replace(point, step=None)
-
-
 def run_point(session: Session, task: PointTask, evidence: Evidence | None = None) -> NfrPoint:
     """Measure a point in `session` from where it stands; the sine begins there with phase zero.
 
@@ -165,6 +153,7 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
     evidence = task.evidence() if evidence is None else evidence
     settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
     sine = task.sine(session.time)
+    orders = _orders(task)
     longest: float | None = None
     response: PointResponse | None = None
     try:
@@ -174,11 +163,23 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
                 if task.stopped():
                     raise KeyboardInterrupt
                 points = _times(task, sine, len(settling.periods))
-                if isinstance(session, CompiledSession):
-                    period, longest = _summed(session, task, sine, points)
+                end = float(points[-1])
+                if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
+                    found = session.harmonics(
+                        end,
+                        signals={task.input: sine},
+                        record=(task.output,),
+                        begin=sine.start,
+                        frequency=task.frequency,
+                        orders=orders,
+                        points=points,
+                        basis=_basis(task.rows, orders),
+                    )
+                    drive = fundamental(found.inputs[task.input])
+                    period, longest = Period(found.values[task.output], drive, found.largest[task.output]), found.gap
                 else:
                     period, longest = _recorded(session, task, sine, points)
-                _check(period, task, time=float(points[-1]))
+                _check(period, task, time=end)
                 response = settling.add(period)
     except SimulationError as error:
         point, response = _failed(task, len(settling.periods), str(error)), None
@@ -244,23 +245,6 @@ def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats) -> 
         points=points if session.communication_step is None else None,
     )
     return period, float(np.max(np.diff(record.time)))
-
-
-def _summed(session: CompiledSession, task: PointTask, sine: Sine, points: Floats) -> tuple[Period, float]:
-    """As `_recorded`; the rows are not kept, their Fourier sums are made where they arise."""
-    orders = _orders(task)
-    found = session.harmonics(
-        float(points[-1]),
-        signals={task.input: sine},
-        record=(task.output,),
-        begin=sine.start,
-        frequency=task.frequency,
-        orders=orders,
-        points=points,
-        basis=_basis(task.rows, orders),
-    )
-    drive = fundamental(found.inputs[task.input])
-    return Period(found.values[task.output], drive, found.largest[task.output]), found.gap
 
 
 def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
