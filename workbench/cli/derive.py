@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +22,7 @@ from workbench.report.extras import EXTRAS, Written
 if TYPE_CHECKING:
     from workbench.cli.ask import Before
     from workbench.cli.output import Output
+    from workbench.core.job import Job
     from workbench.origin import Origin
     from workbench.report import Page
 
@@ -49,7 +51,9 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         if before is not None:
             asked = before(asked, given, out)
         with _opened(request, given[request.subject.spelt], loading) as subject:
-            return _run(subject, asked, out, written)
+            with _under_way() as work:
+                work.record = asked.run(subject, work.job)
+            return _ended(subject, asked, work, out, written)
 
     run.__doc__ = _help(request)
     run.__name__ = request.command.replace("-", "_")
@@ -68,30 +72,51 @@ def _opened(request: type[Request[Any, Any]], named: str, loading: Loading) -> I
         yield model
 
 
-def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) -> int:  # noqa: ANN401
-    """Run a request; whatever ends it, what it has is shown and written."""
-    from workbench.cli.interrupt import OnInterrupt, interrupted
-    from workbench.cli.notes import note
+@dataclass
+class _Work:
+    """A request that runs.
+
+    Attributes:
+        job: shows how far it is.
+        reached: number of parts finished, and their total number.
+        record: what it gave, or what there was when it ended early.
+        stopped: what ended it early.
+    """
+
+    job: Job
+    reached: tuple[int, int] = (0, 0)
+    record: object = None
+    stopped: BaseException | None = None
+
+
+@contextmanager
+def _under_way() -> Iterator[_Work]:
+    """Show how far a request is while it is run here; whatever ends it, what it has is kept."""
+    from workbench.cli.interrupt import OnInterrupt
     from workbench.core.job import Job
     from workbench.core.progress import Bar
-    from workbench.origin.call import origin_of_call
-
-    bar = Bar(1.0)
-    reached = [0, 0]
 
     def tell(what: object, done: int, total: int) -> None:
-        reached[:] = done, total
+        work.reached = done, total
         bar.update(done / total, str(what))
 
-    job = Job(tell)
-    stopped: BaseException | None = None
-    with bar, OnInterrupt(job.stop):
+    bar, work = Bar(1.0), _Work(Job(tell))
+    with bar, OnInterrupt(work.job.stop):
         try:
-            record: object = asked.run(subject, job)
+            yield work
         except (KeyboardInterrupt, WorkbenchError) as error:
-            stopped, record = error, job.partial()
+            work.stopped, work.record = error, work.job.partial()
+
+
+def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, written: Written) -> int:  # noqa: ANN401
+    """Show and write what a request gave; return its exit code, or raise what ended it."""
+    from workbench.cli.interrupt import interrupted
+    from workbench.cli.notes import note
+    from workbench.origin.call import origin_of_call
+
+    record, stopped = work.record, work.stopped
     if record is not None:
-        for text in job.notes:
+        for text in work.job.notes:
             note(text)
         origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
         try:
@@ -102,7 +127,8 @@ def _run(subject: Any, asked: Request[Any, Any], out: Output, written: Written) 
         if stopped is None:
             return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
-        far = f" after {reached[0]} of {reached[1]} {asked.counts}" if reached[1] else ": there is no result"
+        done, total = work.reached
+        far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
         note(f"{interrupted()}{far}")
         return INTERRUPTED
     assert stopped is not None  # noqa: S101

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
@@ -36,8 +38,8 @@ def run(model: Model, asked: Nfr, job: telling.Job) -> NfrResult:
     sweep = Sweep(model, asked)
     job.partial = lambda: sweep.result() if sweep.done else None
     job.notes = sweep.notes
-    with job.ended_by(sweep.stop):
-        for point in sweep.run():
+    with job.ended_by(sweep.stop), sweep.under_way() as points:
+        for point in points:
             job.done(point, sweep.done, sweep.total)
     return sweep.result()
 
@@ -147,10 +149,17 @@ class Sweep:
             FmuError, SimulationError: the FMU cannot be started.
             KeyboardInterrupt: after `stop`.
         """
+        with self.under_way() as points:
+            yield from points
+
+    @contextmanager
+    def under_way(self) -> Iterator[Iterator[NfrPoint]]:
+        """Yield the points of `run`; the store and what measures are closed after it."""
         with ExitStack() as stack:
             if self._store is not None:
                 stack.callback(self._store.close)
             if self.done == self.total:
+                yield iter(())
                 return
             runner, notes = choose(self._model, self._workers)
             self._runner = stack.enter_context(runner)
@@ -161,8 +170,7 @@ class Sweep:
             jobs: deque[Job] = deque(self._jobs())
             if isinstance(runner, InProcess):
                 jobs = deque(self._stoppable(job) for job in jobs)
-            for event in runner.run(perform, jobs):
-                yield from self._take(event, jobs)
+            yield chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
 
     def _look(self, runner: Runner) -> None:
         """Find out what the model shows of itself before anything is measured."""
@@ -212,7 +220,7 @@ class Sweep:
             return replace(job, tasks=tuple(replace(t, stopped=lambda: self._stopped) for t in job.tasks))
         return job
 
-    def _take(self, event: Reply | Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
+    def _take(self, jobs: deque[Job], event: Reply | Lost) -> Iterator[NfrPoint]:
         if isinstance(event, Lost):
             yield from self._lost(event, jobs)
         elif isinstance(event.value, OperatingPoint):
