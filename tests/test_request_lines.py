@@ -8,12 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+import typer
 
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
-from workbench.analysis.request import Request, asked_options, command_line_of
-from workbench.cli.derive import request_from
+from workbench.analysis.request import Request, Subject, asked_options, command_line_of
+from workbench.cli.derive import command, request_from
 from workbench.cli.program import program
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, asked_of, put_together
@@ -127,3 +128,25 @@ def same(one: object, other: object) -> bool:
 def test_the_text_of_a_signal_is_read_back(seed: int) -> None:
     wanted = signal(random.Random(seed))
     assert parse_signal(signal_text(wanted)) == wanted
+
+
+class OnSeveral(Request[list[str], "object"]):
+    """Work on several files."""
+
+    command = "on-several"
+    algorithm = "tests.test_request_lines:tell_subject"
+    example = "workbench on-several a.mo b.mo"
+    subject = Subject(name="sources", type="list[str]", help="Files.", metavar="FILE..", words="Files.", several=True)
+
+
+def tell_subject(subject: list[str], asked: OnSeveral, job: object) -> object:
+    raise InputError(f"{asked.command}: {subject}")
+
+
+@pytest.mark.parametrize("files", [["a.mo"], ["a.mo", "b c.mo"]])
+def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None:
+    app = typer.Typer()
+    app.command()(command(OnSeveral))
+    with pytest.raises(InputError) as told:
+        typer.main.get_command(app).main(files, "on-several", standalone_mode=False)
+    assert str(told.value) == f"on-several: {files}"

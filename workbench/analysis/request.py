@@ -60,6 +60,7 @@ class Subject:
         metavar: what `--help` shows in its place.
         words: help on the command line.
         argument: its name there and in studies; empty: the same.
+        several: whether it is a list of such; the command line takes them one after the other.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Subject:
     metavar: str
     words: str
     argument: str = ""
+    several: bool = False
 
     @property
     def spelt(self) -> str:
@@ -154,7 +156,10 @@ class Request(Options, Generic[_Subject, _Record]):
 
 
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
-_MODEL = {"metavar": "MODEL", "words": "FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME."}
+_MODEL: Mapping[str, Any] = {
+    "metavar": "MODEL",
+    "words": "FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME.",
+}
 
 # A model that the request opens itself.
 MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`, or a system: .toml, .ssp.", **_MODEL)

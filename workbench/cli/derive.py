@@ -63,7 +63,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
 
 
 @contextmanager
-def _opened(request: type[Request[Any, Any]], named: str, loading: Loading) -> Iterator[Any]:
+def _opened(request: type[Request[Any, Any]], named: Any, loading: Loading) -> Iterator[Any]:  # noqa: ANN401
     """Yield what the request is run on: a model is opened, anything else is what was typed."""
     if not issubclass(request, Analysis):
         yield named
@@ -166,7 +166,8 @@ def _signature(request: type[Request[Any, Any]], written: type[Written]) -> insp
     """Return the options of the request, then those by which models are opened, then the files."""
     subject = request.subject
     own = {**asked_options(request), **_drawn(written)}
-    argument = Annotated[str, typer.Argument(metavar=subject.metavar, help=subject.words)]
+    typed: Any = list[str] if subject.several else str
+    argument = Annotated[typed, typer.Argument(metavar=subject.metavar, help=subject.words)]
     parameters = [_parameter(subject.spelt, argument, inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()

@@ -80,7 +80,7 @@ class Command:
     @property
     def several(self) -> bool:
         """Whether it works on several of them."""
-        return self.subject in _SEVERAL
+        return self.subject in _SEVERAL if self.request is None else self.request.subject.several
 
     def key(self, given: str) -> str:
         """Return the key as the command spells it; underscores stand for hyphens.

@@ -90,7 +90,11 @@ def _by_request(known: Command, job: Job) -> Outcome:
     begin = time.monotonic()
     work = RequestJob()
     with ExitStack() as stack:
-        subject: Any = job.subject[0] if job.subject else job.options[known.subject]
+        subject: Any = job.subject or job.options[known.subject]
+        if known.several:
+            subject = [subject] if isinstance(subject, str) else list(subject)
+        elif job.subject:
+            subject = job.subject[0]
         model_notes: tuple[str, ...] = ()
         if isinstance(asked, Analysis):
             subject = stack.enter_context(open_file(subject, loading))
