@@ -19,13 +19,14 @@ from scipy.linalg import expm
 from workbench.analysis.lin.request import lin
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
-from workbench.build.export import export, generate_linear
+from workbench.build.export import ExportResult, generate_linear
 from workbench.build.fmu import compile_and_pack
 from workbench.build.matrices import matrices_of
 from workbench.build.state_space import state_space
-from workbench.cli import export as export_command
+from workbench.cli.app import run
 from workbench.model.load import load
 from workbench.signals import Constant, Table
+from workbench.to_fmu.request import export
 from workbench.toolchain import host_only
 
 DT = 0.022
@@ -205,6 +206,7 @@ def test_71_states_and_39_outputs_return_exactly(tmp_path: Path) -> None:
     b, c, d = random.normal(size=(71, 3)), random.normal(size=(39, 71)), random.normal(size=(39, 3))
     names = {"input_names": [f"u[{i}]" for i in range(3)], "output_names": [f"y.a{i}" for i in range(39)]}
     result = export({"A": a, "B": b, "C": c, "D": d, "dt": 0, **names}, tmp_path / "large.fmu", platforms=HOST)
+    assert isinstance(result, ExportResult)
     assert result.file.stat().st_size < 1_000_000
     assert (result.model, result.n_states, result.n_inputs, result.n_outputs) == ("large", 71, 3, 39)
     with load(str(result.file), "me") as model:
@@ -222,9 +224,9 @@ def test_a_linearised_fmu_is_exported_and_linearised_again(
         first = lin(model).result
     source, target, report = (tmp_path / name for name in ("lin.json", "again.fmu", "report.json"))
     source.write_text(json.dumps({"command": "lin", **first.to_dict()}), encoding="utf-8")
-    export_command.export(source, target, json_path=str(report))
+    assert run(["export", str(source), "--out", str(target), "--json", str(report)]) == 0
     out = capsys.readouterr().out
-    assert "again: continuous, order 8, inputs 4, outputs 1" in out
+    assert "Linear model again as an FMU\nFMI 2, continuous: 8 states, 4 inputs, 1 output." in out
     told = json.loads(report.read_text(encoding="utf-8"))
     assert (told["states"], told["platforms"], told["stiff"]) == (8, HOST, True)
     with load(str(target), "me") as model:

@@ -21,7 +21,7 @@ ORDER = (
     ("workers",),
     ("analysis",),
     ("plotting",),
-    ("report",),
+    ("report", "to_fmu"),
     ("study", "reproduce"),
     ("cli",),
 )

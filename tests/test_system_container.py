@@ -25,8 +25,10 @@ from workbench.model.load import load
 from workbench.session.base import Floats
 from workbench.signals import Constant, Step
 from workbench.system.connect import connect
-from workbench.system.container import export_container
+from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import Connection, FmuComponent, SystemDescription
+from workbench.system.load import load as load_system
+from workbench.to_fmu.request import export
 
 pytest.importorskip("fmpy.container_fmu")
 
@@ -250,7 +252,8 @@ def test_the_command_takes_a_system(tmp_path: Path, capsys: pytest.CaptureFixtur
     system.write_text(CHAIN, encoding="utf-8")
     assert run(["export", str(system), "--out", str(out), "--step", "0.125", "--fmi", "3", "--json", str(report)]) == 0
     said = capsys.readouterr().out
-    assert "chain: container of a, b; inputs 1, outputs 1, parameters 2" in said
+    for fact in ("System chain as a container FMU", "parts: a, b", "inputs: r", "outputs: y", "parameters: 2"):
+        assert fact in said
     assert "delay of one step" in said
     found = json.loads(report.read_text(encoding="utf-8"))
     assert (found["step"], found["fmi"], found["components"]) == (0.125, 3, ["a", "b"])
@@ -259,12 +262,24 @@ def test_the_command_takes_a_system(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert last == pytest.approx(1.0, abs=1e-2)
 
 
+def test_the_function_takes_a_system(tmp_path: Path) -> None:
+    system = tmp_path / "chain.toml"
+    system.write_text(CHAIN, encoding="utf-8")
+    with load_system(system) as model:
+        results = [export(found, tmp_path / "x.fmu", step=0.125, name="lags") for found in (system, model)]
+    assert results[0] == results[1]
+    assert isinstance(results[0], ContainerResult)
+    assert (results[0].model, results[0].components) == ("lags", ("a", "b"))
+    with pytest.raises(InputError, match="platforms and stiff are for linear models"):
+        export(system, tmp_path / "x.fmu", step=0.125, stiff=True)
+
+
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
-        (CHAIN, [], "--step is needed for a system"),
+        (CHAIN, [], "step is needed for a system"),
         (CHAIN.replace('"a.y"', '{from = "a.y", gain = 2.0}'), ["--step", "0.1"], "connection a.y → b.u: the gain"),
-        (None, ["--step", "0.1"], "--step is for systems"),
+        (None, ["--step", "0.1"], "step is for systems"),
     ],
 )
 def test_the_command_refuses_in_one_line(

@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
-    from workbench.build.export import ExportResult, export
+    from workbench.build.export import ExportResult
     from workbench.core.linear import Linear, LinearPart
     from workbench.core.operating_point import OperatingPoint
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     from workbench.system.model import SystemModel
     from workbench.system.read import read_system
     from workbench.system.ssp_write import write_ssp
+    from workbench.to_fmu.request import export
     from workbench.workers import Workers
 
 __version__ = "0.1.0"
@@ -282,7 +283,8 @@ _HOMES = {
     "workbench.analysis.loop.margins": ("Margins",),
     "workbench.analysis.loop.request": ("loop",),
     "workbench.analysis.loop.result": ("LoopResult",),
-    "workbench.build.export": ("ExportResult", "export"),
+    "workbench.build.export": ("ExportResult",),
+    "workbench.to_fmu.request": ("export",),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
     "workbench.analysis.excite.multisine": ("MultisineDesign",),
     "workbench.analysis.excite.prbs": ("PrbsDesign",),

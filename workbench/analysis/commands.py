@@ -9,7 +9,7 @@ from workbench.core.named import named
 
 __all__ = ["REQUESTS", "request_of"]
 
-# In the order of a working day.
+# In the order of a working day; those that are no analyses stand in packages of their own.
 REQUESTS = {
     "info": "info.request:Info",
     "simulate": "simulate.request:Simulate",
@@ -25,6 +25,7 @@ REQUESTS = {
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
+    "export": "workbench.to_fmu.request:Export",
 }
 
 
@@ -34,5 +35,6 @@ def request_of(command: str) -> type[Request[Any, Any]]:
     Args:
         command: one of `REQUESTS`.
     """
-    found: type[Request[Any, Any]] = named(f"workbench.analysis.{REQUESTS[command]}")
+    place = REQUESTS[command]
+    found: type[Request[Any, Any]] = named(place if place.startswith("workbench.") else f"workbench.analysis.{place}")
     return found

@@ -5,7 +5,7 @@ module each: frontend (check and flatten) · ir (read the DAE) · translate and 
 functions) · causalise (match and sort) · differentiate · emit_c and emit_tables · stiffness · describe
 (XML of FMI 2 and 3) · pack; the compiler is in workbench.toolchain. The C runtime is in the folder runtime.
 
-`workbench.build.export.export` turns matrices into an FMU: matrices (read and check) · state_space and time_scale
+`build.export.export_linear` turns matrices into an FMU: matrices (read and check) · state_space and time_scale
 (to the scalar form, without the front end), then causalise and on.
 """
 

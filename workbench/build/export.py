@@ -17,10 +17,9 @@ from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
-from workbench.origin import with_origin
 from workbench.toolchain import require
 
-__all__ = ["ExportResult", "check_linear_file", "export", "generate_linear", "write_linear"]
+__all__ = ["ExportResult", "check_linear_file", "export_linear", "generate_linear", "write_linear"]
 
 _FILES = (".json", ".fmu")
 
@@ -55,9 +54,11 @@ class ExportResult(Record):
 
     _WHAT, _COMMAND = "a result of export", "export"
 
+    def derived(self) -> Mapping[str, Any]:
+        return {"interface": None, "solver": None}
 
-@with_origin()
-def export(
+
+def export_linear(
     model: object,
     out: str | Path,
     *,
@@ -68,36 +69,22 @@ def export(
 ) -> ExportResult:
     """Write a linear model as an FMU that serves model exchange and co-simulation.
 
-    A continuous model (dt = 0) is der(x) = dx0 + A x + B (u − u0), y = y0 + C x + D (u − u0). A discrete one is sampled
-    at multiples of dt; its outputs are held in between, and y[k] holds the effect of u[k]. The inputs start at u0 and
-    the state, a deviation, at x0; so the FMU stands where the model was found. Matrix entries are numbers in the code,
-    no parameters: to vary them, export again.
-
     Args:
-        model: a JSON file that `workbench identify` or `workbench lin` wrote, or a model as
-            :func:`workbench.build.matrices.matrices_of` takes it: a mapping, a result of `lin`, an identified model, a
-            python-control StateSpace.
+        model: a JSON file, or a model as :func:`workbench.build.matrices.matrices_of` takes it.
         out: the FMU to write.
         fmi: FMI version, 2 or 3.
-        name: name of the model in the FMU, a C identifier; by default made from the file's name.
-        platforms: FMI 3 platform tuples to build for; default: all five.
-        stiff: integrator of co-simulation: implicit where True, explicit where False; default: chosen from the
-            eigenvalues of A.
+        name: name of the model in the FMU, a C identifier; None: made from the file's name.
+        platforms: FMI 3 platform tuples to build for; None: all five.
+        stiff: integrator of co-simulation: implicit where True, explicit where False; None: chosen from A.
 
     Raises:
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
         BuildError: the compiler is missing or failed, an unknown platform.
-
-    Examples:
-        >>> import control
-        >>> linear = control.ss([[-2.0]], [[1.0]], [[1.0]], [[0.0]])
-        >>> exported = wb.export(linear, "linear.fmu", platforms=["x86_64-linux"])
-        >>> print(exported.n_states, exported.n_inputs, exported.n_outputs)
-        1 1 1
     """
     target = _target(out)
     if fmi not in FMI_VERSIONS:
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
+    require("ziglang")
     chosen = choose_platforms(platforms)
     matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
     scalar = state_space(matrices, _identifier(name, target))
@@ -152,7 +139,7 @@ def write_linear(linear: Mapping[str, Any], path: Path) -> None:
         BuildError: the compiler is missing or failed.
     """
     if path.suffix.lower() == ".fmu":
-        export(linear, path)
+        export_linear(linear, path)
         return
     rows = {k: [json.dumps(row) for row in linear[k]] for k in "ABCD"}
     matrices = [f'  "{k}": [\n    ' + ",\n    ".join(v) + "\n  ]" for k, v in rows.items()]
@@ -169,7 +156,7 @@ def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | No
     Args:
         matrices: the linear model.
         scalar: what :func:`~workbench.build.state_space.state_space` made of it.
-        stiff: as in :func:`export`.
+        stiff: as in :func:`export_linear`.
     """
     return assemble(
         scalar,

@@ -23,7 +23,6 @@ _FUNCTIONS = {
     "run": "cli.run:run",
     "reproduce": "cli.reproduce:reproduce",
     "build": "cli.build:build",
-    "export": "cli.export:export",
 }
 # In the order of a working day: requests, and functions that typer calls.
 COMMANDS = (

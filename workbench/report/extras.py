@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.request import Feedback
     from workbench.analysis.identify.request import Identify
     from workbench.analysis.identify.result import IdentifyResult
+    from workbench.build.export import ExportResult
+    from workbench.system.container import ContainerResult
 
 __all__ = ["EXTRAS", "Written"]
 
@@ -142,6 +144,12 @@ class _Identify(Written):
             yield self.bode
 
 
+class _Export(Written):
+    def write(self, record: ExportResult | ContainerResult) -> Iterator[str | Path]:
+        """Yield the FMU, which is there already."""
+        yield record.file
+
+
 # Name of the command → what is asked of its record; of all others `Written` alone.
 EXTRAS: dict[str, type[Written]] = {
     "nfr": _Nfr,
@@ -149,4 +157,5 @@ EXTRAS: dict[str, type[Written]] = {
     "feedback": _Feedback,
     "feed-forward": _FeedForward,
     "identify": _Identify,
+    "export": _Export,
 }

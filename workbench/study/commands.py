@@ -26,7 +26,6 @@ _PROGRAMS = {
     ),
     "reproduce": ("what", ("list", "pictures", "jobs", "in-process", "csv", "report")),
     "build": ("sources", ("out", "model", "fmi", "report")),
-    "export": ("model", ("out", "fmi", "name", "step", "report")),
 }  # fmt: skip
 COMMANDS = (*REQUESTS, *_PROGRAMS)
 _SEVERAL = ("systems", "what", "sources")

@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -62,10 +62,18 @@ class ContainerResult(Record):
 
     _WHAT, _COMMAND = "a result of export", "export"
 
+    def derived(self) -> Mapping[str, Any]:
+        return {"interface": "cs", "solver": None}
+
 
 @with_origin()
 def export_container(
-    system: DescribedModel | SystemDescription | str | Path, path: str | Path, *, step: float, fmi: int = 2
+    system: DescribedModel | SystemDescription | str | Path,
+    path: str | Path,
+    *,
+    step: float,
+    fmi: int = 2,
+    name: str | None = None,
 ) -> ContainerResult:
     """Write a system of FMUs as one co-simulation FMU, through FMPy's container.
 
@@ -86,6 +94,7 @@ def export_container(
         path: the .fmu to write.
         step: communication step [s].
         fmi: FMI version of the container, 2 or 3.
+        name: name of the container; None: that of the system.
 
     Raises:
         InputError: the container cannot express the system; the message names the component or connection and the
@@ -108,6 +117,7 @@ def export_container(
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
     _check_fmpy()
     description, starts = _told(system)
+    description = replace(description, name=name or description.name)
     own, of_parts = _sorted_starts(description, starts)
     parts = [container_part(c, of_parts.get(c.name, {}), step=step) for c in description.components]
     _check_together(parts)

@@ -1,0 +1,1 @@
+"""What becomes an FMU: linear models and systems."""

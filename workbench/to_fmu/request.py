@@ -1,0 +1,83 @@
+"""Linear models and systems as FMUs: what can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Request, Subject, function
+from workbench.core.forms import File
+from workbench.core.option import option
+
+if TYPE_CHECKING:
+    from workbench.build.export import ExportResult  # noqa: F401 - the records' types, below
+    from workbench.system.container import ContainerResult  # noqa: F401
+
+__all__ = ["Export", "export"]
+
+
+class Export(Request[object, "ExportResult | ContainerResult"]):
+    """Turn a linear model into an FMU for five platforms, or a system of FMUs into one container FMU.
+
+    A continuous model (dt = 0) is der(x) = dx0 + A x + B (u − u0), y = y0 + C x + D (u − u0). A discrete one is sampled
+    at multiples of dt; its outputs are held in between, and y[k] holds the effect of u[k]. The inputs start at u0 and
+    the state, a deviation, at x0; so the FMU stands where the model was found. Matrix entries are numbers in the code,
+    no parameters: to vary them, export again. It serves model exchange and co-simulation.
+
+    A system becomes a container for co-simulation, see `export_container`: every connection carries a delay of one
+    step, which the system itself does not have.
+
+    Raises:
+        InputError: no linear model, a wrong FMI version or name, a folder that does not exist; a container cannot
+            express the system.
+        BuildError: the compiler is missing or failed, an unknown platform.
+
+    Examples:
+        >>> import control
+        >>> linear = control.ss([[-2.0]], [[1.0]], [[1.0]], [[0.0]])
+        >>> exported = wb.export(linear, "linear.fmu", platforms=["x86_64-linux"])
+        >>> print(exported.n_states, exported.n_inputs, exported.n_outputs)
+        1 1 1
+    """
+
+    command = "export"
+    algorithm = "workbench.to_fmu.run:run_export"
+    example = "workbench export identified.json --out identified.fmu --fmi 3"
+    subject = Subject(
+        name="model",
+        type="object",
+        help="A JSON file that `workbench identify` or `workbench lin` wrote; a model as "
+        "`workbench.build.matrices.matrices_of` takes it: a mapping, a result of `lin`, an identified model, a "
+        "python-control StateSpace; or a system: a model, a description, or a file.",
+        metavar="MODEL",
+        words="Linear model: the JSON of workbench identify or lin. Or a system: .toml, .ssp, system:NAME.",
+    )
+    unwritten = ("csv_path", "plot")
+
+    out: File = option("FMU to write.", metavar="X.fmu")
+    _: KW_ONLY
+    fmi: int = option("FMI version, 2 or 3.", metavar="2|3", default=2)
+    name: str | None = option(
+        "Name of the model in the FMU, a C identifier for linear models; by default made from the file name.",
+        metavar="NAME",
+        default=None,
+    )
+    step: float | None = option(
+        "Communication step of a system's container, by which every connection between its parts is late.",
+        unit="s",
+        metavar="S",
+        default=None,
+    )
+    platforms: Sequence[str] | None = option(
+        "FMI 3 platform tuples to build a linear model for; by default all five.", default=None, python=True
+    )
+    stiff: bool | None = option(
+        "Integrator of a linear model's co-simulation: implicit where True, explicit where False; by default chosen "
+        "from the eigenvalues of A.",
+        default=None,
+        python=True,
+    )
+
+
+export = function(Export)
