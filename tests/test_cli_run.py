@@ -272,3 +272,12 @@ def test_a_command_is_built_alone_and_listed_in_the_words_of_its_own_help() -> N
         assert alone.help.split("\n\n")[0] == together[name].help
     assert list(program("nfr").commands) == ["nfr"]
     assert list(program("nrf").commands) == list(together)
+
+
+@pytest.mark.parametrize(("command", "subject"), [("lin", "MODEL"), ("compare", "MODEL.."), ("run", "[STUDY]")])
+def test_the_line_of_usage_names_the_subject_as_the_texts_do(
+    command: str, subject: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([command, "--help"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if "Usage:" in line)
+    assert line.split()[-2:] == ["[OPTIONS]", subject]

@@ -210,3 +210,12 @@ def test_mistakes_are_one_line() -> None:
         nyquist(control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1))
     with pytest.raises(InputError, match="rising"):
         nyquist(loop(), standard_block("relay"), amplitudes=(1.0, 0.5))
+
+
+def test_a_transfer_function_is_a_loop_too() -> None:
+    (c,) = nyquist(THIRD, standard_block("relay", {"level": 2.0})).crossings
+    assert c.real == pytest.approx(-0.125, rel=1e-12)
+    with pytest.raises(InputError, match=r"no realisation in state space"):
+        nyquist(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))
+    with pytest.raises(InputError, match=r"FrequencyResponseData is not a linear model: give a StateSpace"):
+        nyquist(control.frd([1.0, 2.0], [1.0, 2.0]))

@@ -167,6 +167,38 @@ def test_another_limit_measures_nothing(grid: tuple[Path, int, dict[str, Any]]) 
     assert (code, found["measured"], found["passed"]) == (0, 0, True)
 
 
+def test_another_way_of_writing_the_same_measures_nothing(tmp_path: Path) -> None:
+    """What is asked for names a result, not its words; another band, amplitude or tolerance is something else."""
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "lag.fmu")
+    text = """
+    [analyses.response]
+    command = "nfr"
+    model = "lag.fmu"
+    input = "u"
+    output = "y"
+    band = [0.5, 2]
+    amplitude = [1]
+    """
+
+    def reused(*changes: tuple[str, str], more: str = "") -> bool:
+        changed = text
+        for old, new in changes:
+            assert old in changed
+            changed = changed.replace(old, new)
+        return bool(measured(tmp_path, changed + more)[1]["reused"] == 1)
+
+    assert not reused()
+    for same in (("[0.5, 2]", '"0.50:2"'), ("[1]", "[1.0]"), ("[1]", "1"), ("[1]", '"1e0"')):
+        assert reused(same), same
+    assert reused(more="tolerance = 1e-8\nmax-periods = 20\n")  # both are what is used without
+    for other in (("[0.5, 2]", "[0.5, 3]"), ("[1]", "[2]")):
+        assert not reused(other), other
+    assert not reused(more="tolerance = 1e-7\n")
+    with (tmp_path / "lag.fmu").open("ab") as file:
+        file.write(b"a comment at the end of the archive")
+    assert not reused()
+
+
 def test_a_changed_fmu_and_a_changed_option_are_measured_again(grid: tuple[Path, int, dict[str, Any]]) -> None:
     folder, _, _ = grid
     one = GRID.replace("[0.5, 2.0]", "[0.5]").replace('grid = {"lag.tau" = 2.0}\n', "")

@@ -6,10 +6,12 @@ Importing all of them, and reading their options, takes several times as long as
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from workbench import __version__
 from workbench.analysis.commands import request_of
@@ -31,6 +33,14 @@ COMMANDS = (
 )  # fmt: skip
 
 
+class _Command(typer.core.TyperCommand):
+    """A command whose line of usage has its argument as the texts have it: MODEL, not {MODEL}."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer's own class is not public
+        """Return the words behind the command's name."""
+        return [re.sub(r"^\{(.*)\}(\.\.\.)?$", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
+
+
 def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
     """Return the program with one command alone; if there is none of that name, with the help of all of them.
 
@@ -48,7 +58,7 @@ def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a g
     )
     app.callback()(_options)
     if name in COMMANDS:
-        app.command(name)(function_of(name))
+        app.command(name, cls=_Command)(function_of(name))
         return typer.main.get_group(app)
     for other in COMMANDS:
         app.command(other)(_words(other))

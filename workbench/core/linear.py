@@ -78,11 +78,13 @@ class Linear(Part):
         """Return a linear model of python-control.
 
         Args:
-            system: a `control.StateSpace`, or what has its attributes.
+            system: a `control.StateSpace`, or what has its attributes; a `control.TransferFunction` is realised first.
 
         Raises:
-            InputError: it is discrete, and has no period.
+            InputError: it is discrete, and has no period; it is another kind of system, or cannot be realised.
         """
+        if not hasattr(system, "A"):
+            system = _realised(system)
         if system.dt is True:
             raise InputError("the StateSpace is discrete without a sample period: give it dt [s]")
         labels = (tuple(map(str, getattr(system, f"{kind}_labels", ()))) for kind in ("state", "input", "output"))
@@ -480,3 +482,15 @@ def _shaped(value: ArrayLike, shape: tuple[int, int], name: str) -> Floats:
         had = " × ".join(map(str, found.shape)) or "a single number"
         raise InputError(f"matrix {name} must be {shape[0]} × {shape[1]}, not {had}")
     return found.reshape(shape)
+
+
+def _realised(system: Any) -> Any:  # noqa: ANN401 - python-control has no types
+    import control  # noqa: PLC0415 - slow to import, and seldom needed
+
+    if not isinstance(system, control.TransferFunction):
+        kind = type(system).__name__
+        raise InputError(f"{kind} is not a linear model: give a StateSpace or a TransferFunction of python-control")
+    try:
+        return control.ss(system)
+    except (ValueError, TypeError, NotImplementedError) as error:
+        raise InputError(f"the TransferFunction has no realisation in state space: {error}") from None

@@ -11,7 +11,7 @@ from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.request import Request, asked_options
 from workbench.core.forms import Form
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, parts_of, put_together
+from workbench.core.option import Declared, options_of, parts_of, put_together
 from workbench.errors import InputError, suggest
 from workbench.report.extras import EXTRAS, Written
 
@@ -140,6 +140,31 @@ class Command:
             return [f"--{key}" if value else f"--no-{key}"]
         texts = _texts(filled(value, lambda reference: reference.file))
         return texts if key == self.subject else [f"--{key}={text}" for text in texts]
+
+    def asks(self, table: Mapping[str, Any]) -> dict[str, list[str]]:
+        """Return name → words of what is asked for, the same for all ways of writing it; defaults are left out.
+
+        Args:
+            table: key → value as TOML has it, references in it.
+
+        Raises:
+            InputError: a value that its option cannot take.
+        """
+        found = {}
+        for key, value in table.items():
+            name, declared = (key, None) if key == self.subject else self.options[key]
+            if declared is None or any(references(value)):
+                found[name] = self.words(key, value)
+            elif not self._usual(name, declared, taken := _value(key, declared, value)):
+                found[name] = declared.write(taken)
+        return found
+
+    def _usual(self, name: str, declared: Declared, value: Any) -> bool:  # noqa: ANN401 - of this option
+        """Return whether a value is that of an option which is not given."""
+        usual = declared.default
+        if self.request is not None and name == "tolerance" and name not in {d.name for d in options_of(self.request)}:
+            usual = self.request.usual_tolerance  # the model's
+        return value is None or (usual is not None and declared.write(value) == declared.write(usual))
 
     def check(self, table: Mapping[str, Any]) -> None:
         """Look for mistakes before anything runs; an option whose value another analysis gives is left out.

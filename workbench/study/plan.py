@@ -149,9 +149,10 @@ class _Planner:
         wants = tuple(sorted({r.kind for r in self._wanted(name)} - {"json"}))
         with place(f"[analyses.{name}]"), chdir(self._study.folder):
             words = _words(analysis.command, models, options)
+            asks = analysis.command.asks(options)
         hashes = self._hashes(models, [word for word in words if not _writes(word)])
         subject = {**self._common, "command": analysis.command.name, "files": hashes}
-        key = _key(words, wants, needs)
+        key = _key({"models": [str(model.model) for model in models], "options": asks}, wants, needs)
         identity = json.dumps([subject, key], sort_keys=True)
         if identity not in self._runs:
             self._runs[identity] = Run(
@@ -204,7 +205,7 @@ def _with_label(path: Path, label: str) -> Path:
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 
 
-def _key(words: Sequence[str], wants: Sequence[str], needs: Mapping[str, Run]) -> str:
+def _key(asked: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, Run]) -> str:
     """Return what tells a run from others of the same subject, as text; the order of options does not."""
     others = {name: [run.subject, run.key] for name, run in needs.items()}
-    return json.dumps({"asked": sorted(words), "wants": list(wants), "needs": others}, sort_keys=True)
+    return json.dumps({"asked": asked, "wants": list(wants), "needs": others}, sort_keys=True)

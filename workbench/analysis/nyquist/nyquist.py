@@ -30,7 +30,7 @@ _ASIDE = 1e-2  # relative change of a gain at which the poles are counted, less 
 
 @with_origin()
 def nyquist(
-    loop: LinearPart | LinearModel | control.StateSpace,
+    loop: LinearPart | LinearModel | control.StateSpace | control.TransferFunction,
     block: Block | None = None,
     *,
     band: tuple[float, float] = BAND,
@@ -62,7 +62,7 @@ def nyquist(
         An ideal relay in a loop with 1/(s(s + 1)(s + 2)) oscillates at √2 rad/s with the amplitude 2/(3π).
 
         >>> import control
-        >>> linear = control.ss(control.tf([1], [1, 3, 2, 0]))
+        >>> linear = control.tf([1], [1, 3, 2, 0])
         >>> (crossing,) = wb.nyquist(linear, wb.standard_block("relay")).crossings
         >>> print(f"{2 * math.pi * crossing.frequency_hz:.4f} rad/s, {crossing.amplitude:.4f}")
         1.4142 rad/s, 0.2122
@@ -100,7 +100,7 @@ def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a
     )
 
 
-def _part(loop: LinearPart | LinearModel | control.StateSpace) -> LinearPart:
+def _part(loop: LinearPart | LinearModel | control.StateSpace | control.TransferFunction) -> LinearPart:
     if isinstance(loop, LinearPart):
         return loop
     return LinearPart.from_lin(loop.result if isinstance(loop, LinearModel) else Linear.from_state_space(loop))
