@@ -12,7 +12,7 @@ from docs.tools.command_pages import command_names
 from tests.doc_pages import check_page, first_column, text_of, with_examples
 
 HEADING = re.compile(r"^## (?P<title>.+)\n(?P<text>(?:(?!^## ).*\n?)*)", re.MULTILINE)
-ENVELOPE = {"command", "version", "seconds"}
+ENVELOPE = {"command", "version", "seconds", "asked"}
 
 
 @pytest.mark.parametrize("page", [p for p in with_examples() if not p.startswith("tutorials/")])
