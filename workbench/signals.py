@@ -535,12 +535,15 @@ def signals_of(given: Mapping[str, Signal | float | str]) -> dict[str, Signal]:
     Raises:
         InputError: a text that `parse_signal` refuses.
     """
-    return {name: _signal(value) for name, value in given.items()}
+    return {name: _signal(name, value) for name, value in given.items()}
 
 
-def _signal(value: Signal | float | str) -> Signal:
+def _signal(name: str, value: Signal | float | str) -> Signal:
     if isinstance(value, str):
-        return parse_signal(value)
+        try:
+            return parse_signal(value)
+        except InputError as error:
+            raise InputError(f"input {name}: {error}") from None
     return Constant(float(value)) if isinstance(value, int | float) else value
 
 
