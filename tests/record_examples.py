@@ -70,6 +70,7 @@ GIVEN: dict[str, dict[str, Any]] = {
             )
             for name, size in (("one", 2.0), ("two", 3.0))
         ),
+        "histories": (),  # which files do not hold
     },
     "NfrResult": {
         "response": RESPONSE,

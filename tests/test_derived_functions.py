@@ -23,7 +23,12 @@ FUNCTIONS = {name: value for name in wb.__all__ if inspect.isfunction(value := g
 def requests(kind: type[Any] = Request) -> list[type[Any]]:
     """Every request that a public function runs; the functions are imported above."""
     below = [c for sub in kind.__subclasses__() for c in (sub, *requests(sub))]
-    return [c for c in below if vars(c).get("command", "").replace("-", "_") in FUNCTIONS and c.algorithm]
+    return [c for c in below if called(c) in FUNCTIONS and c.algorithm]
+
+
+def called(kind: type[Any]) -> str:
+    """Name of a request's function."""
+    return str(kind.called or vars(kind).get("command", "").replace("-", "_"))
 
 
 def checked_by_mypy(model: wb.Model) -> None:
@@ -42,7 +47,7 @@ def checked_by_mypy(model: wb.Model) -> None:
 
 @pytest.mark.parametrize("kind", requests(), ids=lambda c: c.__name__)
 def test_signature_has_the_options_and_the_result(kind: type[Any]) -> None:
-    signature = inspect.signature(FUNCTIONS[kind.command.replace("-", "_")])
+    signature = inspect.signature(FUNCTIONS[called(kind)])
     assert list(signature.parameters)[1:] == [d.name for d in options_of(kind)]
     for part in (str(signature.return_annotation)).split(" | "):
         assert inspect.isclass(getattr(wb, part))

@@ -11,8 +11,8 @@ import control
 import numpy as np
 import pytest
 
-from workbench.analysis.motions.compare import compare_motions
 from workbench.analysis.motions.measures import measure
+from workbench.analysis.motions.request import compare_motions
 from workbench.analysis.motions.units import shown_unit
 from workbench.cli.app import run
 from workbench.errors import InputError

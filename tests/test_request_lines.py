@@ -57,6 +57,8 @@ VALUES: dict[str, Callable[[random.Random], Any]] = {
     "NAME=VALUE": named(number),
     "NAME=VALUE,..": lambda c: [named(number)(c), {"on": True, "mode": "fast", "n": 3}],
     "NAME=SIGNAL": named(signal),
+    "BEGIN:END": lambda c: [(0.0, number(c)), rising(c)],
+    "TEXT": lambda c: c.sample(["one, two", *NAMES], 2),
     "PATH": lambda _: "some folder/file.json",
     "auto|N|ask": lambda c: c.choice(["auto", 4]),
     "auto|N,..": lambda c: c.choice(["auto", 2, [1, 2]]),

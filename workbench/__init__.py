@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
     from workbench.analysis.modes.request import modes
     from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
-    from workbench.analysis.motions.compare import compare_motions
     from workbench.analysis.motions.measures import Measure
+    from workbench.analysis.motions.request import compare_motions
     from workbench.analysis.motions.result import Motion, MotionComparison, MotionFailed, MotionHistory
     from workbench.analysis.nfr.certificate import Certificate
     from workbench.analysis.nfr.point import NfrPoint
@@ -326,8 +326,8 @@ _HOMES = {
     "workbench.analysis.lin.state_space": ("LinearModel",),
     "workbench.analysis.lin.step_check": ("StepCheck", "step_check"),
     "workbench.analysis.lin.sweep": ("LinGrid", "LinPoint"),
-    "workbench.analysis.motions.compare": ("compare_motions",),
     "workbench.analysis.motions.measures": ("Measure",),
+    "workbench.analysis.motions.request": ("compare_motions",),
     "workbench.analysis.motions.result": ("Motion", "MotionComparison", "MotionFailed", "MotionHistory"),
     "workbench.analysis.modes.request": ("modes",),
     "workbench.analysis.modes.result": ("Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"),

@@ -22,6 +22,7 @@ REQUESTS = {
     "feedback": "feedback.request:Feedback",
     "feed-forward": "feed_forward.request:FeedForward",
     "modes": "modes.request:Modes",
+    "compare": "motions.request:CompareMotions",
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from typing import (
     TYPE_CHECKING,
@@ -61,6 +62,7 @@ class Subject:
         words: help on the command line.
         argument: its name there and in studies; empty: the same.
         several: whether it is a list of such; the command line takes them one after the other.
+        opened: whether it is a model that the command line and studies open; of several, name → model.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Subject:
     words: str
     argument: str = ""
     several: bool = False
+    opened: bool = False
 
     @property
     def spelt(self) -> str:
@@ -94,6 +97,7 @@ class Request(Options, Generic[_Subject, _Record]):
 
     Attributes:
         command: name on the command line.
+        called: name of the function in Python; empty: that of the command.
         algorithm: where it is, "module:function".
         example: a command line that works.
         subject: what it is run on.
@@ -105,6 +109,7 @@ class Request(Options, Generic[_Subject, _Record]):
     """
 
     command: ClassVar[str]
+    called: ClassVar[str] = ""
     algorithm: ClassVar[str]
     example: ClassVar[str]
     subject: ClassVar[Subject]
@@ -146,6 +151,23 @@ class Request(Options, Generic[_Subject, _Record]):
         found = put_together(Loading, {**given, **dict.fromkeys(cls.withheld), **models})
         return found if found.tolerance is not None else recast(Loading, found, tolerance=cls.usual_tolerance)
 
+    @classmethod
+    @contextmanager
+    def opened(cls, given: Any, loading: Loading) -> Iterator[tuple[Any, tuple[str, ...]]]:  # noqa: ANN401
+        """Yield what the request is run on, models opened, and their notes.
+
+        Args:
+            given: what a command line or a study names: a text, or a list of such.
+            loading: how models are opened.
+        """
+        if not cls.subject.opened:
+            yield given, ()
+            return
+        names = given if cls.subject.several else [given]
+        with named("workbench.system.load:open_files")(names, loading) as models:
+            notes = tuple(dict.fromkeys(note for model in models.values() for note in model.notes))
+            yield (models if cls.subject.several else next(iter(models.values()))), notes
+
     def went_well(self, record: _Record) -> bool:
         """Return whether the record is what was asked for; a command line ends with 1 otherwise.
 
@@ -168,7 +190,7 @@ MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`
 class Analysis(Request["Model", _Record]):
     """An analysis of a model; the command line opens the model."""
 
-    subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", **_MODEL)
+    subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", opened=True, **_MODEL)
 
 
 def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]]:
@@ -181,7 +203,7 @@ def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared,
         request: class of what is asked for.
     """
     own = {declared.name: (declared, group) for declared, group in parts_of(request)}
-    if issubclass(request, Analysis):
+    if request.subject.opened:
         flags = {declared.flag for declared, _ in own.values()}
         models = [(d, group) for d, group in parts_of(Loading) if d.flag not in flags]
         own |= {_MODELS + d.name if d.name in own else d.name: (d, group) for d, group in models}
@@ -213,7 +235,7 @@ def function(
         request: class of what is asked for.
     """
     kind: Any = request
-    name = kind.command.replace("-", "_")
+    name = kind.called or kind.command.replace("-", "_")
     made = with_options(request, _run, name=name, first=kind.subject.first, returns=_record_of(kind))
     return with_origin(*kind.parts)(made)
 

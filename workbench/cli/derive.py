@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.analysis.request import Analysis, Request, asked_options, function
-from workbench.cli.options import Csv, Json, Plot, Report, open_model
+from workbench.analysis.request import Request, asked_options, function
+from workbench.cli.options import Csv, Json, Plot, Report
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, Options, asked_in_json, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
@@ -42,6 +42,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
     kind = EXTRAS.get(request.command, Written)
 
     def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
+        from workbench.cli.notes import note
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
@@ -50,7 +51,9 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         written.check(asked)
         if before is not None:
             asked = before(asked, given, out)
-        with _opened(request, given[request.subject.spelt], loading) as subject:
+        with request.opened(given[request.subject.spelt], loading) as (subject, notes):
+            for text in notes:
+                note(text)
             with _under_way() as work:
                 work.record = asked.run(subject, work.job)
             return _ended(subject, asked, work, out, written)
@@ -60,16 +63,6 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
     run.__signature__ = _signature(request, kind)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in _signature(request, kind).parameters.values()}
     return run
-
-
-@contextmanager
-def _opened(request: type[Request[Any, Any]], named: Any, loading: Loading) -> Iterator[Any]:  # noqa: ANN401
-    """Yield what the request is run on: a model is opened, anything else is what was typed."""
-    if not issubclass(request, Analysis):
-        yield named
-        return
-    with open_model(named, loading) as model:
-        yield model
 
 
 @dataclass

@@ -21,7 +21,6 @@ from workbench.errors import one_line
 __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {
-    "compare": "cli.compare_motions:compare",
     "run": "cli.run:run",
     "reproduce": "cli.reproduce:reproduce",
     "build": "cli.build:build",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILE",
+    "TEXTS",
     "VARIED",
     "Band",
     "Configurations",
@@ -314,6 +315,17 @@ _CONFIGURATIONS = Form(
     read=lambda texts: tuple(_SETTINGS.read(split_names(text)) for text in texts),
     write=lambda value: [",".join(_SETTINGS.write(one)) for one in value],
     take=lambda value: tuple(_SETTINGS.take(one) for one in ([value] if isinstance(value, Mapping) else value or ())),
+    repeated=True,
+)
+
+# Texts as they are, commas and all; what Python takes in their place may be something else, or have names.
+TEXTS = Form(
+    metavar="TEXT",
+    read=tuple,
+    write=lambda value: [str(item) for item in (value.values() if isinstance(value, Mapping) else value)],
+    take=lambda value: (
+        (value,) if isinstance(value, str | Path) else value if isinstance(value, Mapping) else tuple(value)
+    ),
     repeated=True,
 )
 

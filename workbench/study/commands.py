@@ -19,16 +19,11 @@ __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"
 
 # Commands that are no requests: the program runs them. Name → what they work on and their options.
 _PROGRAMS = {
-    "compare": (
-        "systems",
-        ("signal", "window", "input", "label", "at", "unit", "stop", "interval", "interface", "solver", "tolerance",
-         "start", "set", "in-process", "timeout", "memory-limit", "csv", "plot", "report"),
-    ),
     "reproduce": ("what", ("list", "pictures", "jobs", "in-process", "csv", "report")),
     "build": ("sources", ("out", "model", "fmi", "report")),
 }  # fmt: skip
 COMMANDS = (*REQUESTS, *_PROGRAMS)
-_SEVERAL = ("systems", "what", "sources")
+_SEVERAL = ("what", "sources")
 _MODEL = "model"
 _ON_MODELS = (_MODEL, "systems")
 _UNWRITTEN = {"csv": "csv_path"}

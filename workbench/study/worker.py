@@ -9,13 +9,12 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from workbench import __version__
-from workbench.analysis.request import Analysis, function
+from workbench.analysis.request import function
 from workbench.core.job import Job as RequestJob
 from workbench.core.named import named
 from workbench.core.option import asked_in_json, values_of
@@ -30,7 +29,6 @@ from workbench.session.base import Session
 from workbench.signals import Signal
 from workbench.study.commands import Command, command
 from workbench.study.outcome import Outcome
-from workbench.system.load import open_file
 
 __all__ = ["Job", "NoRecipe", "perform"]
 
@@ -89,16 +87,12 @@ def _by_request(known: Command, job: Job) -> Outcome:
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()
-    with ExitStack() as stack:
-        subject: Any = job.subject or job.options[known.subject]
-        if known.several:
-            subject = [subject] if isinstance(subject, str) else list(subject)
-        elif job.subject:
-            subject = job.subject[0]
-        model_notes: tuple[str, ...] = ()
-        if isinstance(asked, Analysis):
-            subject = stack.enter_context(open_file(subject, loading))
-            model_notes = tuple(subject.notes)
+    given: Any = job.subject or job.options[known.subject]
+    if known.several:
+        given = [given] if isinstance(given, str) else list(given)
+    elif job.subject:
+        given = job.subject[0]
+    with asked.opened(given, loading) as (subject, model_notes):
         record = asked.run(subject, work)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)

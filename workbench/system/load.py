@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from workbench.core.loading import Loading
@@ -11,7 +13,7 @@ from workbench.model.described import DescribedModel
 from workbench.model.load import load_fmu
 from workbench.system.read import is_system_file, read_system
 
-__all__ = ["load", "open_file"]
+__all__ = ["load", "open_file", "open_files"]
 
 
 def open_file(path: str | Path, asked: Loading) -> DescribedModel:
@@ -28,6 +30,22 @@ def open_file(path: str | Path, asked: Loading) -> DescribedModel:
     if asked.hold_inputs:
         raise InputError(f"{path}: hold_inputs is for one co-simulation FMU, not for a system")
     return open_description(read_system(path), asked)
+
+
+@contextmanager
+def open_files(paths: Sequence[str | Path], asked: Loading) -> Iterator[dict[str, DescribedModel]]:
+    """Open FMUs and systems; name of the file, numbered where it stands twice → model.
+
+    Args:
+        paths: of each.
+        asked: how, all of them.
+    """
+    names = [Path(str(path).removeprefix("fmu:").removeprefix("system:")).stem for path in paths]
+    with ExitStack() as stack:
+        yield {
+            f"{name} ({k})" if names.count(name) > 1 else name: stack.enter_context(open_file(path, asked))
+            for k, (name, path) in enumerate(zip(names, paths, strict=True), 1)
+        }
 
 
 _FILE = (

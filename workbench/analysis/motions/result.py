@@ -74,7 +74,7 @@ class MotionComparison(Record):
         units: signal → unit, None where the model declares none.
         shown: signal → unit in which it is shown as well.
         motions: by system, signal and window; a window that a failed run did not reach is missing.
-        histories: the records.
+        histories: the records; not written to files, which they would make a hundred times as long.
         failed: runs that ended early.
         inputs: forced input → signal, in words.
         stop: end of the runs [s].
@@ -89,7 +89,7 @@ class MotionComparison(Record):
     units: Mapping[str, str | None]
     shown: Mapping[str, Shown]
     motions: tuple[Motion, ...] = field(metadata=entry(kept=False))
-    histories: tuple[MotionHistory, ...]
+    histories: tuple[MotionHistory, ...] = field(default=(), metadata=entry(kept=False))
     failed: tuple[MotionFailed, ...]
     inputs: Mapping[str, str]
     stop: float
