@@ -173,7 +173,7 @@ def all_parts() -> list[type[Part]]:
 
 
 NO_TABLE = {
-    "BalancedReduction", "BuildResult", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo", "NoDelays",
+    "BalancedReduction", "BuildResult", "BuiltModels", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo", "NoDelays",
     "SubspaceEstimate", "SystemInfo",
 }  # fmt: skip
 

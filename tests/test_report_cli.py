@@ -17,7 +17,7 @@ from workbench.build.fmu import BuildResult
 from workbench.cli.app import run
 from workbench.cli.program import Lazily
 from workbench.fmi.archive import locate
-from workbench.report.build import built_page
+from workbench.report.build import build_page
 from workbench.report.page import write_page
 
 LAG = hashlib.sha256(locate("fmu:FirstOrderLag").read_bytes()).hexdigest()
@@ -159,8 +159,8 @@ def test_a_wrong_path_is_one_line(name: str, path: str, message: str, capsys: py
 def test_what_was_built_is_listed_with_hashes(folder: Path) -> None:
     file = folder / "X.fmu"
     file.write_bytes(b"fmu")
-    results = [BuildResult("X", (file, folder / "gone.fmu"), ("x86_64-linux",), stiff=False, n_states=2)]
-    write_page(built_page(results), folder / "p.html")
+    result = BuildResult("X", (file, folder / "gone.fmu"), ("x86_64-linux",), stiff=False, n_states=2)
+    write_page(build_page(result), folder / "p.html")
     cells = [e.text for e in check_page_file(folder / "p.html").elements if e.tag == "td"]
     assert hashlib.sha256(b"fmu").hexdigest() in cells
     assert cells[-3:] == ["gone.fmu", "gone", "gone"]

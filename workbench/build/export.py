@@ -15,6 +15,7 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
+from workbench.core.files import file_to_write
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.toolchain import require
@@ -81,7 +82,7 @@ def export_linear(
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
         BuildError: the compiler is missing or failed, an unknown platform.
     """
-    target = _target(out)
+    target = file_to_write(out, ".fmu")
     if fmi not in FMI_VERSIONS:
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
     require("ziglang")
@@ -121,9 +122,7 @@ def check_linear_file(path: Path) -> None:
     """
     if path.suffix.lower() not in _FILES:
         raise InputError(f"'{path}' must end in one of {', '.join(_FILES)}")
-    if not path.parent.is_dir():
-        raise InputError(f"the folder '{path.parent}' does not exist")
-    if path.suffix.lower() == ".fmu":
+    if file_to_write(path).suffix.lower() == ".fmu":
         require("ziglang")
 
 
@@ -171,17 +170,6 @@ def _renamed(matrices: Matrices, scalar: ScalarModel) -> dict[str, str]:
     kind = "discrete" if matrices.dt > 0.0 else "state"
     names = [v.name for v in scalar.variables if v.kind == kind and not v.output]
     return {a: b for a, b in zip(matrices.state_names, names, strict=True) if a != b}
-
-
-def _target(out: str | Path) -> Path:
-    target = Path(out)
-    if target.suffix.lower() != ".fmu":
-        raise InputError(f"'{out}' must end in .fmu: it is the file to write")
-    if not target.parent.is_dir():
-        raise InputError(f"the folder '{target.parent}' does not exist")
-    if target.is_dir():
-        raise InputError(f"'{out}' is a folder; name a file")
-    return target
 
 
 def _identifier(name: str | None, target: Path) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files as package_files
 from pathlib import Path
+from typing import Any
 
 import fmpy
 
@@ -25,6 +26,7 @@ from workbench.build.pack import pack
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
+from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
 from workbench.origin import with_origin
@@ -53,7 +55,34 @@ class BuildResult(Record):
     stiff: bool
     n_states: int = field(metadata=entry(key="states"))
 
+    _WHAT, _COMMAND = "a model that was built", "build"
+
+
+@dataclass(frozen=True)
+class BuiltModels(Record):
+    """Models that were built in one call.
+
+    Attributes:
+        models: one of each.
+    """
+
+    models: tuple[BuildResult, ...]
+
     _WHAT, _COMMAND = "a result of build", "build"
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The FMUs written."""
+        return tuple(file for model in self.models for file in model.files)
+
+    @property
+    def platforms(self) -> tuple[str, ...]:
+        """FMI 3 platform tuples of the binaries inside."""
+        return self.models[0].platforms
+
+    def derived(self) -> Mapping[str, Any]:
+        names = ", ".join(model.model for model in self.models)
+        return {"model": names, "interface": None, "solver": None, "files": self.files, "platforms": self.platforms}
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +134,8 @@ def build_all(
     out: Path,
     fmi: Sequence[int] = FMI_VERSIONS,
     platforms: Sequence[str] | None = None,
+    stiff: bool | None = None,
+    job: Job | None = None,
 ) -> list[BuildResult]:
     """Build every model in `sources` into ``out/fmi2/NAME.fmu`` and ``out/fmi3/NAME.fmu``.
 
@@ -113,14 +144,19 @@ def build_all(
         out: Folder for the FMUs.
         fmi: FMI versions to build.
         platforms: FMI 3 platform tuples to build for; default: all five.
+        stiff: As for :func:`build_fmu`.
+        job: Is told which models are built.
 
     Raises:
         BuildError: As :func:`build_fmu`.
     """
-    results = []
-    for name, file in sorted(_find(sources).items()):
+    results = list[BuildResult]()
+    found, job = sorted(_find(sources).items()), job or Job()
+    for name, file in found:
         targets = {version: out / f"fmi{version}" / f"{name.replace('.', '_')}.fmu" for version in fmi}
-        results.append(_build(file, name, targets, platforms, stiff=None))
+        results.append(_build(file, name, targets, platforms, stiff=stiff))
+        job.partial = lambda: BuiltModels(tuple(results))
+        job.done(name, len(results), len(found))
     return results
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench import __version__
 from workbench.cli.asked import command_line, was_given
 from workbench.cli.notes import note, said
+from workbench.core.files import file_to_write
 from workbench.core.record import plain
 from workbench.errors import InputError
 from workbench.origin import Origin, origin_of
@@ -64,7 +65,7 @@ class Output:
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
         for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot), ("--report", report)):
             if path is not None and path != "-":
-                _check_writable(option, Path(path))
+                file_to_write(path, option=option)
         check_kind("--json", json_path, _JSON)
         check_kind("--csv", csv_path, _CSV)
         if plot is not None and plot.suffix.lower() not in _PICTURES:
@@ -218,10 +219,3 @@ def check_kind(option: str, path: str | None, suffix: str) -> None:
     found = Path(path or "").suffix.lower()
     if found in _FOREIGN and found != suffix:
         raise InputError(f"{option}: '{path}' must end in {suffix}")
-
-
-def _check_writable(option: str, path: Path) -> None:
-    if path.is_dir():
-        raise InputError(f"{option}: '{path}' is a folder; name a file in it")
-    if not path.parent.is_dir():
-        raise InputError(f"{option}: the folder '{path.parent}' does not exist")

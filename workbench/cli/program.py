@@ -23,7 +23,6 @@ __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 _FUNCTIONS = {
     "run": "cli.run:run",
     "reproduce": "cli.reproduce:reproduce",
-    "build": "cli.build:build",
 }
 # In the order of a working day: requests, and functions that typer calls.
 COMMANDS = (

@@ -94,12 +94,11 @@ def _print_example(name: str) -> int:
 
 def _check_junit(path: Path | None) -> None:
     from workbench.cli.output import check_kind
+    from workbench.core.files import file_to_write
 
     check_kind("--junit", str(path or ""), ".xml")
-    if path is not None and path.is_dir():
-        raise InputError(f"--junit: '{path}' is a folder; name a file in it")
-    if path is not None and not path.parent.is_dir():
-        raise InputError(f"--junit: the folder '{path.parent}' does not exist")
+    if path is not None:
+        file_to_write(path, option="--junit")
 
 
 def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> StudyResult:

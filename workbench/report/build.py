@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from workbench.build.export import ExportResult
-from workbench.build.fmu import BuildResult
+from workbench.build.fmu import BuildResult, BuiltModels
 from workbench.errors import WorkbenchError
 from workbench.origin.models import hash_of
 from workbench.report.page import Page, Section, Table
@@ -17,22 +18,21 @@ __all__ = ["build_page", "built_page", "container_page", "export_page"]
 
 def build_page(result: BuildResult) -> Page:
     """Return the page of a model that was built."""
-    return built_page([result])
+    return built_page(BuiltModels((result,)))
 
 
-def built_page(results: list[BuildResult]) -> Page:
+def built_page(result: BuiltModels) -> Page:
     """Return the page of models that were built in one call."""
-    files = [file for result in results for file in result.files]
     rows = [
         (r.model, str(r.n_states), "implicit" if r.stiff else "explicit", ", ".join(f.name for f in r.files))
-        for r in results
+        for r in result.models
     ]
     headings = ("model", "states", "co-simulation integrates", "files")
     return Page(
-        title=f"FMUs of {', '.join(r.model for r in results)}",
-        lead=f"{counted(len(files), 'FMU')} for {', '.join(results[0].platforms)}.",
+        title=f"FMUs of {', '.join(r.model for r in result.models)}",
+        lead=f"{counted(len(result.files), 'FMU')} for {', '.join(result.platforms)}.",
         facts={},
-        sections=[Section("Models", tables=[Table(headings, rows)]), _files(files)],
+        sections=[Section("Models", tables=[Table(headings, rows)]), _files(result.files)],
         kind="build",
     )
 
@@ -72,7 +72,7 @@ def container_page(result: ContainerResult) -> Page:
     )
 
 
-def _files(files: list[Path]) -> Section:
+def _files(files: Sequence[Path]) -> Section:
     rows = [(file.name, _size(file), _hash(file)) for file in files]
     return Section("Files", tables=[Table(("file", "size [KiB]", "SHA-256"), rows, right=(1,))])
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from workbench.analysis.identify.request import Identify
     from workbench.analysis.identify.result import IdentifyResult
     from workbench.build.export import ExportResult
+    from workbench.build.fmu import BuiltModels
     from workbench.system.container import ContainerResult
 
 __all__ = ["EXTRAS", "Written"]
@@ -144,6 +145,12 @@ class _Identify(Written):
             yield self.bode
 
 
+class _Build(Written):
+    def write(self, record: BuiltModels) -> Iterator[str | Path]:
+        """Yield the FMUs, which are there already."""
+        yield from record.files
+
+
 class _Export(Written):
     def write(self, record: ExportResult | ContainerResult) -> Iterator[str | Path]:
         """Yield the FMU, which is there already."""
@@ -157,5 +164,6 @@ EXTRAS: dict[str, type[Written]] = {
     "feedback": _Feedback,
     "feed-forward": _FeedForward,
     "identify": _Identify,
+    "build": _Build,
     "export": _Export,
 }

@@ -65,6 +65,7 @@ PAGES: dict[str, str] = {
     "workbench.analysis.validate.result.Validation": "workbench.report.identify:validation_page",
     "workbench.build.export.ExportResult": "workbench.report.build:export_page",
     "workbench.build.fmu.BuildResult": "workbench.report.build:build_page",
+    "workbench.build.fmu.BuiltModels": "workbench.report.build:built_page",
     "workbench.system.container.ContainerResult": "workbench.report.build:container_page",
 }
 

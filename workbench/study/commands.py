@@ -20,10 +20,9 @@ __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"
 # Commands that are no requests: the program runs them. Name → what they work on and their options.
 _PROGRAMS = {
     "reproduce": ("what", ("list", "pictures", "jobs", "in-process", "csv", "report")),
-    "build": ("sources", ("out", "model", "fmi", "report")),
 }  # fmt: skip
 COMMANDS = (*REQUESTS, *_PROGRAMS)
-_SEVERAL = ("what", "sources")
+_SEVERAL = ("what",)
 _MODEL = "model"
 _ON_MODELS = (_MODEL, "systems")
 _UNWRITTEN = {"csv": "csv_path"}

@@ -15,6 +15,7 @@ from typing import Any
 
 from workbench import __version__
 from workbench.analysis.request import function
+from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
 from workbench.core.named import named
 from workbench.core.option import asked_in_json, values_of
@@ -112,8 +113,8 @@ def _by_request(known: Command, job: Job) -> Outcome:
 
 def _check_writable(written: Written) -> None:
     for name, path in values_of(written).items():
-        if isinstance(path, str | Path) and name not in written.plotted and not Path(path).parent.is_dir():
-            raise InputError(f"{name}: the folder '{Path(path).parent}' does not exist")
+        if isinstance(path, str | Path) and name not in written.plotted:
+            file_to_write(path, option=name)
 
 
 def _write(record: Any, written: Written, job: Job) -> list[str]:  # noqa: ANN401 - of any class

@@ -16,6 +16,7 @@ from typing import Any
 
 from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, ModelVariable, Unknown
 
+from workbench.core.files import file_to_write
 from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
@@ -110,7 +111,7 @@ def export_container(
         ...     print(model.interface)
         cs
     """
-    target = _target(path)
+    target = file_to_write(path, ".fmu")
     if not 0.0 < step < math.inf:
         raise InputError(f"step: {step:g} is not a positive number [s]")
     if fmi not in FMI_VERSIONS:
@@ -127,17 +128,6 @@ def export_container(
     plan = _Plan(description, tuple(parts), tuple(wires), tuple(shown), step, fmi)
     _write(plan, target)
     return _result(plan, resolved, target, notes)
-
-
-def _target(path: str | Path) -> Path:
-    target = Path(path)
-    if target.suffix.lower() != ".fmu":
-        raise InputError(f"'{path}' must end in .fmu: it is the file to write")
-    if not target.parent.is_dir():
-        raise InputError(f"the folder '{target.parent}' does not exist")
-    if target.is_dir():
-        raise InputError(f"'{path}' is a folder; name a file")
-    return target
 
 
 def _check_fmpy() -> None:

@@ -1,9 +1,10 @@
-"""Linear models and systems as FMUs: what can be asked."""
+"""What becomes an FMU: what can be asked."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.analysis.request import Request, Subject, function
@@ -12,9 +13,50 @@ from workbench.core.option import option
 
 if TYPE_CHECKING:
     from workbench.build.export import ExportResult  # noqa: F401 - the records' types, below
+    from workbench.build.fmu import BuiltModels  # noqa: F401
     from workbench.system.container import ContainerResult  # noqa: F401
 
-__all__ = ["Export", "export"]
+__all__ = ["Build", "Export", "export"]
+
+
+class Build(Request[Sequence[str | Path], "BuiltModels"]):
+    """Turn a Modelica model into an FMU for five platforms (model exchange and co-simulation), or a folder of them.
+
+    Raises:
+        InputError: a folder that does not exist, or is given where one model is.
+        BuildError: a file is missing, the model is outside the supported subset, or the compiler failed.
+    """
+
+    command = "build"
+    algorithm = "workbench.to_fmu.run:run_build"
+    example = "workbench build Rudder.mo --out Rudder.fmu --fmi 3"
+    subject = Subject(
+        name="sources",
+        type="Sequence[str | Path]",
+        help="Modelica files, or folders of them.",
+        metavar="MODEL.mo..",
+        words="Modelica files, or folders of them.",
+        several=True,
+    )
+    counts = "models"
+    unwritten = ("csv_path", "plot")
+
+    out: File = option(
+        "FMU to write, or a folder: then every model is built into FOLDER/fmi2/ and FOLDER/fmi3/.",
+        metavar="X.fmu|FOLDER",
+    )
+    _: KW_ONLY
+    model: str | None = option("Model to build, if the sources contain several.", metavar="NAME", default=None)
+    fmi: int | None = option("FMI version; 2 for one FMU, both for a folder.", metavar="2|3", default=None)
+    platforms: Sequence[str] | None = option(
+        "FMI 3 platform tuples to build for; by default all five.", default=None, python=True
+    )
+    stiff: bool | None = option(
+        "Integrator of co-simulation: implicit where True, explicit where False; by default chosen from the "
+        "eigenvalues at the start values.",
+        default=None,
+        python=True,
+    )
 
 
 class Export(Request[object, "ExportResult | ContainerResult"]):

@@ -1,21 +1,26 @@
-"""Linear models and systems as FMUs: what is done."""
+"""What becomes an FMU: what is done."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 from workbench.build.export import ExportResult, export_linear
+from workbench.build.fmu import FMI_VERSIONS, BuiltModels, build_all, build_fmu
 from workbench.core.job import Job
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
+from workbench.origin import Origin, remember
+from workbench.origin.call import files_of
 from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import SystemDescription
 from workbench.system.read import is_system_file
 from workbench.system.recipe import SystemRecipe
-from workbench.to_fmu.request import Export
+from workbench.to_fmu.request import Build, Export
+from workbench.toolchain import require
 
-__all__ = ["run_export"]
+__all__ = ["run_build", "run_export"]
 
 
 def run_export(model: object, asked: Export, _job: Job) -> ExportResult | ContainerResult:
@@ -40,6 +45,27 @@ def run_export(model: object, asked: Export, _job: Job) -> ExportResult | Contai
     if asked.platforms is not None or asked.stiff is not None:
         raise InputError("platforms and stiff are for linear models; a container has the binaries of its parts")
     return export_container(model, asked.out, step=asked.step, fmi=asked.fmi, name=asked.name)
+
+
+def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltModels:
+    """Build Modelica models; see `Build`."""
+    out, paths = Path(asked.out), [Path(source) for source in sources]
+    folder = out.suffix != ".fmu"
+    if folder and asked.model is not None:
+        example = out / f"{asked.model}.fmu"
+        raise InputError(f"model: {out} is a folder, for all models; name the FMU to write, e.g. {example}")
+    if not out.parent.is_dir():
+        raise InputError(f"out: the folder '{out.parent}' does not exist")
+    require("rumoca", "ziglang")
+    how: dict[str, Any] = {"out": out, "platforms": asked.platforms, "stiff": asked.stiff}
+    if folder:
+        models = build_all(paths, fmi=FMI_VERSIONS if asked.fmi is None else (asked.fmi,), job=job, **how)
+    else:
+        models = [build_fmu(paths, model=asked.model, fmi=asked.fmi or 2, **how)]
+    read = (file for path in paths for file in (path.rglob("*.mo") if path.is_dir() else [path]))
+    built = BuiltModels(tuple(models))
+    remember(built, Origin(files=files_of(sorted(read))))
+    return built
 
 
 def _is_system(model: object) -> TypeGuard[DescribedModel | SystemDescription | str | Path]:
