@@ -14,7 +14,7 @@ from workbench.analysis.feed_forward.plant import linear_plant
 from workbench.analysis.feed_forward.remaining import Remaining, remaining, with_filter
 from workbench.analysis.feed_forward.trial import Run, run_trial
 from workbench.analysis.feed_forward.wiring import Loops
-from workbench.analysis.limit_cycle.cut import find_ports
+from workbench.analysis.opened import find_ports
 from workbench.core.linear import LinearPart
 
 Numbers = list[float]

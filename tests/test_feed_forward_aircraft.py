@@ -11,7 +11,7 @@ import pytest
 
 import workbench as wb
 from workbench.analysis.feed_forward.wiring import Loops
-from workbench.analysis.limit_cycle.cut import find_ports
+from workbench.analysis.opened import find_ports
 from workbench.analysis.reduction.cancel import pair_distances
 from workbench.analysis.reduction.factored import factored
 from workbench.cli.app import run

@@ -86,6 +86,27 @@ class SystemRecipe(LoadRecipe):
         # The folder of an .ssp belongs to the model that was loaded first.
         return replace(self, parts=found)
 
+    def changed(self, system: SystemDescription) -> Self:
+        """Return the recipe of a changed system, at its own start; what was told of components still in it stays.
+
+        Args:
+            system: made from this one; its components that are others now have other start values.
+        """
+        same, own = self.still_in(system), self.system.inputs
+        inputs = {n for n, ends in system.inputs.items() if n in own and set(ends) & set(own[n])}
+        starts = {n: v for n, v in self.start_values.items() if n in inputs or any(n.startswith(f"{c}.") for c in same)}
+        bias = {n: b for n, b in self.bias.items() if n in system.inputs}
+        parts = {n: p for n, p in self.parts.items() if n in same}
+        return replace(self, system=system, start_values=starts, bias=bias, parts=parts, at=None)
+
+    def still_in(self, system: SystemDescription) -> set[str]:
+        """Return the names of the components that a changed system has left as they are.
+
+        Args:
+            system: made from this one.
+        """
+        return {c.name for c in system.components if any(c is own for own in self.system.components)}
+
     def identity(self) -> dict[str, Any]:
         """Return what tells this system from others.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.feed_forward.wiring import COMMAND, OPENED, Loops, opened, reopen
-from workbench.analysis.lin.request import lin
+from workbench.analysis.opened import linear_between
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -52,16 +52,15 @@ def linear_plant(model: DescribedModel, loops: Loops, *, at: OperatingPoint | No
     held = {} if at is None else {**at.x, **at.u}
     with model.open_at(time=time, values=held) as session:
         w = session.values([loops.ports.w])[loops.ports.w]
-    with reopen(model, opened(model, loops), without=loops.ports.component) as rest:
-        states, inputs = {v.name for v in rest.states}, {v.name for v in rest.inputs}
-        found = lin(
+    with reopen(model, opened(model, loops)) as rest:
+        found = linear_between(
             rest,
-            x0={n: x for n, x in (at.x if at is not None else {}).items() if n in states},
-            u0={**{n: u for n, u in (at.u if at is not None else {}).items() if n in inputs}, OPENED: w},
-            inputs=[OPENED, COMMAND],
-            outputs=["seen", *(["fed_back"] if loops.source else [])],
+            {OPENED: w, COMMAND: None},
+            ["seen", *(["fed_back"] if loops.source else [])],
+            x={} if at is None else at.x,
+            u={} if at is None else at.u,
             time=time,
-        ).result
+        )
     if found.dt > 0.0:
         raise InputError(f"{model.name}: the linear part is sampled ({found.dt:g} s), but must be continuous")
     whole = found.with_feedback(loops.gain, input=1, output=1) if loops.source and loops.gain else found

@@ -17,7 +17,7 @@ from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
 from workbench.analysis.feed_forward.wiring import Loops, ends_of_actuator, variable_of
-from workbench.analysis.limit_cycle.cut import find_ports
+from workbench.analysis.opened import find_ports
 from workbench.analysis.reduction.band_error import dense_grid
 from workbench.analysis.reduction.factored import right_of_axis
 from workbench.core.blas import one_thread

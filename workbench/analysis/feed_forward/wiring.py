@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.limit_cycle.cut import Ports
+from workbench.analysis.opened import Ports, recipe_of, system_of, without_block
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
@@ -22,12 +22,11 @@ from workbench.system.description import (
     SumComponent,
     SystemDescription,
 )
-from workbench.system.model import SystemModel
-from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Loops", "closed", "ends_of_actuator", "opened", "reopen", "system_of", "variable_of"]
+__all__ = ["Loops", "closed", "ends_of_actuator", "opened", "reopen", "variable_of"]
 
 OPENED, COMMAND = "opened", "commanded"
+_NEEDS = "feed-forward needs"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,17 +48,6 @@ class Loops:
     gain: float = 0.0
     actuator: str | None = None
     closes_at: float | None = None
-
-
-def system_of(model: DescribedModel) -> SystemDescription:
-    """Return the description of a system.
-
-    Raises:
-        InputError: no system.
-    """
-    if not isinstance(model, SystemModel):
-        raise InputError(f"{model.name}: this is not a system; feed-forward needs a system file or workbench.connect")
-    return model.system
 
 
 def variable_of(model: DescribedModel, name: str, what: str) -> Variable:
@@ -90,23 +78,10 @@ def opened(model: DescribedModel, loops: Loops) -> SystemDescription:
     Raises:
         InputError: the target is driven already.
     """
-    system, ports = _freed(system_of(model), loops.target), loops.ports
-    units = {v.name: v.unit for v in model.description.variables}
-    declared = {ports.input: units.get(ports.v), ports.output: units.get(ports.w), OPENED: units.get(ports.w)}
-    stand_in = LinearComponent(
-        name=ports.component, A=np.zeros((0, 0)), B=np.zeros((0, 2)), C=np.zeros((1, 0)), D=np.array([[0.0, 1.0]]),
-        dt=0.0, input_names=(ports.input, OPENED), output_names=(ports.output,), state_names=(), x0=np.zeros(0),
-        units={name: unit for name, unit in declared.items() if unit},
-    )  # fmt: skip
-    head = f"{ports.component}."
-    inputs = {n: left for n, ends in system.inputs.items() if (left := _without(ends, head))}
-    outputs = {"seen": ports.v, **({"fed_back": loops.source} if loops.source else {})}
-    return replace(
-        system,
-        components=tuple(stand_in if c.name == ports.component else c for c in system.components),
-        inputs={**inputs, OPENED: (head + OPENED,), COMMAND: (loops.target,)},
-        outputs=outputs,
-    )
+    system = _freed(system_of(model, _NEEDS), loops.target)
+    outputs = {"seen": loops.ports.v, **({"fed_back": loops.source} if loops.source else {})}
+    found = without_block(model, system, loops.ports, OPENED, outputs)
+    return replace(found, inputs={**found.inputs, COMMAND: (loops.target,)})
 
 
 def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> SystemDescription:
@@ -122,7 +97,7 @@ def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> Syst
     Raises:
         InputError: the target is driven already, a name is taken, the actuator has not one input and one output.
     """
-    system = _freed(system_of(model), loops.target)
+    system = _freed(system_of(model, _NEEDS), loops.target)
     units = {v.name: v.unit for v in model.description.variables}
     unit, ends = units.get(loops.target), _Ends(loops.closes_at)
     made: list[Component] = []
@@ -143,32 +118,25 @@ def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> Syst
     return replace(system, components=(*system.components, *made), connections=(*system.connections, *ends.all))
 
 
-def reopen(model: DescribedModel, system: SystemDescription, *, without: str | None = None) -> DescribedModel:
+def reopen(model: DescribedModel, system: SystemDescription) -> DescribedModel:
     """Open a changed system as the model was opened; the caller closes it.
 
     Args:
         model: as it is.
         system: as it shall be.
-        without: component whose start values are left out, because it is another one now.
     """
-    recipe = model.recipe
-    if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"{model.name}: this is not a system")
-    starts = {n: v for n, v in recipe.start_values.items() if without is None or not n.startswith(f"{without}.")}
-    bias = {n: b for n, b in recipe.bias.items() if n in system.inputs}
-    at = None if recipe.at is None else _kept(recipe.at, system, without)
-    return replace(recipe, system=system, start_values=starts, bias=bias, parts={}, at=at).open()
+    recipe = recipe_of(model)
+    at = None if recipe.at is None else _kept(recipe.at, recipe.still_in(system), system.inputs)
+    return replace(recipe.changed(system), at=at).open()
 
 
-def _kept(point: OperatingPoint, system: SystemDescription, without: str | None) -> OperatingPoint:
+def _kept(point: OperatingPoint, components: Collection[str], inputs: Collection[str]) -> OperatingPoint:
     """Return what of an operating point a changed system has, at time 0, where its runs begin."""
-    kept = {c.name for c in system.components} - {without}
     x, discrete = (
-        {name: value for name, value in values.items() if name.partition(".")[0] in kept}
+        {name: value for name, value in values.items() if name.partition(".")[0] in components}
         for values in (point.x, point.discrete)
     )
-    inputs = {name: value for name, value in point.u.items() if name in system.inputs}
-    return OperatingPoint(x=x, u=inputs, discrete=discrete)
+    return OperatingPoint(x=x, u={n: u for n, u in point.u.items() if n in inputs}, discrete=discrete)
 
 
 class _Ends:

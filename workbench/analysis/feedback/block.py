@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
-
-import numpy as np
 
 from workbench.analysis.describing.base import Block, Complex
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import FeedbackPath
 from workbench.analysis.feedback.standing import Standing, linear
-from workbench.analysis.limit_cycle.cut import Ports, SplitLoop, cut, find_ports
+from workbench.analysis.limit_cycle.cut import SplitLoop, cut
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.analysis.opened import find_ports, without_block
 from workbench.core.linear import LinearPart
 from workbench.core.record import Part
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.system.description import (
-    Component,
-    FmuComponent,
-    FunctionComponent,
-    LinearComponent,
-    SystemDescription,
-)
+from workbench.system.description import Component, FmuComponent, FunctionComponent
 from workbench.system.model import SystemModel
 
 __all__ = ["CyclesLeft", "TwoPorts", "cut_at", "find_block"]
@@ -226,7 +218,7 @@ def cut_at(
     loop = cut(place.model, component, at=where.point, time=time, keep=keep)
     with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:
         resting = session.values([ports.w])[ports.w]
-    opened = _without_block(place.model, place.system, ports)
+    opened = without_block(place.model, place.system, ports, _INJECTED, {_RETURNED: ports.v})
     found = linear(
         place,
         where,
@@ -236,33 +228,3 @@ def cut_at(
         more=({_INJECTED: resting}, (_RETURNED,)),
     )
     return TwoPorts(found, loop)
-
-
-def _without_block(model: DescribedModel, system: SystemDescription, ports: Ports) -> SystemDescription:
-    """Return the system with the block replaced by one whose output is a new input of the system."""
-    units = {v.name: v.unit for v in model.description.variables}
-    declared: Mapping[str, str | None] = {ports.input: units.get(ports.v), ports.output: units.get(ports.w)}
-    none: Floats = np.zeros(0)
-    stand_in = LinearComponent(
-        name=ports.component,
-        A=np.zeros((0, 0)),
-        B=np.zeros((0, 2)),
-        C=np.zeros((1, 0)),
-        D=np.array([[0.0, 1.0]]),
-        dt=0.0,
-        input_names=(ports.input, "injected"),
-        output_names=(ports.output,),
-        state_names=(),
-        x0=none,
-        units={name: unit for name, unit in declared.items() if unit},
-    )
-    head = f"{ports.component}."
-    others = {n: tuple(e for e in ends if not e.startswith(head)) for n, ends in system.inputs.items()}
-    inputs = {n: ends for n, ends in others.items() if ends}
-    outputs = {n: v for n, v in system.outputs.items() if not v.startswith(head)}
-    return replace(
-        system,
-        components=tuple(stand_in if c.name == ports.component else c for c in system.components),
-        inputs={**inputs, _INJECTED: (f"{head}injected",)},
-        outputs={**outputs, _RETURNED: ports.v},
-    )

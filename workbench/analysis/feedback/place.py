@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -132,13 +132,8 @@ class FeedbackPath:
             system: a changed one; None: as it is.
             tolerance: of the integration, in place of the model's.
         """
-        changed = system or self.system
-        kept = {c.name for c in changed.components}
-        starts = {n: v for n, v in self.recipe.start_values.items() if _owner(n, kept)}
-        bias = {n: b for n, b in self.inputs(self.recipe.bias).items() if n in changed.inputs}
-        parts = {n: p for n, p in self.recipe.parts.items() if n in kept}
-        fresh = replace(self.recipe, system=changed, start_values=starts, bias=bias, parts=parts, at=None)
-        return (fresh if tolerance is None else replace(fresh, tolerance=tolerance)).open()
+        recipe = replace(self.recipe, bias=self.inputs(self.recipe.bias)).changed(system or self.system)
+        return (recipe if tolerance is None else replace(recipe, tolerance=tolerance)).open()
 
     def driven(self, system: SystemDescription | None = None, *, actuator: Actuator | None = None) -> SystemDescription:
         """Return the system with the target also driven by an input `DRIVE`, and the source shown as `SEEN`.
@@ -216,10 +211,6 @@ class FeedbackPath:
             Connection(source=f"{name}.y", destination=self.target),
         ]
         return replace(base, components=(*base.components, both), connections=tuple(ways), inputs=inputs)
-
-
-def _owner(name: str, components: Collection[str]) -> bool:
-    return any(name.startswith(f"{c}.") for c in components)
 
 
 def free_name(wanted: str, components: Iterable[Component]) -> str:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.place import DRIVE, SEEN, FeedbackPath
-from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
+from workbench.analysis.opened import linear_between
 from workbench.analysis.rest import rest_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.model.described import DescribedModel
@@ -95,19 +95,13 @@ def linear(
         FmuError, SimulationError: a part cannot be opened or evaluated.
     """
     with place.opened(place.driven(system, actuator=actuator)) as opened:
-        states = {v.name for v in opened.states}
-        inputs = {v.name for v in opened.inputs}
-        full = {place.full(n): v for n, v in where.point.x.items()}
-        return lin(
+        values = {**where.point.x, **where.point.discrete}
+        return linear_between(
             opened,
-            x0={**{n: x for n, x in full.items() if n in states}, **_discrete(place, where)},
-            u0={**{n: u for n, u in place.inputs(where.point.u).items() if n in inputs}, **more[0], DRIVE: 0.0},
-            inputs=[*more[0], DRIVE],
-            outputs=[*more[1], SEEN],
+            {**more[0], DRIVE: 0.0},
+            [*more[1], SEEN],
+            x={place.full(n): v for n, v in values.items()},
+            u=place.inputs(where.point.u),
             time=time,
             method=method,
-        ).result
-
-
-def _discrete(place: FeedbackPath, where: Standing) -> dict[str, float]:
-    return {place.full(n): v for n, v in where.point.discrete.items()}
+        )

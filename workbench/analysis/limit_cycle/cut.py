@@ -11,14 +11,12 @@ import numpy as np
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.describing.static import StaticBlock, pointwise
 from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
-from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
+from workbench.analysis.opened import Ports, find_ports, linear_between, recipe_of, without_block
 from workbench.analysis.rest import rest_of
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Value
-from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.session.point import Point
 from workbench.signals import Table
@@ -26,14 +24,11 @@ from workbench.system.description import (
     Component,
     Connection,
     FunctionComponent,
-    LinearComponent,
     SumComponent,
     SystemDescription,
 )
-from workbench.system.model import SystemModel
-from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Ports", "SplitLoop", "cut", "driven_block", "find_ports", "only_block", "reblock", "recut"]
+__all__ = ["SplitLoop", "cut", "driven_block", "only_block", "reblock", "recut"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -42,31 +37,6 @@ _SAME = 1e-6  # of the largest output: the outputs on the way up and down are th
 _ROUNDS = 8  # linearisations on the way to the middle of a loop
 _BEYOND = 1e3  # times the largest input: past every threshold of a hysteresis
 _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not crowd
-
-
-@dataclass(frozen=True)
-class Ports:
-    """Where the loop is cut.
-
-    Attributes:
-        component: name of the block's component.
-        input: its input in the loop, without the component's name.
-        output: its output in the loop.
-    """
-
-    component: str
-    input: str
-    output: str
-
-    @property
-    def v(self) -> str:
-        """Full name of the block's input in the system."""
-        return f"{self.component}.{self.input}"
-
-    @property
-    def w(self) -> str:
-        """Full name of the block's output in the system."""
-        return f"{self.component}.{self.output}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,36 +64,6 @@ class SplitLoop:
     centre: float
     output: float
     notes: tuple[str, ...]
-
-
-def find_ports(model: Model, component: str) -> Ports:
-    """Return the input and the output by which a component of a system is connected.
-
-    Args:
-        model: a system.
-        component: name of the block's component.
-
-    Raises:
-        InputError: no system, unknown component, or not exactly one input and one output connected.
-    """
-    system = _system(model)
-    names = [c.name for c in system.components]
-    if component not in names:
-        raise InputError(f"{model.name}: there is no component '{component}'; {suggest(component, names)}")
-    head = f"{component}."
-    inputs = {c.destination.removeprefix(head) for c in system.connections if c.destination.startswith(head)}
-    outputs = {c.source.removeprefix(head) for c in system.connections if c.source.startswith(head)}
-    for what, found in (("input", inputs), ("output", outputs)):
-        if len(found) != 1:
-            listed = f" ({', '.join(sorted(found))})" if found else ""
-            raise InputError(f"{model.name}: component {component} has {len(found)} connected {what}s{listed}, not one")
-    return Ports(component, inputs.pop(), outputs.pop())
-
-
-def _system(model: Model) -> SystemDescription:
-    if not isinstance(model, SystemModel):
-        raise InputError(f"{model.name}: this is not a system; limit cycles need a system file or workbench.connect")
-    return model.system
 
 
 def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, time: float, keep: ExitStack) -> SplitLoop:
@@ -248,68 +188,10 @@ def reblock(
 
 
 def _linear_rest(model: DescribedModel, ports: Ports, point: OperatingPoint, time: float, w: float) -> LinResult:
-    with _with_system(model, lambda s: _opened(model, s, ports), ports.component, inside=False) as rest:
-        known = {v.name for v in rest.states}
-        inputs = {v.name for v in rest.inputs}
-        found = lin(
-            rest,
-            x0={n: x for n, x in point.x.items() if n in known},
-            u0={**{n: u for n, u in point.u.items() if n in inputs}, _OPENED: w},
-            inputs=[_OPENED],
-            outputs=[_RETURNED],
-            time=time,
-        )
-    return found.result
-
-
-def _opened(model: DescribedModel, system: SystemDescription, ports: Ports) -> SystemDescription:
-    """Return the system with the block replaced: its output shows a new input of the system."""
-    units = {v.name: v.unit for v in model.description.variables}
-    declared = {ports.input: units.get(ports.v), ports.output: units.get(ports.w), _OPENED: units.get(ports.w)}
-    stand_in = LinearComponent(
-        name=ports.component,
-        A=np.zeros((0, 0)),
-        B=np.zeros((0, 2)),
-        C=np.zeros((1, 0)),
-        D=np.array([[0.0, 1.0]]),
-        dt=0.0,
-        input_names=(ports.input, _OPENED),
-        output_names=(ports.output,),
-        state_names=(),
-        x0=np.zeros(0),
-        units={name: unit for name, unit in declared.items() if unit},
-    )
-    components = tuple(stand_in if c.name == ports.component else c for c in system.components)
-    head = f"{ports.component}."
-    driven = {
-        name: kept for name, ends in system.inputs.items() if (kept := tuple(e for e in ends if not e.startswith(head)))
-    }
-    return replace(
-        system,
-        components=components,
-        inputs={**driven, _OPENED: (head + _OPENED,)},
-        outputs={_RETURNED: ports.v},
-    )
-
-
-def _with_system(
-    model: DescribedModel,
-    change: Callable[[SystemDescription], SystemDescription],
-    component: str,
-    *,
-    inside: bool,
-    more: Mapping[str, Value] | None = None,
-    bias: Mapping[str, float] | None = None,
-) -> DescribedModel:
-    """Open a changed system as the model was opened, with the start values of the component or those of the rest."""
-    recipe = model.recipe
-    if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"{model.name}: this is not a system")
-    head = f"{component}."
-    starts = {n: v for n, v in recipe.start_values.items() if n.startswith(head) == inside} | dict(more or {})
-    system = change(recipe.system)
-    kept = {n: b for n, b in recipe.bias.items() if n in system.inputs} | {n: b for n, b in (bias or {}).items() if b}
-    return replace(recipe, system=system, start_values=starts, bias=kept, parts={}, at=None).open()
+    recipe = recipe_of(model)
+    system = without_block(model, recipe.system, ports, _OPENED, {_RETURNED: ports.v})
+    with recipe.changed(system).open() as rest:
+        return linear_between(rest, {_OPENED: w}, [_RETURNED], x=point.x, u=point.u, time=time)
 
 
 # -- the block --------------------------------------------------------------------------------
@@ -330,17 +212,15 @@ def only_block(
         starts: parameters of the block in place of the system's, by full name.
         centre: from which `v` is counted.
     """
-
-    def alone(system: SystemDescription) -> SystemDescription:
-        return replace(
-            system,
-            components=(_component(system, ports.component),),
-            connections=(),
-            inputs={"v": (ports.v,)},
-            outputs={"w": ports.w},
-        )
-
-    return _with_system(model, alone, ports.component, inside=True, more=starts, bias={"v": centre})
+    system = recipe_of(model).system
+    alone = replace(
+        system,
+        components=(_component(system, ports.component),),
+        connections=(),
+        inputs={"v": (ports.v,)},
+        outputs={"w": ports.w},
+    )
+    return _open_block(model, alone, starts or {}, bias={"v": centre})
 
 
 def driven_block(model: DescribedModel, ports: Ports, count: int, *, centre: float) -> DescribedModel:
@@ -355,25 +235,34 @@ def driven_block(model: DescribedModel, ports: Ports, count: int, *, centre: flo
     unit = next((v.unit for v in model.description.variables if v.name == ports.v), None)
     name = f"{ports.component}_drive"
 
-    def alone(system: SystemDescription) -> SystemDescription:
-        return replace(
-            system,
-            components=(
-                _component(system, ports.component), SumComponent(name=name, signs=(1.0,) * (count + 1), unit=unit),
-            ),
-            connections=(Connection(source=f"{name}.y", destination=ports.v),),
-            inputs={f"v{k}": (f"{name}.u{k + 1}",) for k in range(count + 1)},
-            outputs={"w": ports.w},
-        )  # fmt: skip
+    system = recipe_of(model).system
+    summed = SumComponent(name=name, signs=(1.0,) * (count + 1), unit=unit)
+    alone = replace(
+        system,
+        components=(_component(system, ports.component), summed),
+        connections=(Connection(source=f"{name}.y", destination=ports.v),),
+        inputs={f"v{k}": (f"{name}.u{k + 1}",) for k in range(count + 1)},
+        outputs={"w": ports.w},
+    )
+    return _open_block(model, alone, {}, bias={"v0": centre})
 
-    return _with_system(model, alone, ports.component, inside=True, bias={"v0": centre})
+
+def _open_block(
+    model: DescribedModel, system: SystemDescription, starts: Mapping[str, Value], *, bias: Mapping[str, float]
+) -> DescribedModel:
+    recipe = recipe_of(model).changed(system)
+    return replace(
+        recipe,
+        start_values={**recipe.start_values, **starts},
+        bias={**recipe.bias, **{n: b for n, b in bias.items() if b}},
+    ).open()
 
 
 def _static(
     model: DescribedModel, ports: Ports, time: float, keep: ExitStack, starts: Mapping[str, Value] | None = None
 ) -> Callable[[Floats], Floats] | None:
     """Return the block as a function where it has no memory."""
-    component = _component(_system(model), ports.component)
+    component = _component(recipe_of(model).system, ports.component)
     if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
         return pointwise(component.function)
     alone = keep.enter_context(only_block(model, ports, starts))
