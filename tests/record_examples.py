@@ -83,6 +83,9 @@ GIVEN: dict[str, dict[str, Any]] = {
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
     "Start": {"signals": {}},
+    "TargetList": {
+        "targets": (Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1),),
+    },
     "WindowSettings": {"window": "hann", "length": 8, "overlap": 0.5, "averages": 3},
 }
 

@@ -12,13 +12,13 @@ import pytest
 from workbench.cli.app import run
 from workbench.cli.program import COMMANDS as PROGRAM
 from workbench.cli.program import Lazily, program
-from workbench.cli.run_commands import run_command
 from workbench.errors import InputError
 from workbench.study.bundled import bundled_studies
 from workbench.study.commands import COMMANDS, Reference, command
 from workbench.study.plan import Run, make_plan
 from workbench.study.read import read_study
 from workbench.study.run import run_study
+from workbench.study.worker import Job, NoRecipe, perform
 
 FACTS = """
 [analyses.facts]
@@ -106,11 +106,23 @@ def test_values_that_an_option_cannot_take(options: dict[str, Any], message: str
     assert message in str(caught.value)
 
 
-def test_a_program_runs_silently(capfd: pytest.CaptureFixture[str]) -> None:
-    ended = run_command(["trim", "fmu:FirstOrderLag"])
+def test_an_analysis_of_a_study_runs_silently(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended, missing = (
+        outcome
+        for model in ("FirstOrderLag", "FirstOrderLog")
+        for outcome in perform(
+            NoRecipe().open(),
+            Job(
+                number=0, command="trim", subject=[f"fmu:{model}"], options={}, command_line="", folder=tmp_path,
+                workplace=tmp_path, csv="",
+            ),
+        )
+    )  # fmt: skip
     assert (ended.code, ended.reason) == (0, "")
     assert any("interface: me" in note for note in ended.notes)
-    missing = run_command(["trim", "fmu:FirstOrderLog"])
     assert missing.bad_input
     assert "did you mean FirstOrderLag" in missing.reason
     captured = capfd.readouterr()

@@ -173,8 +173,8 @@ def all_parts() -> list[type[Part]]:
 
 
 NO_TABLE = {
-    "BalancedReduction", "BuildResult", "BuiltModels", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo", "NoDelays",
-    "SubspaceEstimate", "SystemInfo",
+    "BalancedReduction", "BuildResult", "BuiltModels", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo",
+    "NoDelays", "SubspaceEstimate", "SystemInfo",
 }  # fmt: skip
 
 PARTS = all_parts()

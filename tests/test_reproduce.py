@@ -61,15 +61,15 @@ def test_quick_targets_are_met() -> None:
 
 
 def test_worker_processes_measure_the_same_as_this_one() -> None:
-    seen: list[tuple[int, int, str]] = []
+    seen: list[tuple[str, int, int]] = []
     words = ["example-2-3", "hysteresis", "fig9"]
     there = reproduce(words, workers=Workers(jobs=2, timeout=60.0), progress=lambda *told: seen.append(told))
     here = reproduce(words, workers=HERE)
     assert [o.to_dict() for o in there.outcomes] == [o.to_dict() for o in here.outcomes]
     assert (there.jobs, here.jobs) == (2, 1)
-    assert sorted(done for done, _, _ in seen) == [1, 2, 3]
-    assert {total for _, total, _ in seen} == {3}
-    assert {name for _, _, name in seen} == {"example 2-3", "hysteresis", "example 2-4"}
+    assert sorted(done for _, done, _ in seen) == [1, 2, 3]
+    assert {total for _, _, total in seen} == {3}
+    assert {name for name, _, _ in seen} == {"example 2-3", "hysteresis", "example 2-4"}
 
 
 def test_what_the_source_report_contradicts_is_not_reachable_and_says_why() -> None:
@@ -106,7 +106,7 @@ def test_a_wrong_measurement_is_missed_and_the_exit_code_says_so(
     change("rate feedback", lambda: Measurement(values(rate_crossings=6.0)))
     out = tmp_path / "out.json"
     assert run(["reproduce", "fig51", "--in-process", "--json", str(out)]) == 1
-    assert "rate-crossings: missed: 6 measured, outside 5 (exact)" in capsys.readouterr().out
+    assert "rate-crossings: 5 asked for; 6 measured, outside 5 (exact)" in capsys.readouterr().out
     found = json.loads(out.read_text(encoding="utf-8"))
     assert {t["name"]: t["passed"] for t in found["targets"]} == {
         "rate-crossings": False, "rate-gains-negative": True, "rate-gains-positive": True
@@ -285,7 +285,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workbench.reproduce.run.reproduce", None)
+    monkeypatch.setattr("workbench.reproduce.run.perform", None)
     assert run(["reproduce", "--list", "fig53"]) == 0
     printed = capsys.readouterr().out
     assert "position-gains" in printed
@@ -297,7 +297,7 @@ def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: 
     [
         (["cycle-rat"], "did you mean cycle-rate"),
         (["fig", "99"], "figure 99"),
-        (["--list", "--json", "-"], "--list measures nothing"),
+        (["--list", "--pictures", "folder"], "--list measures nothing"),
         (["hysteresis", "--jobs", "0"], "jobs: 0 is too few"),
         (["hysteresis", "--report", "page.txt"], "must end in .html"),
         (["hysteresis", "--in-process", "--pictures", "/dev/null"], "pictures cannot be written there"),

@@ -20,6 +20,7 @@ from typing import (
     ForwardRef,
     Generic,
     ParamSpec,
+    Self,
     TypeVar,
     get_args,
 )
@@ -62,6 +63,7 @@ class Subject:
         words: help on the command line.
         argument: its name there and in studies; empty: the same.
         several: whether it is a list of such; the command line takes them one after the other.
+        optional: whether a list may be empty.
         opened: whether it is a model that the command line and studies open; of several, name → model.
     """
 
@@ -72,6 +74,7 @@ class Subject:
     words: str
     argument: str = ""
     several: bool = False
+    optional: bool = False
     opened: bool = False
 
     @property
@@ -168,6 +171,10 @@ class Request(Options, Generic[_Subject, _Record]):
             notes = tuple(dict.fromkeys(note for model in models.values() for note in model.notes))
             yield (models if cls.subject.several else next(iter(models.values()))), notes
 
+    def for_page(self) -> Self:
+        """Return the request with what its page needs besides."""
+        return self
+
     def went_well(self, record: _Record) -> bool:
         """Return whether the record is what was asked for; a command line ends with 1 otherwise.
 
@@ -236,7 +243,10 @@ def function(
     """
     kind: Any = request
     name = kind.called or kind.command.replace("-", "_")
-    made = with_options(request, _run, name=name, first=kind.subject.first, returns=_record_of(kind))
+    subject = kind.subject
+    made = with_options(
+        request, _run, name=name, first=subject.first, optional=subject.optional, returns=_record_of(kind)
+    )
     return with_origin(*kind.parts)(made)
 
 

@@ -49,9 +49,10 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         asked, loading = request_from(request, given)
         written = put_together(kind, {**_values(_drawn(kind), given), "plot": given.get("plot")})
         written.check(asked)
+        asked = asked if out.report is None else asked.for_page()
         if before is not None:
             asked = before(asked, given, out)
-        with request.opened(given[request.subject.spelt], loading) as (subject, notes):
+        with request.opened(given[request.subject.spelt] or (), loading) as (subject, notes):
             for text in notes:
                 note(text)
             with _under_way() as work:
@@ -160,8 +161,9 @@ def _signature(request: type[Request[Any, Any]], written: type[Written]) -> insp
     subject = request.subject
     own = {**asked_options(request), **_drawn(written)}
     typed: Any = list[str] if subject.several else str
+    typed = typed | None if subject.optional else typed
     argument = Annotated[typed, typer.Argument(metavar=subject.metavar, help=subject.words)]
-    parameters = [_parameter(subject.spelt, argument, inspect.Parameter.empty)]
+    parameters = [_parameter(subject.spelt, argument, None if subject.optional else inspect.Parameter.empty)]
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]

@@ -20,10 +20,7 @@ from workbench.errors import one_line
 
 __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
-_FUNCTIONS = {
-    "run": "cli.run:run",
-    "reproduce": "cli.reproduce:reproduce",
-}
+_FUNCTIONS = {"run": "cli.run:run"}
 # In the order of a working day: requests, and functions that typer calls.
 COMMANDS = (
     "info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "feedback", "feed-forward", "modes",

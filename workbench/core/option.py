@@ -389,6 +389,7 @@ def with_options(
     *,
     name: str,
     first: tuple[str, str, str],
+    optional: bool = False,
     returns: str = "",
     words: str = "",
 ) -> Callable[Concatenate[_First, _Given], _Made]:
@@ -399,11 +400,13 @@ def with_options(
         make: what the function does with the object and the request.
         name: name of the function.
         first: name, type and help of the object.
+        optional: whether it may be left out, and is empty then.
         returns: type of what the function returns; empty: as `make` says.
         words: what comes before the docstring of the request.
     """
     kind: Any = request
     parameter = inspect.Parameter(first[0], inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=first[1])
+    parameter = parameter.replace(default=()) if optional else parameter
     own = inspect.signature(kind).parameters  # those that several requests share come first there
     given = [parameter, *(own[d.name] for d in options_of(kind))]
     returned = returns or (make.__name__ if inspect.isclass(make) else make.__annotations__["return"])
@@ -416,7 +419,7 @@ def with_options(
             unknown = [key for key in kwargs if key not in signature.parameters]
             meant = "".join(f"; {suggest(key, signature.parameters)}" for key in unknown[:1])
             raise TypeError(f"{name}() {error}{meant}") from None
-        return make(values.pop(first[0]), kind(**values))
+        return make(values.pop(first[0], ()), kind(**values))
 
     call.__signature__ = signature  # type: ignore[attr-defined]
     call.__annotations__ = {**{p.name: p.annotation for p in given}, "return": returned}

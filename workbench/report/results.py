@@ -66,6 +66,8 @@ PAGES: dict[str, str] = {
     "workbench.build.export.ExportResult": "workbench.report.build:export_page",
     "workbench.build.fmu.BuildResult": "workbench.report.build:build_page",
     "workbench.build.fmu.BuiltModels": "workbench.report.build:built_page",
+    "workbench.reproduce.result.ReproduceResult": "workbench.reproduce.page:reproduce_page",
+    "workbench.reproduce.result.TargetList": "workbench.reproduce.page:targets_page",
     "workbench.system.container.ContainerResult": "workbench.report.build:container_page",
 }
 

@@ -64,7 +64,8 @@ def _section(section: Section, width: int | None) -> Iterator[str]:
     for table in section.tables:
         yield from _table(table, width)
     for part in section.parts:
-        yield from _section(part, width)
+        if not part.explains:
+            yield from _section(part, width)
 
 
 def _folded(text: str, width: int | None) -> list[str]:

@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from workbench.reproduce.request import reproduce
     from workbench.reproduce.result import Outcome, ReproduceResult
-    from workbench.reproduce.run import reproduce
     from workbench.reproduce.targets import Target, read_targets
 
 __all__ = ["Outcome", "ReproduceResult", "Target", "read_targets", "reproduce"]
@@ -19,7 +19,7 @@ _HOMES = {
     "ReproduceResult": "result",
     "Target": "targets",
     "read_targets": "targets",
-    "reproduce": "run",
+    "reproduce": "request",
 }
 
 

@@ -9,15 +9,16 @@ from typing import IO, TYPE_CHECKING, cast
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
 from workbench.report.page import Page, Section, Table
+from workbench.report.tables import counted
 from workbench.report.tones import Verdict
-from workbench.reproduce.targets import MISSED, NOT_REACHABLE
+from workbench.reproduce.targets import MISSED, NOT_REACHABLE, Target
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from workbench.reproduce.result import Drawing, Outcome, ReproduceResult
+    from workbench.reproduce.result import Drawing, Outcome, ReproduceResult, TargetList
 
-__all__ = ["TITLES", "reproduce_page"]
+__all__ = ["TITLES", "reproduce_page", "targets_page"]
 
 # Chapters of the source report.
 TITLES: Mapping[str, str] = {
@@ -44,8 +45,36 @@ def reproduce_page(result: ReproduceResult) -> Page:
         facts={"asked for": ", ".join(result.selection) or "everything"},
         summary=[Verdict(o.verdict, _line(o)) for o in result.outcomes if not o.passed],
         sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_fmus(), _of_time(result)],
-        data=result.to_dict(),
     )
+
+
+def targets_page(result: TargetList) -> Page:
+    """Return the page of targets that are to be measured.
+
+    Args:
+        result: what to list.
+    """
+    headings = ("target", "figures", "what", "published", "tolerance")
+    chapters = dict.fromkeys(_title(t.chapter) for t in result.targets)
+    return Page(
+        title="Targets of the source report",
+        lead=f"{counted(len(result.targets), 'target')}.",
+        facts={},
+        sections=[
+            Section(c, tables=[Table(headings, [_asked(t) for t in result.targets if _title(t.chapter) == c])])
+            for c in chapters
+        ],
+        kind="reproduce",
+    )
+
+
+def _asked(target: Target) -> tuple[str, ...]:
+    return (target.name, ", ".join(map(str, target.figures)), target.what, target.text, target.tolerance)
+
+
+def _title(chapter: str) -> str:
+    number = _chapter(chapter)
+    return f"{number} {TITLES.get(number, '')}".strip()
 
 
 def _chapter(text: str) -> str:
@@ -69,7 +98,7 @@ def _not_met(result: ReproduceResult) -> Iterator[Section]:
 def _section(chapter: str, result: ReproduceResult) -> Section:
     outcomes = [o for o in result.outcomes if _chapter(o.target.chapter) == chapter]
     return Section(
-        f"{chapter} {TITLES.get(chapter, '')}".strip(),
+        _title(chapter),
         tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=1, right=())],
         figures=[
             (partial(_figure, d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter
@@ -93,7 +122,7 @@ def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:
         if said:
             lines.append(f"{o.target.name}: {'. '.join(said)}.")
     if lines:
-        yield Section("How the targets are read, and what else was seen", items=lines, folded=True)
+        yield Section("How the targets are read, and what else was seen", items=lines, folded=True, explains=True)
 
 
 def _caption(drawing: Drawing) -> str:
@@ -106,7 +135,7 @@ def _caption(drawing: Drawing) -> str:
 def _of_fmus() -> Section:
     """Say on which files all this was measured."""
     rows = [(f"fmu:{name}", content_hash(bundled_path(f"fmu:{name}"))[:_HASH]) for name in bundled_names()]
-    return Section("The bundled FMUs", tables=[Table(("FMU", "sha256"), rows)], folded=True)
+    return Section("The bundled FMUs", tables=[Table(("FMU", "sha256"), rows)], folded=True, explains=True)
 
 
 def _of_time(result: ReproduceResult) -> Section:
@@ -114,7 +143,7 @@ def _of_time(result: ReproduceResult) -> Section:
     table = Table(("experiment", "processor time [s]"), [(name, f"{s:.2f}") for name, s in longest])
     total = sum(result.processor_seconds.values())
     words = f"{result.seconds:.1f} s with {result.jobs} processes at a time, {total:.1f} s of processor time."
-    return Section("How long it took", paragraphs=[words], tables=[table], folded=True)
+    return Section("How long it took", paragraphs=[words], tables=[table], folded=True, explains=True)
 
 
 class _Drawn:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.core.record import Part, Record, entry
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, Target
 
-__all__ = ["Drawing", "Outcome", "ReproduceResult", "plain"]
+__all__ = ["Drawing", "Outcome", "ReproduceResult", "TargetList", "plain"]
 
 _MOST = 4  # numbers shown one by one; more as a range
 
@@ -172,19 +171,34 @@ class ReproduceResult(Record):
             figures = " ".join(map(str, t.figures))
             yield (t.name, t.chapter, figures, t.what, t.text, t.tolerance, o.text, o.verdict, o.reason)
 
-    def report(self, path: str | Path) -> None:
-        """Write a page: every target, verdict and reason, and the pictures.
 
-        Args:
-            path: of the page, .html.
+@dataclass(frozen=True)
+class TargetList(Record):
+    """Targets that are to be measured.
 
-        Raises:
-            InputError: another suffix, or the file cannot be written.
-        """
-        from workbench.report.results import write_report  # noqa: PLC0415  only pages need it
-        from workbench.reproduce.page import reproduce_page  # noqa: PLC0415
+    Attributes:
+        targets: in the order of the source report.
+    """
 
-        write_report(reproduce_page(self), path)
+    targets: tuple[Target, ...] = field(metadata=entry(kept=False))
+
+    _WHAT, _COMMAND = "a list of targets", "reproduce --list"
+    missed: ClassVar[tuple[Outcome, ...]] = ()  # nothing was measured
+
+    def derived(self) -> dict[str, Any]:
+        """Return the targets as their file has them."""
+        return {"targets": [t.model_dump() for t in self.targets]}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the targets as their file has them."""
+        return {"targets": tuple(Target.model_validate(t) for t in data["targets"])}
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each target."""
+        yield ("name", "chapter", "figures", "what", "target", "tolerance")
+        for t in self.targets:
+            yield (t.name, t.chapter, " ".join(map(str, t.figures)), t.what, t.text, t.tolerance)
 
 
 def plain(value: object) -> float | tuple[float, ...]:

@@ -1,16 +1,17 @@
-"""The public function: measure the source report's figures now."""
+"""The source report's figures, measured now: what is done."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from pathlib import Path
 
+from workbench.core.job import Job as RequestJob
 from workbench.errors import InputError
 from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import Outcome, ReproduceResult
+from workbench.reproduce.request import Reproduce, ReproduceCommand
+from workbench.reproduce.result import Outcome, ReproduceResult, TargetList
 from workbench.reproduce.select import select
 from workbench.reproduce.targets import Target
 from workbench.reproduce.work import Found, Job, perform
@@ -19,57 +20,50 @@ from workbench.workers import InProcess, Lost, Runner, Workers
 from workbench.workers.choose import cores
 from workbench.workers.pool import Pool
 
-__all__ = ["reproduce"]
+__all__ = ["run", "run_command"]
 
-_LONGEST = 600.0  # [s], of one experiment: a hundred times what it takes
-
-Progress = Callable[[int, int, str], None]
+_INTERRUPTED = Found(problem="interrupted before it was measured")
 
 
-def reproduce(
-    selection: Sequence[str] = (),
-    *,
-    drawings: bool = False,
-    folder: str | Path | None = None,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-) -> ReproduceResult:
-    """Measure figures and tables of the source report from the bundled FMUs, and hold them against their targets.
+def run_command(selection: Sequence[str], asked: ReproduceCommand, job: RequestJob) -> ReproduceResult | TargetList:
+    """Measure, or list what would be measured; see `ReproduceCommand`."""
+    if not asked.only_list:
+        return run(selection, asked, job)
+    if asked.folder is not None:
+        raise InputError("--list measures nothing; leave --pictures out")
+    return TargetList(select(selection))
 
-    Targets and tolerances stand in `targets.toml` beside this module. An experiment that fails is a miss of its
-    targets, with its reason; the others go on. A target that the source report itself makes impossible says why.
-    Ctrl-C ends it; what was measured until then is in the result.
 
-    Args:
-        selection: chapters ("3", "8.3"), figures ("fig31", "figure 48"), targets ("cycle-rate") or how their names
-            begin ("rudder"); empty: all.
-        drawings: make the pictures, for a page.
-        folder: write the pictures into it, as png; None: no files.
-        workers: how many experiments at a time, each in a process of its own; None: one per core.
-        progress: called after each experiment with the number done, the number in all, and its name.
-
-    Raises:
-        InputError: a word that is no chapter, figure or target; a folder that is none; an executor or a cluster.
-    """
+def run(selection: Sequence[str], asked: Reproduce, job: RequestJob) -> ReproduceResult:
+    """Measure figures and tables of the source report; see `Reproduce`."""
     begin = time.monotonic()
     chosen = select(selection)
-    into = _checked(folder)
-    where = workers or Workers(timeout=_LONGEST)
-    jobs = _jobs(chosen, everything=not selection, svg=drawings, folder=into)
-    found = _run(jobs, where, progress)
-    interrupted = len(found) < len(jobs)
-    for job in jobs:
-        found.setdefault(job.experiment, Found(problem="interrupted before it was measured"))
-    measuring = {name: job for job in jobs for name in job.targets}
-    return ReproduceResult(
-        outcomes=tuple(_outcome(t, measuring[t.name], found[measuring[t.name].experiment]) for t in chosen),
-        drawings=tuple(d for job in jobs for d in found[job.experiment].drawings),
-        seconds=time.monotonic() - begin,
-        processor_seconds={job.experiment: found[job.experiment].processor_seconds for job in jobs},
-        jobs=_processes(where),
-        interrupted=interrupted,
-        selection=tuple(selection),
-    )
+    into, where = _checked(asked.folder), asked.place
+    experiments_asked = _jobs(chosen, everything=not selection, svg=asked.drawings, folder=into)
+    measuring = {name: one for one in experiments_asked for name in one.targets}
+    found: dict[str, Found] = {}
+
+    def result() -> ReproduceResult:
+        done = {one.experiment: found.get(one.experiment, _INTERRUPTED) for one in experiments_asked}
+        return ReproduceResult(
+            outcomes=tuple(_outcome(t, measuring[t.name], done[measuring[t.name].experiment]) for t in chosen),
+            drawings=tuple(drawing for one in done.values() for drawing in one.drawings),
+            seconds=time.monotonic() - begin,
+            processor_seconds={name: one.processor_seconds for name, one in done.items()},
+            jobs=_processes(where),
+            interrupted=len(found) < len(done),
+            selection=tuple(selection),
+        )
+
+    # The longest first, so that no long one is left for one process alone at the end.
+    queue = deque(sorted(experiments_asked, key=lambda one: -experiments()[one.experiment].seconds))
+    with _runner(where) as runner, job.ended_by(runner.end_soon):
+        for reply in runner.run(perform, queue):
+            name = reply.job.experiment
+            found[name] = Found(problem=reply.reason) if isinstance(reply, Lost) else reply.value
+            job.partial = result
+            job.done(name, len(found), len(experiments_asked))
+    return result()
 
 
 def _checked(folder: str | Path | None) -> Path | None:
@@ -96,23 +90,6 @@ def _jobs(chosen: Sequence[Target], *, everything: bool, svg: bool, folder: Path
                 experiment=experiment.name, targets=wanted, figures=figures, chapter=chapter, svg=svg, folder=folder
             )
             found.append(job)
-    return found
-
-
-def _run(jobs: Sequence[Job], workers: Workers, progress: Progress | None) -> dict[str, Found]:
-    """Run the jobs, the longest first, so that no long one is left for one process alone at the end.
-
-    What was found before Ctrl-C is kept.
-    """
-    known = experiments()
-    queue = deque(sorted(jobs, key=lambda job: -known[job.experiment].seconds))
-    found: dict[str, Found] = {}
-    with _runner(workers) as runner, suppress(KeyboardInterrupt):
-        for reply in runner.run(perform, queue):
-            name = reply.job.experiment
-            found[name] = Found(problem=reply.reason) if isinstance(reply, Lost) else reply.value
-            if progress is not None:
-                progress(len(found), len(jobs), name)
     return found
 
 

@@ -17,12 +17,7 @@ from workbench.report.extras import EXTRAS, Written
 
 __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"]
 
-# Commands that are no requests: the program runs them. Name → what they work on and their options.
-_PROGRAMS = {
-    "reproduce": ("what", ("list", "pictures", "jobs", "in-process", "csv", "report")),
-}  # fmt: skip
-COMMANDS = (*REQUESTS, *_PROGRAMS)
-_SEVERAL = ("what",)
+COMMANDS = tuple(REQUESTS)
 _MODEL = "model"
 _ON_MODELS = (_MODEL, "systems")
 _UNWRITTEN = {"csv": "csv_path"}
@@ -54,16 +49,16 @@ class Command:
     Attributes:
         name: as it is called.
         subject: key of what it works on.
-        request: what is run; None: the program runs it.
-        options: key in a study → name and option; those of a program's command declare nothing.
-        written: what its record can be written to; None: the program does it.
+        request: what is run.
+        options: key in a study → name and option.
+        written: what its record can be written to.
     """
 
     name: str
     subject: str
-    request: type[Request[Any, Any]] | None
-    options: Mapping[str, tuple[str, Declared | None]]
-    written: type[Written] | None
+    request: type[Request[Any, Any]]
+    options: Mapping[str, tuple[str, Declared]]
+    written: type[Written]
 
     @property
     def on_models(self) -> bool:
@@ -73,7 +68,7 @@ class Command:
     @property
     def several(self) -> bool:
         """Whether it works on several of them."""
-        return self.subject in _SEVERAL if self.request is None else self.request.subject.several
+        return self.request.subject.several
 
     def key(self, given: str) -> str:
         """Return the key as the command spells it; underscores stand for hyphens.
@@ -84,7 +79,7 @@ class Command:
         for key in (given, given.replace("_", "-")):
             if key in self.options or key == self.subject:
                 return key
-        if self.request is not None and given == self.request.subject.spelt:
+        if given == self.request.subject.spelt:
             return self.subject
         raise InputError(f"key '{given}' is not an option of '{self.name}'; {suggest(given, self.options)}")
 
@@ -97,12 +92,8 @@ class Command:
         Raises:
             InputError: a value that its option cannot take.
         """
-        found = {}
-        for key, value in table.items():
-            name, declared = self.options.get(key, ("", None))
-            if declared is not None:
-                found[name] = _value(key, declared, value)
-        return found
+        known = ((key, value, *self.options[key]) for key, value in table.items() if key in self.options)
+        return {name: _value(key, declared, value) for key, value, name, declared in known}
 
     def table(self, key: str, value: Any) -> Mapping[str, Any]:  # noqa: ANN401 - what TOML can hold
         """Return what is given for `set` or `bias` as a table.
@@ -156,7 +147,7 @@ class Command:
     def _usual(self, name: str, declared: Declared, value: Any) -> bool:  # noqa: ANN401 - of this option
         """Return whether a value is that of an option which is not given."""
         usual = declared.default
-        if self.request is not None and name == "tolerance" and name not in {d.name for d in options_of(self.request)}:
+        if name == "tolerance" and name not in {d.name for d in options_of(self.request)}:
             usual = self.request.usual_tolerance  # the model's
         return value is None or (usual is not None and declared.write(value) == declared.write(usual))
 
@@ -171,11 +162,12 @@ class Command:
         """
         given = {self.options[key][0] for key in table if key in self.options}
         for key, (name, declared) in self.options.items():
-            if declared is not None and declared.required and name not in given:
+            if declared.required and name not in given:
                 raise InputError(f"key '{key}' is missing: {declared.help}")
-        if self.request is not None and not self.on_models and self.subject not in table:
-            raise InputError(f"key '{self.subject}' is missing: {self.request.subject.words}")
-        if self.request is not None and not any(references(table)):
+        subject = self.request.subject
+        if not (self.on_models or self.subject in table or subject.optional):
+            raise InputError(f"key '{self.subject}' is missing: {subject.words}")
+        if not any(references(table)):
             self.asked(table)
 
     def asked(self, table: Mapping[str, Any]) -> tuple[Request[Any, Any], Written, Loading]:
@@ -187,23 +179,17 @@ class Command:
         Raises:
             InputError: a value that its option cannot have.
         """
-        assert self.request is not None  # noqa: S101 - of a command that is a request
-        assert self.written is not None  # noqa: S101
         if table.get("order") == "ask":
             raise InputError("key 'order': nobody can be asked in a study; give a number or auto")
         values = self.values(table)
         asked, written = put_together(self.request, values), put_together(self.written, values)
         written.check(asked)
-        return asked, written, self.request.loading(values)
+        return asked if written.report is None else asked.for_page(), written, self.request.loading(values)
 
 
 @cache
 def command(name: str) -> Command:
     """Return what is known of one of `COMMANDS`."""
-    if name in _PROGRAMS:
-        subject, keys = _PROGRAMS[name]
-        plain = {key: (key, None) for key in keys}
-        return Command(name=name, subject=subject, request=None, options=plain, written=None)
     request = request_of(name)
     subject = _MODEL if request.subject.metavar == _MODEL.upper() else request.subject.spelt
     written = EXTRAS.get(name, Written)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import time
@@ -17,7 +16,6 @@ from workbench import __version__
 from workbench.analysis.request import function
 from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
-from workbench.core.named import named
 from workbench.core.option import asked_in_json, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError
@@ -34,7 +32,6 @@ from workbench.study.outcome import Outcome
 __all__ = ["Job", "NoRecipe", "perform"]
 
 _NOT_WELL = 1  # exit code of a record that says so
-_RESULT = "result.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +65,7 @@ def perform(_model: Model, job: Job) -> Iterator[Outcome]:
     known = command(job.command)
     begin = time.monotonic()
     try:
-        outcome = _by_program(known, job) if known.request is None else _by_request(known, job)
+        outcome = _by_request(known, job)
     except WorkbenchError as error:
         outcome = Outcome(reason=error.args[0], bad_input=isinstance(error, InputError))
     except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
@@ -88,7 +85,7 @@ def _by_request(known: Command, job: Job) -> Outcome:
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()
-    given: Any = job.subject or job.options[known.subject]
+    given: Any = job.subject or job.options.get(known.subject, ())
     if known.several:
         given = [given] if isinstance(given, str) else list(given)
     elif job.subject:
@@ -126,26 +123,6 @@ def _write(record: Any, written: Written, job: Job) -> list[str]:  # noqa: ANN40
         record.plot(Path(written.plot), **written.told((*written.drawn, *written.plotted)))
     deque(written.write(record), 0)
     return files
-
-
-def _by_program(known: Command, job: Job) -> Outcome:
-    """Let the program do what is not a request yet."""
-    result, table = job.workplace / _RESULT, job.workplace / f"{job.csv}.csv"
-    result.unlink(missing_ok=True)
-    words = [word for key, value in job.options.items() for word in known.words(key, value)]
-    files = [f"--json={result}", *([f"--csv={table}"] if job.csv else [])]
-    ended: Outcome = named("workbench.cli.run_commands:run_command")([job.command, *job.subject, *words, *files])
-    found = _read(result)
-    reason = ended.reason or ("" if found is not None else f"it ended with exit code {ended.code} and no result")
-    return replace(ended, result=None if ended.reason else found, reason=reason)
-
-
-def _read(path: Path) -> Mapping[str, Any] | None:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def _tables(job: Job) -> dict[str, str]:
