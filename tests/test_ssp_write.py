@@ -73,7 +73,7 @@ def loop() -> SystemDescription:
 
 def test_written_package_is_valid_ssp_1_and_read_by_fmpy(tmp_path: Path) -> None:
     notes = write_ssp(loop(), tmp_path / "loop.ssp")
-    assert "component k is no FMU: other tools cannot run it" in notes
+    assert "component k is not an FMU: other tools cannot run it" in notes
     assert any("closes at 140 s: for other tools it is closed from the start" in n for n in notes)
     read = fmpy_ssd.read_ssd(str(tmp_path / "loop.ssp"), validate=True)  # against the schema of SSP 1.0
     names = [e.name for e in read.system.elements]

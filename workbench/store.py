@@ -22,7 +22,7 @@ FILE_NAME = "measurements.sqlite"
 # Written into the file's header, so that another program's database is not taken for ours: "FMIW".
 _APPLICATION, _LAYOUT = 0x464D4957, 1
 
-# So long one process waits for another's write [s].
+# Longest time that one process waits for another's write [s].
 _PATIENCE = 30.0
 
 _TABLES = """

@@ -1,7 +1,7 @@
 """Every figure of chapter 8, target and achieved, on the bundled FMUs.
 
 Measured by means of its own (eigenvalues, bisection, a plain scan), so that `workbench reproduce 8`, which uses the
-public analyses, has something to be held against. The targets are the same: workbench/reproduce/targets.toml.
+public analyses, has something to be compared with. The targets are the same: workbench/reproduce/targets.toml.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from workbench.core.named import named
 
 __all__ = ["REQUESTS", "request_of"]
 
-# In the order of a working day; those that are no analyses stand in packages of their own.
+# In the order of a working day; those that are not analyses have packages of their own.
 REQUESTS = {
     "info": "info.request:Info",
     "simulate": "simulate.request:Simulate",

@@ -93,7 +93,7 @@ class Request(Options, Generic[_Subject, _Record]):
 
     Obligations of a subclass:
       1. It is made of fields as `Options` says.
-      2. The docstring's first paragraph stands in `--help`; equations and sources follow.
+      2. The docstring's first paragraph and `details` are in `--help`; equations and sources follow.
       3. Its module imports no numerics.
       4. The algorithm is a function of subject, request and job. It tells the job what is finished, stops soon after
          `job.stop`, and leaves in `job.partial` what it has if it ends early.
@@ -103,6 +103,7 @@ class Request(Options, Generic[_Subject, _Record]):
         called: name of the function in Python; empty: that of the command.
         algorithm: where it is, "module:function".
         example: a command line that works.
+        details: further paragraph of `--help`; empty: none.
         subject: what it is run on.
         usual_tolerance: relative, of the integration, where the command line names none; None: the model's own.
         counts: what the job counts, in the plural.
@@ -115,6 +116,7 @@ class Request(Options, Generic[_Subject, _Record]):
     called: ClassVar[str] = ""
     algorithm: ClassVar[str]
     example: ClassVar[str]
+    details: ClassVar[str] = ""
     subject: ClassVar[Subject]
     usual_tolerance: ClassVar[float | None] = None
     counts: ClassVar[str] = "points"

@@ -96,7 +96,7 @@ class ExpressionGraph:
         return self._intern(Node(operation, row=row))
 
     def value(self, expression: int) -> float | None:
-        """Return the number that `expression` is, or None when it is no constant."""
+        """Return the number that `expression` is, or None when it is not a constant."""
         node = self._nodes[expression]
         return node.number if node.operation == NUMBER else None
 
@@ -323,7 +323,7 @@ class ExpressionGraph:
         return found
 
     def _factors(self, row: Row) -> list[int]:
-        """Return the value references that a matrix row depends on: zeros in the table are no dependency."""
+        """Return the value references that a matrix row depends on: zeros in the table are not dependencies."""
         a, _, x, _, length = row
         return [x + i for i in range(length) if self.table[a + i] != 0.0]
 

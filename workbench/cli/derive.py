@@ -258,4 +258,4 @@ def _read(declared: Declared, value: Any) -> Any:  # noqa: ANN401
 
 def _help(request: type[Request[Any, Any]]) -> str:
     first = inspect.cleandoc(request.__doc__ or "").split("\n\n")[0]
-    return f"{first}\n\nExample: `{request.example}`"
+    return "\n\n".join(filter(None, [first, request.details, f"Example: `{request.example}`"]))

@@ -27,7 +27,7 @@ _ONE_WISH = 1.0
 
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 
-# So long the code of an FMU in this process may take until Python hears of a signal [s].
+# Longest time that an FMU's code in this process may run before Python hears of a signal [s].
 _PATIENCE = 5.0
 
 

@@ -210,7 +210,7 @@ def check_kind(option: str, path: str | None, suffix: str) -> None:
 
     Args:
         option: that was given.
-        path: to be written; "-" and None are no file.
+        path: to be written; "-" and None are not files.
         suffix: that belongs to it; none at all, or one that nothing here has, is taken, too.
 
     Raises:

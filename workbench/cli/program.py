@@ -28,6 +28,10 @@ COMMANDS = (
 )  # fmt: skip
 
 
+_WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
+_IDLE = r" \(Possible options: --help\)|--help, "  # what typer proposes for any word
+
+
 class _Command(typer.core.TyperCommand):
     """A command whose line of usage has its argument as the texts have it: MODEL, not {MODEL}."""
 
@@ -122,7 +126,12 @@ def options_of(command: Any, name: str | None) -> dict[str, str]:  # noqa: ANN40
 
 def said(error: typer.TyperException) -> str:
     """Return what is wrong with a command line, in one line and without the words of the libraries underneath."""
-    return one_line(error.format_message()).replace(": Value error, ", ": ")
+    refused: Any = error.__cause__  # pydantic's, where a value is not of its type
+    for first in refused.errors() if hasattr(refused, "errors") else ():
+        if wanted := _WANTED.get(first["type"]):
+            flag = next(iter(getattr(getattr(error, "param", None), "opts", [])), "")
+            return f"{flag}: '{first['input']}' is not {wanted}"
+    return re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
 
 
 class Lazily(Mapping[str, Any]):

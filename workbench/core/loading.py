@@ -20,7 +20,7 @@ class Loading(Options):
 
     Raises:
         InputError: no such file, interface, solver, variable; a value out of range; a system whose parts do not fit.
-        FmuError: a file is no usable FMU, or has no binary for this platform.
+        FmuError: a file is not a usable FMU, or has no binary for this platform.
         KernelMissingError: the compiled kernel is not installed, or is of another version.
 
     Examples:

@@ -174,7 +174,7 @@ class Response:
 
 
 def _root(between: Callable[[ArrayLike], Floats], a: float, b: float) -> float:
-    """Return where the function is 0; a value of exactly 0 at an end is no change of sign there."""
+    """Return where the function is 0; a value of exactly 0 at an end is not a change of sign."""
     from scipy.optimize import brentq  # noqa: PLC0415  slow to import
 
     ends = [end for end in (a, b) if float(between(end)) == 0.0]

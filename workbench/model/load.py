@@ -52,7 +52,7 @@ def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
 
     Raises:
         InputError: no such file, interface, solver, variable; a value out of range.
-        FmuError: the file is no usable FMU, or has no binary for this platform.
+        FmuError: the file is not a usable FMU, or has no binary for this platform.
     """
     unpacked = unpack(path)
     try:

@@ -163,7 +163,7 @@ def _joined(begin: str, items: Iterable[tuple[str, Any]], end: str, names: Mappi
 
 
 def _load(model: Model) -> str:
-    """Return the line that loads a model again; empty for one that is no file."""
+    """Return the line that loads a model again; empty for one that is not a file."""
     recipe = model.recipe
     facts = facts_of(model)
     if not isinstance(recipe, LoadRecipe) or not facts.source:

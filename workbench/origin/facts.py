@@ -38,7 +38,7 @@ class ModelFacts:
 
     Attributes:
         name: of the model.
-        source: how `workbench.load` finds it again; empty for a model that is no file.
+        source: how `workbench.load` finds it again; empty for a model that is not a file.
         interface: "me", "cs" or "mixed".
         solver: what integrates.
         tolerance: relative, of the integration; None: the FMU's own.
@@ -46,7 +46,7 @@ class ModelFacts:
         start_values: parameters and start values that were set.
         bias: constants added to inputs.
         fmus: those it consists of.
-        blocks: component → what it is, for components that are no FMUs.
+        blocks: component → what it is, for components that are not FMUs.
         notes: the model's remarks.
     """
 

@@ -55,7 +55,7 @@ class Reproduction:
         name: of the experiment.
         targets: that it measures.
         measure: runs it.
-        seconds: about so long; the long ones begin first.
+        seconds: about how long it takes; the long ones begin first.
     """
 
     name: str

@@ -98,7 +98,7 @@ class Point(ABC):
     def jacobian(self) -> Floats:
         """Return the exact ∂(dx, y)/∂(x, u) at the base point, shape (n + q, n + m).
 
-        Relations stay as they are there; columns of inputs that are no continuous reals are NaN.
+        Relations stay as they are there; columns of inputs that are not continuous reals are NaN.
 
         Raises:
             InputError: the model offers no directional derivatives.

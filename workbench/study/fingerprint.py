@@ -22,7 +22,7 @@ _SYSTEM, _STRUCTURE = ".toml", ".ssd"
 # Where a system structure names the files of its components.
 _SOURCE = re.compile(r'\ssource\s*=\s*"([^"]*)"')
 
-_LONGEST = 1000  # a longer text is no name of a file
+_LONGEST = 1000  # a longer text is not the name of a file
 
 
 @cache

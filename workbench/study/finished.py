@@ -25,7 +25,7 @@ __all__ = ["FOLDER", "Finished"]
 
 FOLDER = ".workbench-store"
 _UNFINISHED = "unfinished"
-_FORGOTTEN = 30 * 86400.0  # what was left behind is removed after so long [s]
+_FORGOTTEN = 30 * 86400.0  # what was left behind is removed after this time [s]
 _LAYOUT = 1  # to be raised when what is stored changes
 _ONE = "SELECT value FROM measurements WHERE settings = ? AND point = ?"
 

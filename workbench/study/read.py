@@ -32,7 +32,7 @@ def read_study(name: str | Path) -> Study:
 
     Raises:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown (near
-            names in the message) or missing, a value of the wrong type, a name that is not there or stands twice, a
+            names in the message) or missing, a value of the wrong type, a name that is not there or given twice, a
             requirement without a limit or for another kind of analysis.
     """
     path = locate_study(name)

@@ -1,4 +1,4 @@
-"""Components that are no FMUs: linear systems, gains, sums and static Python functions, as instances.
+"""Components that are not FMUs: linear systems, gains, sums and static Python functions, as instances.
 
 They show the same functions as an FMU does, so that nothing else knows the difference: here in readable Python, for
 the kernel in lti.c, on the same memory.

@@ -34,7 +34,7 @@ def open_file(path: str | Path, asked: Loading) -> DescribedModel:
 
 @contextmanager
 def open_files(paths: Sequence[str | Path], asked: Loading) -> Iterator[dict[str, DescribedModel]]:
-    """Open FMUs and systems; name of the file, numbered where it stands twice → model.
+    """Open FMUs and systems; name of the file, numbered where it occurs twice → model.
 
     Args:
         paths: of each.

@@ -49,7 +49,7 @@ def _reach(connections: Sequence[Wire]) -> Graph:
 
 
 def _without_discrete_loops(graph: Graph, connections: Sequence[Wire]) -> Graph:
-    """Cut loops at values that are no continuous numbers: the event iteration goes round those until they stand."""
+    """Cut loops at values that are not continuous numbers: the event iteration goes round those until they stand."""
     discrete = np.array([c.discrete for c in connections], dtype=bool)
     label = _components(graph)
     same = label[:, None] == label[None, :]

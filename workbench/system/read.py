@@ -33,7 +33,7 @@ def read_system(path: str | Path) -> SystemDescription:
 
     Raises:
         InputError: one line: no such file, or what in it is wrong, where, and what to do.
-        FmuError: an .ssp that is no zip archive, is damaged or would write outside of its folder.
+        FmuError: an .ssp that is not a zip archive, is damaged or would write outside of its folder.
 
     Examples:
         >>> system = wb.read_system("system:rudder_loop")

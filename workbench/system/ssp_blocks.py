@@ -1,4 +1,4 @@
-"""Components that are no FMUs, as files inside an .ssp package: what a .toml file would say, as JSON."""
+"""Components that are not FMUs, as files inside an .ssp package: what a .toml file would say, as JSON."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class Flattener:
         return connector is not None and connector.kind in ("parameter", "calculatedParameter", "structuralParameter")
 
     def is_parameter_chain(self, chain: Chain) -> bool:
-        """Whether a chain hands over a parameter, which is no connection of a simulation.
+        """Whether a chain hands over a parameter, which is not a connection in a simulation.
 
         Raises:
             InputError: the parameter is one that a component calculates.

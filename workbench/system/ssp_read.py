@@ -65,7 +65,7 @@ def _find_ssd(path: Path, folder: Path) -> tuple[Path, list[str]]:
     others = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".ssd")
     if len(others) == 1:
         return others[0], [f"the package has no {_STANDARD}; {others[0].name} was read"]
-    raise InputError(f"{path}: no {_STANDARD} inside; this is no SSP package")
+    raise InputError(f"{path}: no {_STANDARD} inside; this is not an SSP package")
 
 
 def _read(ssd: Path, package: Package, source: str, notes: list[str]) -> SystemDescription:

@@ -169,7 +169,7 @@ class _Writer:
         else:
             source = self.resources.add(f"{component.name}.json", block_bytes(component))
             kind = {"type": BLOCK_TYPE}
-            self.notes.append(f"component {component.name} is no FMU: other tools cannot run it")
+            self.notes.append(f"component {component.name} is not an FMU: other tools cannot run it")
         xml = element("ssd:Component", parent, {"name": component.name, "source": source, **kind})
         self._component_connectors(xml, part)
         if isinstance(component, FmuComponent):

@@ -65,7 +65,7 @@ class Export(Request[object, "ExportResult | ContainerResult"]):
     A continuous model (dt = 0) is der(x) = dx0 + A x + B (u − u0), y = y0 + C x + D (u − u0). A discrete one is sampled
     at multiples of dt; its outputs are held in between, and y[k] holds the effect of u[k]. The inputs start at u0 and
     the state, a deviation, at x0; so the FMU stands where the model was found. Matrix entries are numbers in the code,
-    no parameters: to vary them, export again. It serves model exchange and co-simulation.
+    not parameters: to vary them, export again. It serves model exchange and co-simulation.
 
     A system becomes a container for co-simulation, see `export_container`: every connection carries a delay of one
     step, which the system itself does not have.
@@ -86,6 +86,11 @@ class Export(Request[object, "ExportResult | ContainerResult"]):
     command = "export"
     algorithm = "workbench.to_fmu.run:run_export"
     example = "workbench export identified.json --out identified.fmu --fmi 3"
+    details = (
+        "The container is for co-simulation: it steps the FMUs inside by --step and passes values on in between, so "
+        "that every connection carries a delay of one step, which the system itself does not have. Blocks, gains, "
+        "conversions of units and connections that close later cannot be expressed; the message names the reason."
+    )
     subject = Subject(
         name="model",
         type="object",

@@ -48,7 +48,7 @@ _pipes: list[Connection] = []  # to the parent: the one of this process
 
 
 def tell(item: Any) -> None:  # noqa: ANN401 - any task's
-    """Send an item of the task in work before it yields one; it is no result, and the time limit goes on.
+    """Send an item of the task in work before it yields one; it is not a result, and the time limit goes on.
 
     Args:
         item: as `Runner.run` gives it.

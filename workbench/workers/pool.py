@@ -25,7 +25,7 @@ __all__ = ["Pool"]
 # So often is looked whether somebody wants to stop [s].
 _PATIENCE = 0.1
 
-# What was asked to end soon is ended by force after so long [s].
+# After this time what was asked to end is ended by force [s].
 _GRACE = 5.0
 
 

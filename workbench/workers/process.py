@@ -25,7 +25,7 @@ from workbench.workers.child import STOP, Task, work
 
 __all__ = ["WorkerProcess"]
 
-# A process whose pipe is closed is gone after at most so long [s].
+# Longest time until a process whose pipe is closed is gone [s].
 _DYING = 5.0
 
 _spawning = threading.Lock()

@@ -63,7 +63,7 @@ def advise(
             together within a sample are a sign of feedback.
 
     Raises:
-        InputError: fewer than 40 samples, a limit for a column that is no output.
+        InputError: fewer than 40 samples, a limit for a column that is not an output.
 
     Examples:
         A constant input excites nothing.

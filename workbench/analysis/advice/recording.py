@@ -74,7 +74,7 @@ def judge_quantisation(study: Study) -> Finding:
     data = study.raw  # repaired samples lie on no step
     inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))
     steps = {n: resolution(data.y[:, i]) for i, n in enumerate(data.output_names)}
-    # A gain passes the few levels of its input on: that is no quantisation.
+    # A gain passes the few levels of its input on: that is not quantisation.
     fine = {
         n: float(study.spread[i]) / steps[n]
         for i, n in enumerate(data.output_names)

@@ -71,7 +71,7 @@ def _gains(study: Study) -> Floats:
     response = np.abs(np.fft.rfft(study.model.impulse(count), axis=0))
     grid = np.linspace(0.0, 1.0, len(response))
     excited = study.excited.copy()
-    excited[0] = excited[1]  # the mean is no excitation, but what is next to it tells
+    excited[0] = excited[1]  # the mean is not excitation, but what is next to it tells
     known = np.interp(grid, np.linspace(0.0, 1.0, len(excited)), excited) > 0.5
     size = np.std(study.u, axis=0)[study.varying_inputs] / study.spread[study.varying_outputs][:, None]
     return np.asarray(response[:, study.varying_outputs][:, :, study.varying_inputs] * size * known[:, None, None])

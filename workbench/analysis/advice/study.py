@@ -25,7 +25,7 @@ _FEWEST_SAMPLES = 40
 _LONGEST_MEMORY = 2_000
 _ALL_BUT_PERFECT = 1e-4  # of the variance left over
 _TAME = 1e-3  # relative: directions with less in the data are left out
-_EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is no excitation
+_EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is not excitation
 
 
 class Study:

@@ -16,7 +16,7 @@ def runs(subject: Subject) -> Answer:
     """Instantiate, initialise and run over the test run with every continuous input swinging.
 
     The swing is 5 % of the input's size (the larger of start value and nominal value) within its minimum and
-    maximum, at least three periods. Broken: an error status, a value that is no finite number, an end that the FMU
+    maximum, at least three periods. Broken: an error status, a value that is not a finite number, an end that the FMU
     asks for, and (told by the worker) a crash or a hang. Watch: it runs, but only with its inputs at their start
     values.
     """
@@ -46,7 +46,7 @@ def _still(subject: Subject, failure: str) -> Answer:
 # -- what does the FMU do by itself, with its inputs at rest ---------------------------------------
 
 _NOTHING = 1e-9
-_DECAY = 0.7  # of the movement in the first quarter: more in the last quarter is no settling
+_DECAY = 0.7  # of the movement in the first quarter: more in the last quarter is not settling
 _GROWTH = 100.0
 _MOVES = (
     "this movement is added to every response: begin at rest (workbench trim), or use much larger amplitudes; nfr "

@@ -45,7 +45,7 @@ class Trajectory:
         if not self.values.size:
             return np.zeros(self.values.shape[1])
         ranges = np.ptp(self.values, axis=0)
-        # What is below rounding of the values themselves is no movement.
+        # What is below rounding of the values themselves is not movement.
         result: Floats = np.where(ranges > 1e-12 * np.abs(self.values).max(axis=0), ranges, 0.0)
         return result
 

@@ -24,7 +24,7 @@ def validation(folder: Path, description: Description) -> Answer:
     """Read modelDescription.xml strictly: schema, unique names, start values, causalities, units, model structure.
 
     FMPy's validation does it; names under the structured convention are compared with the grammar of FMI 2.0.4,
-    section 2.2.9, here (FMPy's parser takes seconds for thousands of variables). Watch: rules are bent; the
+    section 2.2.9, here (FMPy's parser takes seconds for thousands of variables). Watch: rules are stretched; the
     workbench reads the file nevertheless, and `consequence` says what it made of it. A file that cannot be read at all
     never gets a card: the command ends with the reason.
 

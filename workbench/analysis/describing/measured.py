@@ -17,7 +17,7 @@ class MeasuredBlock(Block):
 
     Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. Of the
     harmonics the sizes are known, which is what the filter hypothesis is judged by; their phases are not, and what a
-    block answers to a motion that is no sine cannot be put together from sines: harmonic balance drives the block
+    block answers to a motion that is not a sine cannot be put together from sines: harmonic balance drives the block
     itself (`workbench.analysis.limit_cycle.driven`).
 
     Args:

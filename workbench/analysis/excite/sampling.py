@@ -14,7 +14,7 @@ from workbench.model import DescribedModel, Model
 
 __all__ = ["Sampling", "sampling_of"]
 
-LEAD = 1e-6  # of an interval: so long before a sample of the model the input changes
+LEAD = 1e-6  # of an interval: how long before a sample of the model the input changes
 _MULTIPLE = 1e-6  # likewise, of the interval and the model's period
 
 
@@ -26,7 +26,7 @@ class Sampling:
         dt: sampling interval [s].
         period: of a sampled model [s]; None: continuous, or not known.
         first: first sample of the model after its start [s]; None likewise.
-        lead: inputs change so long before a sample of the model, and outputs are read so long after it [s].
+        lead: time by which inputs change before a sample of the model, and outputs are read after it [s].
         late: outputs are read at the end of the interval: a sampled co-simulation that takes no short steps.
         notes: what was chosen and what does not fit.
     """

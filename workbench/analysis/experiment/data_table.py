@@ -49,7 +49,7 @@ def read_table(path: str | Path) -> DataTable:
     """Read a table of numbers.
 
     The separator is a semicolon, a tab, a comma or, without any of these, white space; a decimal
-    comma is understood where the comma is no separator. Names may stand in the first line, each
+    comma is understood where the comma is not the separator. Names may stand in the first line, each
     with its unit as a trailing " [unit]", or with the units in a line of their own below: in brackets, or ones in use
     (m/s2, N.m, °C).
 

@@ -275,8 +275,8 @@ def read_experiment(
 
     Args:
         path: path of the file.
-        inputs: columns that force; None: all that are no outputs.
-        outputs: columns that follow; None: all that are no inputs. Without both, the file must have
+        inputs: columns that force; None: all that are not outputs.
+        outputs: columns that follow; None: all that are not inputs. Without both, the file must have
             two columns besides time: the first one is the input.
         dt: sampling interval [s]; needed where there is no time column. Where there is one with
             another spacing, the data are put on this grid: inputs held, outputs linear.

@@ -75,7 +75,7 @@ def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: Judge) -> De
         judge: what the steps are compared with.
 
     Raises:
-        InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is no proper filter.
+        InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is not a proper filter.
         SimulationError: a decomposition failed.
     """
     g_order, h_order = asked.orders or (None, None)

@@ -31,7 +31,7 @@ from workbench.signals import signals_of
 __all__ = ["run"]
 
 _WIDER = 4.0  # times the band's edge: how far the curves are computed
-_OFF_ZERO = 0.2  # of the amplitude: a mean beyond is no asymmetry of a motion
+_OFF_ZERO = 0.2  # of the amplitude: a larger mean is not an asymmetry of the motion
 _SHORTEST = 4  # digits of a frequency in words
 
 

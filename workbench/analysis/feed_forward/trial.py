@@ -25,7 +25,7 @@ _WINDOW = 0.1  # of the time before closing, in which the amplitude is measured
 _END = 0.05  # of the time after it, in which the rest is measured
 _PER_RUN = 20_000  # recorded points
 _NEAR = 1000  # points between closing and an escape
-_BEFORE = (1e-4, 1e-2, 0.1, 0.5)  # of the time after closing: so long before a failure the record ends
+_BEFORE = (1e-4, 1e-2, 0.1, 0.5)  # of the time after closing: how long before a failure the record ends
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

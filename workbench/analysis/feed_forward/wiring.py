@@ -64,7 +64,7 @@ def variable_of(model: DescribedModel, name: str, what: str) -> Variable:
     known = {v.name: v for v in model.description.variables}
     if name not in known or "." not in name:
         dotted = [n for n in known if "." in n]
-        raise InputError(f"{model.name}: {what} '{name}' is no variable of a component; {suggest(name, dotted)}")
+        raise InputError(f"{model.name}: {what} '{name}' is not a variable of a component; {suggest(name, dotted)}")
     return known[name]
 
 

@@ -17,7 +17,7 @@ __all__ = ["Actuator", "limited", "wrapped"]
 _LIMITER = "fmu:LimitedActuator"
 _FASTEST = 100.0  # largest rate limit of that model [1/s], against a deflection limit of 1
 _QUICK = 1e-4  # lag within the limits [s]: the least that the model takes; more would move the stable gains
-_FREE = 100.0  # [s]: where no deflection limit is given, so long the rate limit may last
+_FREE = 100.0  # [s]: how long the rate limit may last where no deflection limit is given
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ class FeedbackPath:
     def inputs(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the names that inputs of the model have in the systems with feedback.
 
-        A system's input may bear the name of the target, which then is driven by a sum.
+        A system's input may have the name of the target, which is then driven by a sum.
 
         Args:
             values: by input of the model.

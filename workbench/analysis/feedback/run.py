@@ -32,7 +32,7 @@ class FeedbackRun(Record):
         model: name of the system.
         gain: g.
         source, target: output and input of the feedback.
-        watch: variable whose magnitude counts.
+        watch: variable whose magnitude decides.
         closes_at: when the feedback closes [s].
         frequency_hz: frequency of the motion before [Hz].
         time: shape (k,) [s].
@@ -109,7 +109,7 @@ def feedback_run(
         start: the motion.
         gain: g.
         begin: session time at which a motion that was excited by signals begins [s].
-        watch: variable whose magnitude counts, by the model's name.
+        watch: variable whose magnitude decides, by the model's name.
         y0: value of the source at rest.
         actuator: between gain and target; None: none.
         outputs: further variables, by the model's names.

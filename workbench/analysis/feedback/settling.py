@@ -107,7 +107,7 @@ class SettlingStudy(Record):
     """Settling times over the gain.
 
     Attributes:
-        variable: whose magnitude counts.
+        variable: the one whose magnitude decides that the motion has settled.
         unit: unit of the variable.
         target: what the feedback drives.
         target_unit: unit of the target.
@@ -192,7 +192,7 @@ def settling_study(
         place: place of the feedback.
         start: the motion.
         gains: rising.
-        watch: variable whose magnitude counts, by the model's name.
+        watch: variable whose magnitude decides, by the model's name.
         y0: value of the source at rest.
         actuator: between gain and target; None: none.
         settings: threshold, polynomial, patience.

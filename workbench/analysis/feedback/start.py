@@ -65,7 +65,7 @@ def from_cycle(
         place: of the feedback.
         where: operating point.
         two: the system opened at its block.
-        watch: variable whose magnitude counts, by the model's name.
+        watch: variable whose magnitude decides, by the model's name.
         centre: of it at rest.
         time: session time at which the simulation begins [s].
         tolerance: relative, of the integration.
@@ -124,7 +124,7 @@ def from_signals(
     Args:
         place: of the feedback.
         where: operating point.
-        watch: variable whose magnitude counts, by the model's name.
+        watch: variable whose magnitude decides, by the model's name.
         centre: of it at rest.
         signals: input → signal, such as a short pulse.
         time: session time at which the simulation begins [s].

@@ -37,7 +37,7 @@ FREQUENCIES = 9
 OF_NYQUIST = 0.4
 RELATIVE_AMPLITUDE = 1e-3
 PER_PERIOD = 20.0  # periods of `response` per period of the highest frequency compared
-_PERIODS = 60  # most periods of a measured point: a sampled model may beat with the sine for so long before it is told
+_PERIODS = 60  # most periods of a measured point: a sampled model may beat with the sine for this long
 FAINT = 1e-2  # of the largest gain: what lies below is not compared unless asked for
 
 

@@ -151,7 +151,7 @@ class Columns:
         return _Pair(above, below, self._span(column, width), any(s.latched for s in sides))
 
     def _span(self, column: int, width: float) -> float:
-        """Return the width that the model really saw: rounded where the variable is no real."""
+        """Return the width that the model really saw: rounded where the variable is not real."""
         variable, place = self.variables[column], self._places[column]
         value = float(np.concatenate([self.point.x0, self.point.u0])[place])
         high, low = value + width / 2.0, value - width / 2.0

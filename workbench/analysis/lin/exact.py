@@ -22,7 +22,7 @@ def exact(task: LinTask) -> LinResult:
 
     One call per state and input. What the FMU says is not believed: all columns together are compared with a
     central difference in random directions; where that disagrees, each entry is compared with its own
-    difference and reported with both values. Inputs that are no continuous reals have no exact
+    difference and reported with both values. Inputs that are not continuous reals have no exact
     derivative; their columns are differences, and a note says so.
 
     Not for: FMUs without directional derivatives; points on a kink or inside a quantiser, where the exact

@@ -16,7 +16,7 @@ from workbench.signals import Signal, Table
 
 __all__ = ["PeriodMap"]
 
-BEFORE = 1e-9  # of the period: so long before the next sample a run ends, whatever rounding does to its time
+BEFORE = 1e-9  # of the period: how long before the next sample a run ends, whatever rounding does to its time
 INTERVALS = 16  # of the basic period, for the output between samples
 TOLERANCE = 1e-10  # of the integration over one period
 WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated

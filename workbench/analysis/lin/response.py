@@ -262,7 +262,7 @@ class _Setting:
         period: [s].
         u0: all forced inputs there.
         widths: of the task's inputs, shape (m,).
-        lead: so long before the samples of a sampled model the input changes, and so long after them the output is
+        lead: time by which the input changes before the samples of a sampled model, and after them the output is
             read [s].
     """
 

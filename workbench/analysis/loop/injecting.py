@@ -80,7 +80,7 @@ def injected(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, flo
 
     With d the injected sine, y returned and z = y + d passed on, L = -Y/Z at the fundamental. d is changed until Z has
     the amplitude that is asked for, so that the amplitudes are those of the broken loop. The rest of the loop returns
-    harmonics too, so z is no pure sine; its distortion tells how far a describing function may be believed.
+    harmonics too, so z is not a pure sine; its distortion tells how far a describing function may be believed.
     Y and Z are measured in runs of their own; `balance` tells how well they fit.
 
     Not for a closed loop that is unstable or in a limit cycle: its periods do not repeat.

@@ -1,4 +1,4 @@
-"""Margins of a loop: how much gain, phase, delay, or both gain and phase at once, it bears."""
+"""Margins of a loop: how much gain, phase, delay, or both gain and phase at once, it tolerates."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Openi
             variable.
 
     Raises:
-        InputError: there is no such connection, it hands over no real number, or it is in no loop.
+        InputError: there is no such connection, it does not carry a real number, or it is not in a loop.
     """
     names = [c.name for c in system.components]
     ends = [w.ends for w in resolved.wires]

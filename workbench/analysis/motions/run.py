@@ -18,7 +18,7 @@ from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.model.placing import start_at
-from workbench.signals import Signal, signals_of
+from workbench.signals import Signal, signal_text, signals_of
 
 __all__ = ["run"]
 
@@ -69,7 +69,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
             motions=tuple(m for h in histories for m in _motions(h, windows)),
             histories=tuple(histories),
             failed=tuple(failed),
-            inputs={n: str(s) for n, s in inputs.items()},
+            inputs={n: _text(s) for n, s in inputs.items()},
             stop=end,
             operating_points=begins,
             notes=tuple(f"{n}: {text}" for n, (_, remarks) in placed.items() for text in remarks),
@@ -161,3 +161,11 @@ def _motions(history: MotionHistory, windows: Sequence[Window]) -> list[Motion]:
             if measured is not None:
                 found.append(Motion(system=history.system, signal=signal, window=number, measure=measured))
     return found
+
+
+def _text(signal: Signal) -> str:
+    """Return a signal as `--input` reads it, or what a class of another module says of itself."""
+    try:
+        return signal_text(signal)
+    except InputError:
+        return str(signal)

@@ -14,7 +14,7 @@ __all__ = ["Certificate", "certify"]
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate(Part):
-    """The evidence behind one point of a frequency response. None: not known, or there is no such thing.
+    """The evidence behind one point of a frequency response. None: not known, or not applicable.
 
     Attributes:
         errcrit: error criterion it was measured with.

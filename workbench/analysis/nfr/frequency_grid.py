@@ -22,7 +22,7 @@ def frequency_grid(
         falling: whether a falling order is kept as given; else the order is rising.
 
     Raises:
-        InputError: both or none given, a value that is no positive number, ratio not above 1, a
+        InputError: both or none given, a value that is not a positive number, ratio not above 1, a
             band that falls where it may not.
     """
     if (frequencies is None) == (band is None):

@@ -89,7 +89,7 @@ def _end(
 
 
 def _limit(before: NfrPoint, old: NfrPoint, new: NfrPoint) -> tuple[NfrPoint, float] | None:
-    """Return what three runs of a method of first order tend to, and its error (relative); None: it is no such method.
+    """Return what three runs of a method of first order tend to, and its error (relative); None: not such a method.
 
     Args:
         before: with four times the step of the last.

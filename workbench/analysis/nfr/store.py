@@ -65,7 +65,7 @@ class NfrStore:
             limits: of the present run.
 
         Raises:
-            InputError: the model is not a file, the folder cannot be used, its file is no store.
+            InputError: the model is not a file, the folder cannot be used, its file is not a store.
         """
         if model.recipe is None:
             raise InputError(

@@ -84,7 +84,7 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     still change in one period. m = 0 is the last period itself. All m that the
     periods allow are tried; the smallest defect wins.
 
-    A multiplier on or outside the unit circle is no transient, and one that is not clearly inside is not
+    A multiplier on or outside the unit circle is not a transient, and one that is not clearly inside is not
     taken for one: a sampled model whose rate is nearly commensurate with the forcing alternates from period to period
     (near −1, or a complex pair near the circle) and never settles. Clearly means by three times the
     part ρ of the newest difference that the prediction leaves unexplained, since the multipliers

@@ -18,7 +18,7 @@ __all__ = ["ZeroInput", "doubt", "watch"]
 # while it is watched.
 _TELL, _DECAY = 0.05, 0.7
 
-# More than this factor from the first to the eighth period is no drift, but an unstable run.
+# More than this factor from the first to the eighth period is not drift but an unstable run.
 _GROWTH = 100.0
 
 _PERIODS = 8

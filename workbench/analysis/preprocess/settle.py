@@ -84,7 +84,7 @@ def cut_settling(experiment: Experiment, *, samples: int | None = None) -> Witho
 
 
 def _smoothed(error: Floats) -> Floats:
-    """Return the median of three neighbours, so that a single error is no settling."""
+    """Return the median of three neighbours, so that a single error does not count as settling."""
     if len(error) < 3:
         return error
     inner = np.median(np.stack([error[:-2], error[1:-1], error[2:]]), axis=0)

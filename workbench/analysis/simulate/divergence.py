@@ -151,7 +151,7 @@ def _doublings(time: Floats, size: Floats, floor: float) -> Floats:
     time, size = time[usable], size[usable]
     if len(size) < 2 or not np.any(size > floor):
         return np.zeros(0)
-    # A rise from exactly zero passes infinitely many doublings at once; they are no growth that was seen.
+    # A rise from exactly zero passes infinitely many doublings at once; they are not growth that was seen.
     seen = size[size > 0.0]
     early = max(float(np.max(size[: max(1, len(size) // 20)])), float(seen[0]))
     top = np.maximum.accumulate(size)

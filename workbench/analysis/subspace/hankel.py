@@ -21,7 +21,7 @@ class HankelFactor:
     """L of [U; Y] = L Q, all block rows in the order of time, divided by the root of the number of columns.
 
     The mean of each row is taken off: a constant part of an input or output, which no mean over the whole record
-    takes off exactly, is no dynamics (it would be a pole at 1).
+    takes off exactly, is not dynamics (it would be a pole at 1).
 
     Whatever subspace identification wants to know about the Hankel matrix H it can ask of L, since
     H Hᵀ / j = L Lᵀ, and L has as few columns as rows.

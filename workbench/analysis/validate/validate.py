@@ -21,7 +21,7 @@ __all__ = ["STARTS", "suited", "validate"]
 
 LAGS = 25
 PER_LAG = 4  # samples there must be for each lag
-GROWTH = 1e12  # a free motion that grows more than this over the record is no output
+GROWTH = 1e12  # a free motion that grows more than this over the record is not an output
 
 
 @with_origin()
@@ -41,7 +41,7 @@ def validate(
     white as the disturbance is; its cross-correlation with the input is what counts there. Use data that were not used
     for the fit: on the data of the fit every figure is better than the model is.
 
-    Not for closed-loop data: the cross-correlation at negative lags tells, the simulation then is no fair test.
+    Not for closed-loop data: the cross-correlation at negative lags shows it; the simulation is then not a fair test.
 
     Args:
         model: discrete.

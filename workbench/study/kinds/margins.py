@@ -77,7 +77,7 @@ class PhaseMargin(_Margin):
 
 
 class DelayMargin(_Margin):
-    """Which additional delay the loop bears [s]."""
+    """Which additional delay the loop tolerates [s]."""
 
     number, place = "delay_margin_s", "gain_crossover_hz"
     units = ("s",)

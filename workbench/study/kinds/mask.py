@@ -24,7 +24,7 @@ _Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 class Mask(OfResponse):
     """Gain, phase or offset between an upper and a lower mask over a band.
 
-    A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency that stands twice is
+    A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency given twice is
     a step. Mask and response are compared at the corners of both, which is exact for straight lines.
 
     Attributes:

@@ -30,7 +30,7 @@ class _OfHistory(Limited):
     """A number of a signal of `workbench simulate`.
 
     Attributes:
-        output: the signal; None: the only one recorded that is no input.
+        output: the signal; None: the only one recorded that is not an input.
         after: when the step happens [s]; what comes before does not count.
     """
 

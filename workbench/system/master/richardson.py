@@ -18,7 +18,7 @@ __all__ = ["Halving", "halving"]
 Floats = NDArray[np.float64]
 
 _EVEN = (0.5, 6.0)  # orders that can be believed
-_ROUNDING = 1e-12  # relative: changes below that are no changes
+_ROUNDING = 1e-12  # relative: smaller changes are not counted as changes
 
 
 @dataclass(frozen=True)
