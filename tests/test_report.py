@@ -7,25 +7,30 @@ import hashlib
 import html
 import inspect
 import math
+import re
 import weakref
 from collections.abc import Callable
 from dataclasses import is_dataclass, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import workbench as wb
 from tests.report_pages import check_page_file, data_of, facts_of_page, read_page
-from workbench.core.record import Reportable, plain
+from tests.test_records import RECORDS, example
+from workbench.cli.program import COMMANDS
+from workbench.core.named import named
+from workbench.core.record import Record, Reportable, plain
 from workbench.fmi.archive import locate
 from workbench.origin import Origin, origin_of, remember, with_origin
 from workbench.report import Page, Section, Table, Verdict, write_page
 from workbench.report.page import SUFFIXES
-from workbench.report.results import PAGES, page_of, write_report
+from workbench.report.results import SHOWN, page_of, picture_of, write_report
 from workbench.report.tones import TONES, counted, tone, worst_first
 
 # Data that results are made from, models, and parts of results: none is what an analysis answers with.
@@ -48,27 +53,74 @@ def answers() -> list[type]:
     return sorted((c for c in found if c.__name__ not in NO_RESULTS), key=lambda c: c.__name__)
 
 
+def row_of(kind: type) -> str:
+    return f"{kind.__module__}.{kind.__qualname__}".removeprefix("workbench.")
+
+
 @pytest.mark.parametrize("kind", answers(), ids=lambda c: c.__name__)
 def test_every_result_has_a_page(kind: type) -> None:
     assert callable(kind.report)  # type: ignore[attr-defined]
     if getattr(kind, "report", None) is Reportable.report:
-        assert f"{kind.__module__}.{kind.__qualname__}" in PAGES
+        assert row_of(kind) in SHOWN
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_every_page_is_there_and_takes_its_result(name: str) -> None:
+# Pages of these are text and tables, or hold the pictures of others.
+WITHOUT_PICTURE = {
+    "BalancedReduction", "BuildResult", "BuiltModels", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo",
+    "NoDelays", "ReproduceResult", "SystemInfo", "TargetList",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
+def test_every_record_has_a_page_and_a_picture_or_says_that_there_is_none(kind: type[Record]) -> None:
+    assert row_of(kind) in SHOWN or kind.report is not Reportable.report, "a row in report/results.py"
+    if kind.__name__ in WITHOUT_PICTURE:
+        with pytest.raises(wb.InputError, match=f"{kind.__name__} has no picture"):
+            example(kind).plot()
+    else:
+        assert kind.plot is not Reportable.plot or SHOWN[row_of(kind)][1], "a picture in report/results.py"
+
+
+# Made by `build` and `reproduce`, which the command line has.
+NOT_PUBLIC = {"BuildResult", "BuiltModels", "ReproduceResult", "TargetList"}
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
+def test_every_record_is_a_public_class(kind: type[Record]) -> None:
+    assert (getattr(wb, kind.__name__, None) is kind) != (kind.__name__ in NOT_PUBLIC), "a row in workbench/__init__.py"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_is_in_the_index_of_methods(command: str) -> None:
+    docs = Path(__file__).parents[1] / "docs"
+    methods = (docs / "methods" / "index.md").read_text(encoding="utf-8")
+    assert f"`{command}`" in methods or command in NO_METHOD
+    pages = (docs.parent / "mkdocs.yml").read_text(encoding="utf-8")
+    for page in re.findall(r"\]\(([\w-]+\.md)\)", methods):
+        assert f"methods/{page}" in pages
+
+
+NO_METHOD = {"info"}  # it reads what the FMU says
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_page_and_picture_is_there_and_takes_its_result(name: str) -> None:
     module, _, cls = name.rpartition(".")
-    kind = getattr(import_module(module), cls)
+    kind = getattr(import_module(f"workbench.{module}"), cls)
     assert issubclass(kind, Reportable)
-    module, _, function = PAGES[name].partition(":")
-    hints = get_type_hints(getattr(import_module(module), function))
-    assert hints["return"] is Page
-    assert next(iter(hints.values())) is kind
+    for folder, function, made in zip(("report", "plotting"), SHOWN[name], (Page, Figure), strict=True):
+        if function:
+            shows = named(function if function.startswith("workbench.") else f"workbench.{folder}.{function}")
+            hints = shows.__annotations__
+            assert hints["return"] == made.__name__
+            assert next(iter(hints.values())).rpartition(".")[2] == cls
 
 
 def test_a_result_without_a_page_is_told(tmp_path: Path) -> None:
     with pytest.raises(wb.InputError, match=r"has no page; results that have one: .*NfrResult"):
         page_of(object())
+    with pytest.raises(wb.InputError, match=r"has no picture; results that have one: .*LinResult"):
+        picture_of(object(), None)
     with pytest.raises(wb.InputError, match="has no page"):
         write_report(object(), tmp_path / "x.html")
 

@@ -174,9 +174,9 @@ def test_through_json_csv_and_picture(tmp_path: Path) -> None:
         found.difference("lin")
 
 
-def test_pole_zero_picture_without_bootstrap(tmp_path: Path) -> None:
+def test_pole_zero_picture_without_bootstrap() -> None:
     model = identified(delay=1)
-    figure = plot_poles(model, tmp_path / "poles.svg", cancellations=near_cancellations(model, near=10.0))
+    figure = plot_poles(model, cancellations=near_cancellations(model, near=10.0))
     assert figure.get_axes()[0].get_xlabel() == "real part [1]"
     texts = [cell.get_text().get_text() for cell in figure.get_axes()[1].tables[0].get_celld().values()]
     assert "3.1831" in texts  # 20 rad/s in Hz

@@ -122,7 +122,7 @@ class Output:
             result: for JSON; command, version and seconds are added.
             csv: writes the CSV to a path or stream; it may return the files that it wrote.
             plot: writes the picture.
-            report: the result itself, whose class has a page in `workbench.report.results.PAGES`.
+            report: the result itself, whose class has a page in `workbench.report.results.SHOWN`.
             page: makes the page in place of that one, where the command knows more than the result.
             origin: on what the result was made; None: what the result remembers.
 

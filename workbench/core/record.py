@@ -33,10 +33,28 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-__all__ = ["Part", "Record", "Reportable", "complex_of", "entry", "numbers", "plain", "read_json"]
+__all__ = ["Part", "Record", "Reportable", "complex_of", "drawn", "entry", "numbers", "plain", "read_json"]
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
 _SHOWS = "workbench.report.results"
+
+
+def drawn(name: str, path: str | Path | None, *shown: object, **options: object) -> Figure:
+    """Return a picture that `workbench.plotting` draws; matplotlib, which is slow to import, is imported then.
+
+    Args:
+        name: "module:function" there.
+        path: also write the picture here; png, svg or pdf by suffix.
+        shown: what the function draws.
+        options: it is told.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written, or the function refuses.
+    """
+    figure: Figure = named(f"workbench.plotting.{name}")(*shown, **options)
+    if path is not None:
+        named("workbench.plotting.figure:save")(figure, path)
+    return figure
 
 
 def entry(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -13,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 
 if TYPE_CHECKING:
     from workbench.analysis.advice.result import Advice, Finding
@@ -26,15 +25,11 @@ _WIDTH = 104  # characters of a line
 _LINE = 0.19  # [inch]
 
 
-def plot_advice(advice: Advice, path: str | Path | None = None) -> Figure:
+def plot_advice(advice: Advice) -> Figure:
     """Draw inputs and outputs over time with marked samples, the coherence, and every finding with its verdict.
 
     Args:
         advice: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     texts = [_wrapped(f) for f in advice.findings]
     lines = sum(len(t) for t in texts) + 0.35 * len(texts)
@@ -56,8 +51,6 @@ def plot_advice(advice: Advice, path: str | Path | None = None) -> Figure:
         for side in ("top", "right"):
             ax.spines[side].set_visible(False)
     figure.align_ylabels(axes[:-1])
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
 
 from workbench.core.response import decibels
-from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.figure import COLOURS, label, rows
 from workbench.plotting.response import plain_decades
 from workbench.session.base import Floats
 
@@ -28,7 +27,7 @@ _LEGEND_INSIDE = 6
 _FLOOR = 0.1
 
 
-def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool = False) -> Figure:
+def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
     """Draw gain [dB], phase [deg] and, if wanted, offset over frequency [Hz], one curve per amplitude.
 
     Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect, the
@@ -36,11 +35,7 @@ def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool 
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
         offset: draw the mean of the output too.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: {result.input} → {result.output}"
     figure, axes = rows(3 if offset else 2, title=title)
@@ -58,8 +53,6 @@ def plot_nfr(result: NfrResult, path: str | Path | None = None, *, offset: bool 
     _frequency_axis(axes[-1], result.frequency_hz)
     _legend(figure, axes[0], result)
     figure.align_ylabels(axes)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

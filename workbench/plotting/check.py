@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.ticker import NullFormatter
 
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import ABOVE, LEGEND, panels
 
 __all__ = ["plot_check"]
@@ -29,15 +28,11 @@ _MB = 1e6
 _SINGLE = 3  # columns of one FMU: the file and two interfaces
 
 
-def plot_check(card: HealthCard, path: str | Path | None = None) -> Figure:
+def plot_check(card: HealthCard) -> Figure:
     """Draw a health card: all verdicts; of the co-simulation the change with the step; memory over sessions.
 
     Args:
         card: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     steps = [c for c in card.checks if c.name == "step" and c.numbers.get("changes")]
     memories = [c for c in card.checks if c.name == "memory" and c.numbers.get("resident_bytes")]
@@ -52,8 +47,6 @@ def plot_check(card: HealthCard, path: str | Path | None = None) -> Figure:
     axes = [ax for row in grid for ax in row]
     for ax, (draw, lines) in zip(axes, used, strict=True):
         draw(ax, lines)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.core.response import degrees
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import ABOVE, panels
 
 if TYPE_CHECKING:
@@ -22,15 +21,11 @@ __all__ = ["plot_describing"]
 _MOST = 7  # curves
 
 
-def plot_describing(result: DescribingFunction, path: str | Path | None = None) -> Figure:
+def plot_describing(result: DescribingFunction) -> Figure:
     """Draw |N| and arg N over the amplitude, the harmonics of the output, and −1/N in the plane.
 
     Args:
         result: the describing function.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, grid = panels(2, 2, title=f"{result.block}: describing function ({result.method})", width=8.4, height=2.8)
     (size, phase), (harmonics, plane) = grid
@@ -52,8 +47,6 @@ def plot_describing(result: DescribingFunction, path: str | Path | None = None) 
         ax.set_xlabel("amplitude")
     if result.frequency_dependent:
         size.legend(fontsize=8.0, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

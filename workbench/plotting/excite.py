@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from workbench.analysis.experiment.experiment import Experiment
-from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.figure import COLOURS, label, rows
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -32,15 +31,11 @@ _STYLES: dict[str, dict[str, Any]] = {
 }
 
 
-def plot_excite(result: ExciteResult, path: str | Path | None = None) -> Figure:
+def plot_excite(result: ExciteResult) -> Figure:
     """Draw each input (its beginning and its range), the spectra of the inputs, and each output over time.
 
     Args:
         result: the recorded experiments.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     data = result.identification
     count = data.n_inputs + 1 + data.n_outputs
@@ -53,8 +48,6 @@ def plot_excite(result: ExciteResult, path: str | Path | None = None) -> Figure:
     for i, ax in enumerate(outputs):
         _output(ax, result, i)
     outputs[-1].set_xlabel("time [s]")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator
 
 from workbench.core.response import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.panels import ABOVE, LEGEND, panels
 from workbench.plotting.response import plain_decades
 
@@ -31,23 +30,19 @@ _AFTER = 45.0  # seconds after closing that are drawn
 Curve = tuple[str, "Complex", str]
 
 
-def plot_feed_forward(result: FeedForwardResult, path: str | Path | None = None, *, figure: str = "overview") -> Figure:
+def plot_feed_forward(result: FeedForwardResult, *, figure: str = "overview") -> Figure:
     """Draw one of the pictures in `FIGURES`.
 
     Args:
         result: of the design.
-        path: also write the picture here; png, svg or pdf by suffix.
         figure: its name.
 
     Raises:
-        InputError: unknown figure or suffix, nothing was simulated, the file cannot be written.
+        InputError: unknown figure, or nothing was simulated.
     """
     if figure not in FIGURES:
         raise InputError(f"figure: '{figure}' is unknown; {suggest(figure, FIGURES)}")
-    drawn = FIGURES[figure](result)
-    if path is not None:
-        save(drawn, path)
-    return drawn
+    return FIGURES[figure](result)
 
 
 def _overview(result: FeedForwardResult) -> Figure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.plotting.feedback_nyquist import draw_curve
 from workbench.plotting.feedback_settling import draw_settling
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import ABOVE, panels
 
 if TYPE_CHECKING:
@@ -29,15 +28,11 @@ _DAMPINGS = (0.01, 0.02, 0.05, 0.1, 0.2)
 _ROWS = 12
 
 
-def plot_feedback(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+def plot_feedback(result: FeedbackResult) -> Figure:
     """Draw the root locus, the growth of the slowest pole, the Nyquist curve, and settling times or the crossings.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: feedback of {result.source} to {result.target}"
     figure, ((poles, growth), (plane, last)) = panels(2, 2, title=title, width=11.0, height=3.5)
@@ -49,27 +44,19 @@ def plot_feedback(result: FeedbackResult, path: str | Path | None = None) -> Fig
     else:
         _table(last, result)
     figure.supxlabel(result.words, x=0.01, ha="left", fontsize=8.5)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_root_locus(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+def plot_root_locus(result: FeedbackResult) -> Figure:
     """Draw the poles over the gain, all of them and those around the border of stability.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: poles with feedback of {result.source} to {result.target}"
     figure, ((whole, near),) = panels(1, 2, title=title, width=11.0, height=5.0)
     draw_locus(whole, result, near=False)
     draw_locus(near, result, near=True)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.nyquist import draw_plane
 from workbench.plotting.panels import LEGEND, panels
 
@@ -25,15 +24,11 @@ _VIEWS = 4
 _GAP = 1.15  # ratio of frequencies above which two groups of crossings are looked at apart
 
 
-def plot_nyquist(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+def plot_nyquist(result: FeedbackResult) -> Figure:
     """Draw G(jω) as a whole and, in bands, around its crossings of the real axis.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: G(jω) from {result.target} to {result.source}"
     figure, grid = panels(2, 2, title=title, width=10.0, height=3.6)
@@ -44,20 +39,17 @@ def plot_nyquist(result: FeedbackResult, path: str | Path | None = None) -> Figu
         draw_curve(ax, result, band=band, marks="all")
     for ax in axes[1 + len(bands) :]:
         ax.axis("off")
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_cycles(result: FeedbackResult, path: str | Path | None = None) -> Figure:
+def plot_cycles(result: FeedbackResult) -> Figure:
     """Draw what the nonlinear block sees, from its output to its input, for four gains over the stable interval.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
 
     Raises:
-        InputError: no gain was looked at with a block; unknown suffix, file cannot be written.
+        InputError: no gain was looked at with a block.
     """
     if not result.cycles:
         raise InputError(f"{result.model}: no nonlinear block was analysed, so there are no cycles to draw")
@@ -71,8 +63,6 @@ def plot_cycles(result: FeedbackResult, path: str | Path | None = None) -> Figur
     axes[0].legend(**{**LEGEND, "loc": "best"})
     for ax in axes[len(chosen) :]:
         ax.axis("off")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

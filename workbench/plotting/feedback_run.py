@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
@@ -22,17 +21,13 @@ __all__ = ["plot_feedback_run"]
 _HANDED = "handed to the target"
 
 
-def plot_feedback_run(run: FeedbackRun, path: str | Path | None = None) -> Figure:
+def plot_feedback_run(run: FeedbackRun) -> Figure:
     """Draw the motion, what the feedback does and its rate with their limits, and the moment of closing.
 
     Left: all of the time; right: from two cycles before to twelve cycles after closing.
 
     Args:
         run: what was simulated.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     rows = _rows(run)
     title = f"{run.model}: {run.source} fed back to {run.target} with gain {run.gain:g} from {run.closes_at:.4g} s on"
@@ -50,8 +45,6 @@ def plot_feedback_run(run: FeedbackRun, path: str | Path | None = None) -> Figur
         whole.legend(**{**LEGEND, "loc": "upper right"}, ncols=2)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

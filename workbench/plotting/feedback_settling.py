@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.polynomial import Polynomial
 
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
@@ -23,15 +22,11 @@ if TYPE_CHECKING:
 __all__ = ["draw_settling", "plot_settling"]
 
 
-def plot_settling(study: SettlingStudy, path: str | Path | None = None) -> Figure:
+def plot_settling(study: SettlingStudy) -> Figure:
     """Draw settling times with their polynomials, the optimum over the threshold, and the motions as they decay.
 
     Args:
         study: what was measured.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"settling of {study.variable} after the feedback closes"
     figure, ((times, optima), (decay, efforts)) = panels(2, 2, title=title, width=11.0, height=3.5)
@@ -39,8 +34,6 @@ def plot_settling(study: SettlingStudy, path: str | Path | None = None) -> Figur
     _optima(optima, study)
     _decay(decay, study)
     _efforts(efforts, study)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Floats
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.panels import panels
 
 if TYPE_CHECKING:
@@ -24,15 +23,11 @@ _LEAST = 2.0  # ratio of amplitudes below which the picture is not made to show 
 _ROOM = 0.35  # of the range of the medians, around them
 
 
-def plot_free_run(run: FreeRun, path: str | Path | None = None) -> Figure:
+def plot_free_run(run: FreeRun) -> Figure:
     """Draw the signal, and frequency and amplitude of its oscillation, over time.
 
     Args:
         run: with its history.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, grid = panels(3, 1, title=f"{run.signal}: {run.words()}", width=8.4, height=2.1, sharex="all")
     draw_signal(grid[0][0], run)
@@ -40,8 +35,6 @@ def plot_free_run(run: FreeRun, path: str | Path | None = None) -> Figure:
     draw_amplitude(grid[2][0], run, {})
     for row in grid[:2]:
         row[0].set_xlabel("")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

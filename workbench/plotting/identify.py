@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.core.poles import pole_rows
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
@@ -38,15 +37,11 @@ _SMALL = 0.15  # half axes of regions that deserve a magnified picture
 _FAR = 1.6  # zeros further out are named instead of drawn
 
 
-def plot_order(result: SubspaceEstimate, path: str | Path | None = None) -> Figure:
+def plot_order(result: SubspaceEstimate) -> Figure:
     """Draw singular values and principal angles [deg] as bars, the order taken in colour.
 
     Args:
         result: of the subspace identification.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     criterion = len(result.order_criterion) > 0
     title = f"{result.model.name}: choice of the order ({result.method}), {result.order} taken"
@@ -63,8 +58,6 @@ def plot_order(result: SubspaceEstimate, path: str | Path | None = None) -> Figu
     grid[-1][0].set_xlabel("order")
     reason = "\n".join(wrap(f"order {result.order}: {result.order_reason}", LINE))
     figure.supxlabel(reason, x=0.01, ha="left", fontsize=8.5)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
@@ -107,7 +100,6 @@ def _criterion(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
 
 def plot_poles(
     model: IdentifiedModel,
-    path: str | Path | None = None,
     *,
     cancellations: Sequence[NearCancellation] = (),
     bootstrap: PoleBootstrap | None = None,
@@ -118,12 +110,8 @@ def plot_poles(
 
     Args:
         model: discrete.
-        path: also write the picture here; png, svg or pdf by suffix.
         cancellations: pairs to be marked.
         bootstrap: regions of the poles.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     poles, zeros = model.undelayed().poles, model.undelayed().zeros
     title = f"{model.name}: poles and zeros of the model of order {len(poles)}"
@@ -141,20 +129,14 @@ def plot_poles(
     if far:
         outside = f"zeros outside the picture: {', '.join(_text(z) for z in far)}"
         figure.supxlabel(outside, x=0.01, ha="left", fontsize=8.5)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Figure:
+def plot_bootstrap(result: PoleBootstrap) -> Figure:
     """Draw poles, those of all bootstrap replicates and the confidence regions.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     poles = np.array([r.pole for r in result.regions], dtype=np.complex128)
     figure, ax, side, cells = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
@@ -163,8 +145,6 @@ def plot_bootstrap(result: PoleBootstrap, path: str | Path | None = None) -> Fig
     _legend(ax, result, ())
     _table(side, poles, result.dt, result)
     _zooms(figure, cells, result)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

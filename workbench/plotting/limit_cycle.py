@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.nyquist import draw_plane
 from workbench.plotting.panels import LEGEND, panels
@@ -35,17 +34,13 @@ _MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", 
 _SIZES = {"describing function": 11.0, "harmonic balance": 8.5, "shooting": 6.0, "simulation": 5.0}
 
 
-def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -> Figure:
+def plot_limit_cycle(result: LimitCycleResult) -> Figure:
     """Draw the Nyquist curve around the crossings, frequency and amplitude by every method, and the simulated motion.
 
     Then, where they were asked for, the cycles over each parameter, and the run from rest.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: limit cycles of the loop through {result.block}"
     names = [] if result.simulated is None else [n for n in result.simulated.amplitude if n != result.input]
@@ -64,8 +59,6 @@ def plot_limit_cycle(result: LimitCycleResult, path: str | Path | None = None) -
         _branches(row, result, parameter)
     if result.free_run is not None:
         _free_run(grid[-2:], result)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
@@ -184,15 +177,11 @@ def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
 # -- pictures of limit cycles over a parameter -----------------------------------------------------
 
 
-def plot_branch(branch: Branch, path: str | Path | None = None) -> Figure:
+def plot_branch(branch: Branch) -> Figure:
     """Draw amplitude and frequency over the parameter; unstable parts dashed, folds marked.
 
     Args:
         branch: what was followed.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, (size, frequency) = rows(2, title=f"limit cycles over {branch.parameter}")
     draw_branch(size, branch, lambda p: p.amplitude)
@@ -201,8 +190,6 @@ def plot_branch(branch: Branch, path: str | Path | None = None) -> Figure:
     frequency.set_ylabel("frequency [Hz]")
     frequency.set_xlabel(branch.parameter)
     size.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS, rows, save
+from workbench.plotting.figure import COLOURS, rows
 from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
 
@@ -26,15 +25,11 @@ _POINTS = 400
 _DASHES = ("-", "--", "-.", ":")
 
 
-def plot_lin(result: LinResult, path: str | Path | None = None) -> Figure:
+def plot_lin(result: LinResult) -> Figure:
     """Draw gain [dB] and phase [deg] over frequency [Hz] and the step responses over time [s].
 
     Args:
         result: the linear model; every pair of input and output is a curve.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, axes = rows(3, title=f"{result.model}: linear model by {result.method}")
     frequency = frequency_band([result])
@@ -56,17 +51,14 @@ def plot_lin(result: LinResult, path: str | Path | None = None) -> Figure:
     step.set_xlabel("time [s]")
     step.set_ylabel("unit step")
     step.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_curves(named: Sequence[tuple[str, LinResult]], path: str | Path | None = None) -> Figure:
+def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:
     """Draw the Bode picture of the first input and output of several models.
 
     Args:
         named: label and model.
-        path: also write the picture here; png, svg or pdf by suffix.
     """
     results = [result for _, result in named]
     first = results[0] if results else None
@@ -79,8 +71,6 @@ def plot_curves(named: Sequence[tuple[str, LinResult]], path: str | Path | None 
     _finish(axes, frequency)
     if named:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

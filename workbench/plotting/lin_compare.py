@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.figure import COLOURS, label, rows
 from workbench.plotting.lin import frequency_band
 from workbench.plotting.response import bode_axes, draw_response
 
@@ -22,12 +21,11 @@ __all__ = ["plot_comparison", "plot_step_check"]
 _DASHES = ("-", "--", "-.", ":")
 
 
-def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -> Figure:
+def plot_comparison(comparison: LinComparison) -> Figure:
     """Draw every model as a curve and the measurement as circles (triangles: not settled).
 
     Args:
         comparison: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
     """
     figure, axes = rows(2, title=f"{comparison.input} → {comparison.output}")
     measured = comparison.measured
@@ -55,17 +53,14 @@ def plot_comparison(comparison: LinComparison, path: str | Path | None = None) -
                 axes[1].plot(at, measured.phase_deg[0][chosen], marker, **style)
     bode_axes(axes)
     axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_step_check(check: StepCheck, path: str | Path | None = None) -> Figure:
+def plot_step_check(check: StepCheck) -> Figure:
     """Draw the step responses of a linear model and of the model itself over time [s].
 
     Args:
         check: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
     """
     figure, axes = rows(1, title=f"{check.input} → {check.output}, step of {check.height:g}")
     axes[0].plot(check.time, check.nonlinear, color=COLOURS[0], linewidth=1.8, label="nonlinear model")
@@ -73,6 +68,4 @@ def plot_step_check(check: StepCheck, path: str | Path | None = None) -> Figure:
     axes[0].set_ylabel(label(check.output, check.unit))
     axes[0].set_xlabel("time [s]")
     axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure

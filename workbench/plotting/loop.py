@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MultipleLocator, NullFormatter
 
 from workbench.core.response import Response, decibels
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import LEGEND, LINE, panels
 from workbench.plotting.response import draw_response, plain_decades
 
@@ -43,7 +42,7 @@ class _Shown:
     style: dict[str, Any]
 
 
-def plot_loop(result: LoopResult, path: str | Path | None = None) -> Figure:
+def plot_loop(result: LoopResult) -> Figure:
     """Draw L over frequency with its margins, |S| and |T|, and the Nyquist picture around -1 with the disk margin.
 
     Lines: linear loop; circles: broken loop; squares: injected; one colour per amplitude. Black dots: gain
@@ -51,10 +50,6 @@ def plot_loop(result: LoopResult, path: str | Path | None = None) -> Figure:
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     shown = list(_shown(result))
     figure, grid = panels(2, 2, title=f"{result.system}: loop opened at {result.place.label}", width=11.0, height=3.3)
@@ -64,8 +59,6 @@ def plot_loop(result: LoopResult, path: str | Path | None = None) -> Figure:
     _sensitivities(grid[1][1], shown)
     _nyquist(grid[0][1], shown)
     figure.supxlabel("\n".join(_words(shown)), x=0.01, ha="left", fontsize=8.5)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

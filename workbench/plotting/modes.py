@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.panels import panels
 from workbench.session.base import Floats
 
@@ -28,15 +27,11 @@ _HIGHEST = 0.25  # damping ratio shown, unless all labelled modes have more
 _GREY = "#b8b8b8"
 
 
-def plot_modes(result: ModesResult, path: str | Path | None = None) -> Figure:
+def plot_modes(result: ModesResult) -> Figure:
     """Draw damping and natural frequency over the parameter; modes that are or become nearly unstable are named.
 
     Args:
         result: of the analysis.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.model}: modes over {result.parameter}"
     figure, grid = panels(2, 1, title=title, width=9.6, height=3.0, sharex="all")
@@ -55,8 +50,6 @@ def plot_modes(result: ModesResult, path: str | Path | None = None) -> Figure:
     damping.set_ylabel("damping ratio [%]")
     frequency.set(ylabel="natural frequency [Hz]", xlabel=label(result.parameter, result.unit))
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False, handlelength=2.4)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.panels import panels
 from workbench.session.base import Floats
 
@@ -25,15 +24,11 @@ _BINS = 260
 _TALLEST = 12  # panels
 
 
-def plot_motions(result: MotionComparison, path: str | Path | None = None) -> Figure:
+def plot_motions(result: MotionComparison) -> Figure:
     """Draw peak and rms of each signal as bars, and its record, the windows shaded.
 
     Args:
         result: of the comparison.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     signals = result.signals[:_TALLEST]
     figure, grid = panels(len(signals), 2, title="motions under the same signals", width=10.4, height=2.3)
@@ -46,8 +41,6 @@ def plot_motions(result: MotionComparison, path: str | Path | None = None) -> Fi
     figure.legend(
         handles=[*handles, rms], loc="outside lower center", ncols=min(len(handles) + 1, 5), fontsize=8.5, frameon=False
     )
-    if path is not None:
-        save(figure, path)
     return figure
 
 

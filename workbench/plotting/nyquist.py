@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import Akima1DInterpolator
 
 from workbench.analysis.describing.base import Complex
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
@@ -27,15 +26,11 @@ _BETWEEN = 6  # points drawn between two of the curve
 _ARROWS = 2  # along the curve
 
 
-def plot_nyquist(result: NyquistResult, path: str | Path | None = None) -> Figure:
+def plot_nyquist(result: NyquistResult) -> Figure:
     """Draw L(jω) with −1/N(A): whole, around the crossings and around the nearest; and the table of crossings.
 
     Args:
         result: curve and crossings.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     reaches = _reaches(result)
     rows = min(max(len(result.crossings), 1), _ROWS)
@@ -49,8 +44,6 @@ def plot_nyquist(result: NyquistResult, path: str | Path | None = None) -> Figur
         ax.set_title(text, loc="left", fontsize=9.0, color="#555555")
     grid[0][0].legend(**{**LEGEND, "loc": "best"})
     _table(_below(grid[1]), result.crossings)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 from workbench.plotting.panels import LEGEND, panels
 from workbench.plotting.response import bode_axes, draw_response
 
@@ -24,15 +23,11 @@ _DASHES = ("-", "--", "-.")
 _MARKS = ("o", "s", "D", "v", "P")
 
 
-def plot_overlay(result: Overlay, path: str | Path | None = None) -> Figure:
+def plot_overlay(result: Overlay) -> Figure:
     """Draw gain [dB] and phase [deg] over frequency [Hz], and how far the curves are from the reference.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     title = f"{result.name}: {result.input} → {result.output}"
     figure, grid = panels(4, 1, title=title, sharex="all", height=1.75, ratios=[1.35, 1.35, 0.8, 0.8])
@@ -49,8 +44,6 @@ def plot_overlay(result: Overlay, path: str | Path | None = None) -> Figure:
         axes[3].plot(d.frequency_hz, d.phase_deg, **style)
     _finish(axes, result)
     figure.align_ylabels(axes)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

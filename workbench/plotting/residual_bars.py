@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, save
+from workbench.plotting.figure import COLOURS
 
 if TYPE_CHECKING:
     from workbench.analysis.trim.result import TrimResult
@@ -18,15 +17,11 @@ __all__ = ["plot_residuals"]
 _SMALLEST = 1e-18
 
 
-def plot_residuals(result: TrimResult, path: str | Path | None = None) -> Figure:
+def plot_residuals(result: TrimResult) -> Figure:
     """Draw the magnitude of each scaled residual as a bar, floating derivatives in another colour.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     names = [r.name for r in result.residuals]
     figure = Figure(figsize=(7.0, 1.2 + 0.28 * max(len(names), 3)), layout="constrained")
@@ -41,6 +36,4 @@ def plot_residuals(result: TrimResult, path: str | Path | None = None) -> Figure
     ax.set_xlabel("residual over the change for one nominal value of each unknown")
     ax.set_title(f"{result.model}: {'in equilibrium' if result.converged else 'no equilibrium found'}", loc="left")
     ax.grid(visible=True, axis="x", alpha=0.3)
-    if path is not None:
-        save(figure, path)
     return figure

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, rows, save
+from workbench.plotting.figure import COLOURS, rows
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -21,15 +20,11 @@ __all__ = ["plot_coherence", "plot_density"]
 _DEEPEST_DB = 90.0  # below the peak: rounding
 
 
-def plot_density(result: SpectralDensity, path: str | Path | None = None) -> Figure:
+def plot_density(result: SpectralDensity) -> Figure:
     """Draw each column's density [dB] over frequency [Hz] up to Nyquist, with the band of 95 % confidence.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, axes = rows(len(result.columns), title=f"{result.name}: spectral density")
     low, high = (10.0 * np.log10(f) for f in result.settings.interval_95)
@@ -43,20 +38,14 @@ def plot_density(result: SpectralDensity, path: str | Path | None = None) -> Fig
         ax.set_ylabel(f"{column} [dB re {_square(unit)}/Hz]")
     _foot(axes[-1], result.settings.nyquist_hz, f"{result.settings.describe()}; shaded: 95 %")
     figure.align_ylabels(axes)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
-def plot_coherence(result: Coherence, path: str | Path | None = None) -> Figure:
+def plot_coherence(result: Coherence) -> Figure:
     """Draw coherence over frequency [Hz] up to Nyquist, a picture for each output.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     source = result.input_names[0] if len(result.input_names) == 1 else "inputs"
     figure, axes = rows(len(result.output_names), title=f"{result.name}: coherence with {source}")
@@ -65,8 +54,6 @@ def plot_coherence(result: Coherence, path: str | Path | None = None) -> Figure:
     _foot(axes[-1], result.settings.nyquist_hz, f"{result.settings.describe()}; shaded: 95 %")
     if len(result.input_names) > 1:
         axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from workbench.plotting.figure import COLOURS, label, rows, save
+from workbench.plotting.figure import COLOURS, label, rows
 from workbench.plotting.response import plain_decades
 
 __all__ = ["LIMIT", "plot_between_masks", "plot_step"]
@@ -30,7 +29,6 @@ def plot_between_masks(
     upper: Sequence[Sequence[float]] = (),
     lower: Sequence[Sequence[float]] = (),
     worst: tuple[float, float] | None = None,
-    path: str | Path | None = None,
 ) -> Figure:
     """Draw frequency responses and the masks they must keep; what is forbidden is shaded.
 
@@ -42,10 +40,6 @@ def plot_between_masks(
         upper: corners (frequency [Hz], value) of the mask.
         lower: likewise.
         worst: (frequency [Hz], value) with the least margin.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, (ax,) = rows(1, title=title)
     figure.set_size_inches(7.2, 4.0)
@@ -72,8 +66,6 @@ def plot_between_masks(
     ax.xaxis.set_minor_formatter(FuncFormatter(_minor))
     ax.tick_params(axis="x", which="minor", labelsize=7.5, colors="#777777")
     _legend(figure, ax)
-    if path is not None:
-        save(figure, path)
     return figure
 
 
@@ -111,7 +103,6 @@ def plot_step(
     unit: str | None,
     lines: Mapping[str, float] | None = None,
     times: Mapping[str, float] | None = None,
-    path: str | Path | None = None,
 ) -> Figure:
     """Draw a time history with levels and instants.
 
@@ -123,10 +114,6 @@ def plot_step(
         unit: of the signal.
         lines: label → level.
         times: label → instant [s]; `LIMIT` is drawn as one.
-        path: also write the picture here; png, svg or pdf by suffix.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written.
     """
     figure, (ax,) = rows(1, title=title)
     figure.set_size_inches(7.2, 3.6)
@@ -140,8 +127,6 @@ def plot_step(
     ax.set_xlabel("time [s]")
     ax.set_ylabel(label(name, unit))
     _legend(figure, ax)
-    if path is not None:
-        save(figure, path)
     return figure
 
 

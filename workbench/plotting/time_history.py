@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
-
-from workbench.plotting.figure import save
 
 if TYPE_CHECKING:
     from workbench.analysis.simulate.result import SimulationResult
@@ -15,12 +12,11 @@ if TYPE_CHECKING:
 __all__ = ["time_history"]
 
 
-def time_history(result: SimulationResult, path: str | Path | None = None) -> Figure:
+def time_history(result: SimulationResult) -> Figure:
     """Return a figure with one panel per signal over time [s]; events show as vertical jumps.
 
     Args:
         result: what is drawn.
-        path: also write it here.
     """
     names = list(result.signals)
     figure = Figure(figsize=(8.0, 1.2 + 1.9 * max(1, len(names))), layout="constrained")
@@ -33,6 +29,4 @@ def time_history(result: SimulationResult, path: str | Path | None = None) -> Fi
         axes.grid(visible=True, alpha=0.3)
     panels[-1].set_xlabel("time [s]")
     panels[0].set_title(f"{result.model} ({result.interface}, {result.solver})")
-    if path is not None:
-        save(figure, path)
     return figure

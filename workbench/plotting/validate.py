@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS, label, save
+from workbench.plotting.figure import COLOURS, label
 from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
@@ -29,16 +28,15 @@ _BAND: dict[str, Any] = {"color": COLOURS[4], "alpha": 0.25, "linewidth": 0.0}
 _EDGE: dict[str, Any] = {"color": "#666666", "linewidth": 0.9, "linestyle": "--"}
 
 
-def plot_fit(result: Validation, path: str | Path | None = None, *, seconds: float | None = None) -> Figure:
+def plot_fit(result: Validation, *, seconds: float | None = None) -> Figure:
     """Draw measured, simulated and predicted outputs over time [s], the errors below each.
 
     Args:
         result: what to draw.
-        path: also write the picture here; png, svg or pdf by suffix.
         seconds: how much to show [s]; None: the first 300 samples.
 
     Raises:
-        InputError: nothing to show, unknown suffix, file cannot be written.
+        InputError: nothing to show.
     """
     data = result.data
     if seconds is not None and not seconds > 0.0:
@@ -57,8 +55,6 @@ def plot_fit(result: Validation, path: str | Path | None = None, *, seconds: flo
     part = "" if shown.stop >= data.n_samples else f", {shown.stop} of {data.n_samples} samples"
     grid[-1][0].set_xlabel(f"time [s]{part}")
     figure.align_ylabels([row[0] for row in grid])
-    if path is not None:
-        save(figure, path)
     return figure
 
 
@@ -85,7 +81,7 @@ def _errors(ax: Axes, result: Validation, k: int, shown: slice) -> None:
     ax.axhline(0.0, color="#888888", linewidth=0.7)
 
 
-def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | None = None) -> Figure:
+def plot_residuals(result: Validation, residuals: Residuals) -> Figure:
     """Draw residuals over time, their autocorrelation and their cross-correlation with each input.
 
     One column for each output. Shaded: 95 % of the lags of a good model lie within. Dashed: with 97.5 % all of
@@ -94,10 +90,9 @@ def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | 
     Args:
         result: of the validation.
         residuals: one of its two.
-        path: also write the picture here; png, svg or pdf by suffix.
 
     Raises:
-        InputError: there are no residual tests to draw, unknown suffix, file cannot be written.
+        InputError: there are no residual tests to draw.
     """
     if residuals.autocorrelation is None or residuals.cross is None:
         raise InputError(f"{result.data.name}: {residuals.remark}; there is no residual picture")
@@ -113,8 +108,6 @@ def plot_residuals(result: Validation, residuals: Residuals, path: str | Path | 
             grid[2 + j][k].set_xlabel(f"lag [samples of {data.dt:g} s]")
     _verdicts(figure, residuals)
     _explain(grid[1][0])
-    if path is not None:
-        save(figure, path)
     return figure
 
 

@@ -13,7 +13,7 @@ from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, number, pole_table
 from workbench.report.tones import Verdict
 
-__all__ = ["feed_forward_page", "reduction_page"]
+__all__ = ["filter_page", "reduction_page"]
 
 # Picture of the result → section and what it shows; "simulated" is drawn where something was simulated.
 _PICTURES = {
@@ -27,7 +27,7 @@ _PICTURES = {
 _ENDS = {"finite escape": "escapes in finite time", "exponential": "grows exponentially"}
 
 
-def feed_forward_page(result: FeedForwardResult) -> Page:
+def filter_page(result: FeedForwardResult) -> Page:
     """Return the page of a filter: each step with its errors, pictures, simulations."""
     last = result.steps[-1]
     return Page(

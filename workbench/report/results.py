@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from workbench import __version__
 from workbench.core.named import named
 from workbench.core.operating_point import point_of_json
-from workbench.core.record import plain
+from workbench.core.record import drawn, plain
 from workbench.errors import InputError, one_line
 from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
@@ -22,80 +22,54 @@ from workbench.report.terminal import text_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["PAGES", "PICTURES", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
+__all__ = ["SHOWN", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
 
 _NAMED = 12  # inputs and states of an operating point
 
-# Class of the result → function that makes its page. Both by name, so that a page loads what it shows and no more.
-PAGES: dict[str, str] = {
-    "workbench.analysis.advice.result.Advice": "workbench.report.data:advice_page",
-    "workbench.analysis.check.result.HealthCard": "workbench.report.check:check_page",
-    "workbench.analysis.delays.result.DelayReport": "workbench.report.delays:delays_page",
-    "workbench.analysis.delays.result.NoDelays": "workbench.report.delays:no_delays_page",
-    "workbench.analysis.describing.describe.DescribingFunction": "workbench.report.limit_cycle:describing_page",
-    "workbench.analysis.excite.result.ExciteResult": "workbench.report.excite:excite_page",
-    "workbench.analysis.feed_forward.result.FeedForwardResult": "workbench.report.feed_forward:feed_forward_page",
-    "workbench.analysis.feedback.result.FeedbackResult": "workbench.report.feedback:feedback_page",
-    "workbench.analysis.feedback.run.FeedbackRun": "workbench.report.feedback:run_page",
-    "workbench.analysis.feedback.settling.SettlingStudy": "workbench.report.feedback:settling_page",
-    "workbench.analysis.identify.result.IdentifyResult": "workbench.report.identify:identify_page",
-    "workbench.analysis.info.result.FmuInfo": "workbench.report.info:info_page",
-    "workbench.analysis.info.result.SystemInfo": "workbench.report.info:system_page",
-    "workbench.analysis.limit_cycle.branch.Branch": "workbench.report.limit_cycle:branch_page",
-    "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.report.limit_cycle:free_run_page",
-    "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.report.limit_cycle:limit_cycle_page",
-    "workbench.analysis.lin.compare.LinComparison": "workbench.report.lin:comparison_page",
-    "workbench.analysis.lin.result.LinResult": "workbench.report.lin:lin_page",
-    "workbench.analysis.lin.state_space.LinearModel": "workbench.report.state_space:linear_model_page",
-    "workbench.analysis.lin.step_check.StepCheck": "workbench.report.lin:step_check_page",
-    "workbench.analysis.lin.sweep.LinGrid": "workbench.report.lin:grid_page",
-    "workbench.analysis.loop.result.LoopResult": "workbench.report.loop:loop_page",
-    "workbench.analysis.modes.result.ModesResult": "workbench.report.modes:modes_page",
-    "workbench.analysis.motions.result.MotionComparison": "workbench.report.motions:motions_page",
-    "workbench.analysis.nfr.result.NfrResult": "workbench.report.nfr:nfr_page",
-    "workbench.analysis.nyquist.result.NyquistResult": "workbench.report.limit_cycle:nyquist_page",
-    "workbench.analysis.reduction.balanced.BalancedReduction": "workbench.report.feed_forward:reduction_page",
-    "workbench.analysis.simulate.result.SimulationResult": "workbench.report.simulate:simulate_page",
-    "workbench.analysis.spectra.coherence.Coherence": "workbench.report.data:coherence_page",
-    "workbench.analysis.spectra.density.SpectralDensity": "workbench.report.data:density_page",
-    "workbench.analysis.subspace.result.SubspaceEstimate": "workbench.report.identify:estimate_page",
-    "workbench.analysis.trim.result.TrimResult": "workbench.report.trim:trim_page",
-    "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.report.identify:bootstrap_page",
-    "workbench.analysis.validate.overlay.Overlay": "workbench.report.identify:overlay_page",
-    "workbench.analysis.validate.result.Validation": "workbench.report.identify:validation_page",
-    "workbench.build.export.ExportResult": "workbench.report.build:export_page",
-    "workbench.build.fmu.BuildResult": "workbench.report.build:build_page",
-    "workbench.build.fmu.BuiltModels": "workbench.report.build:built_page",
-    "workbench.reproduce.result.ReproduceResult": "workbench.reproduce.page:reproduce_page",
-    "workbench.reproduce.result.TargetList": "workbench.reproduce.page:targets_page",
-    "workbench.system.container.ContainerResult": "workbench.report.build:container_page",
-}
-
-# Class of the result → function that draws its picture, given the result and the path of a file or None.
-PICTURES: dict[str, str] = {
-    "workbench.analysis.advice.result.Advice": "workbench.plotting.advice:plot_advice",
-    "workbench.analysis.check.result.HealthCard": "workbench.plotting.check:plot_check",
-    "workbench.analysis.describing.describe.DescribingFunction": "workbench.plotting.describing:plot_describing",
-    "workbench.analysis.excite.result.ExciteResult": "workbench.plotting.excite:plot_excite",
-    "workbench.analysis.feedback.result.FeedbackResult": "workbench.plotting.feedback:plot_feedback",
-    "workbench.analysis.feedback.run.FeedbackRun": "workbench.plotting.feedback_run:plot_feedback_run",
-    "workbench.analysis.feedback.settling.SettlingStudy": "workbench.plotting.feedback_settling:plot_settling",
-    "workbench.analysis.limit_cycle.branch.Branch": "workbench.plotting.limit_cycle:plot_branch",
-    "workbench.analysis.limit_cycle.free_run.FreeRun": "workbench.plotting.free_run:plot_free_run",
-    "workbench.analysis.limit_cycle.result.LimitCycleResult": "workbench.plotting.limit_cycle:plot_limit_cycle",
-    "workbench.analysis.lin.compare.LinComparison": "workbench.plotting.lin_compare:plot_comparison",
-    "workbench.analysis.lin.result.LinResult": "workbench.plotting.lin:plot_lin",
-    "workbench.analysis.lin.step_check.StepCheck": "workbench.plotting.lin_compare:plot_step_check",
-    "workbench.analysis.loop.result.LoopResult": "workbench.plotting.loop:plot_loop",
-    "workbench.analysis.modes.result.ModesResult": "workbench.plotting.modes:plot_modes",
-    "workbench.analysis.motions.result.MotionComparison": "workbench.plotting.motions:plot_motions",
-    "workbench.analysis.nyquist.result.NyquistResult": "workbench.plotting.nyquist:plot_nyquist",
-    "workbench.analysis.simulate.result.SimulationResult": "workbench.plotting.time_history:time_history",
-    "workbench.analysis.spectra.coherence.Coherence": "workbench.plotting.spectra:plot_coherence",
-    "workbench.analysis.spectra.density.SpectralDensity": "workbench.plotting.spectra:plot_density",
-    "workbench.analysis.trim.result.TrimResult": "workbench.plotting.residual_bars:plot_residuals",
-    "workbench.analysis.validate.bootstrap.PoleBootstrap": "workbench.plotting.identify:plot_bootstrap",
-    "workbench.analysis.validate.overlay.Overlay": "workbench.plotting.overlay:plot_overlay",
+# Class of the result → (function of `workbench.report` that makes its page, function of `workbench.plotting` that draws
+# it, "" where there is no picture); packages of their own are named in full. Both by name, so that a page loads what it shows and no more.
+SHOWN: dict[str, tuple[str, str]] = {
+    "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
+    "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
+    "analysis.delays.result.DelayReport": ("delays:delays_page", ""),
+    "analysis.delays.result.NoDelays": ("delays:no_delays_page", ""),
+    "analysis.describing.describe.DescribingFunction": ("limit_cycle:describing_page", "describing:plot_describing"),
+    "analysis.excite.result.ExciteResult": ("excite:excite_page", "excite:plot_excite"),
+    "analysis.feed_forward.result.FeedForwardResult": ("feed_forward:filter_page", "feed_forward:plot_feed_forward"),
+    "analysis.feedback.result.FeedbackResult": ("feedback:feedback_page", "feedback:plot_feedback"),
+    "analysis.feedback.run.FeedbackRun": ("feedback:run_page", "feedback_run:plot_feedback_run"),
+    "analysis.feedback.settling.SettlingStudy": ("feedback:settling_page", "feedback_settling:plot_settling"),
+    "analysis.identify.result.IdentifyResult": ("identify:identify_page", ""),
+    "analysis.info.result.FmuInfo": ("info:info_page", ""),
+    "analysis.info.result.SystemInfo": ("info:system_page", ""),
+    "analysis.limit_cycle.branch.Branch": ("limit_cycle:branch_page", "limit_cycle:plot_branch"),
+    "analysis.limit_cycle.free_run.FreeRun": ("limit_cycle:free_run_page", "free_run:plot_free_run"),
+    "analysis.limit_cycle.result.LimitCycleResult": ("limit_cycle:limit_cycle_page", "limit_cycle:plot_limit_cycle"),
+    "analysis.lin.compare.LinComparison": ("lin:comparison_page", "lin_compare:plot_comparison"),
+    "analysis.lin.result.LinResult": ("lin:lin_page", "lin:plot_lin"),
+    "analysis.lin.state_space.LinearModel": ("state_space:linear_model_page", ""),
+    "analysis.lin.step_check.StepCheck": ("lin:step_check_page", "lin_compare:plot_step_check"),
+    "analysis.lin.sweep.LinGrid": ("lin:grid_page", ""),
+    "analysis.loop.result.LoopResult": ("loop:loop_page", "loop:plot_loop"),
+    "analysis.modes.result.ModesResult": ("modes:modes_page", "modes:plot_modes"),
+    "analysis.motions.result.MotionComparison": ("motions:motions_page", "motions:plot_motions"),
+    "analysis.nfr.result.NfrResult": ("nfr:nfr_page", "bode:plot_nfr"),
+    "analysis.nyquist.result.NyquistResult": ("limit_cycle:nyquist_page", "nyquist:plot_nyquist"),
+    "analysis.reduction.balanced.BalancedReduction": ("feed_forward:reduction_page", ""),
+    "analysis.simulate.result.SimulationResult": ("simulate:simulate_page", "time_history:time_history"),
+    "analysis.spectra.coherence.Coherence": ("data:coherence_page", "spectra:plot_coherence"),
+    "analysis.spectra.density.SpectralDensity": ("data:density_page", "spectra:plot_density"),
+    "analysis.subspace.result.SubspaceEstimate": ("identify:estimate_page", "identify:plot_order"),
+    "analysis.trim.result.TrimResult": ("trim:trim_page", "residual_bars:plot_residuals"),
+    "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
+    "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
+    "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
+    "build.export.ExportResult": ("build:export_page", ""),
+    "build.fmu.BuildResult": ("build:build_page", ""),
+    "build.fmu.BuiltModels": ("build:built_page", ""),
+    "reproduce.result.ReproduceResult": ("workbench.reproduce.page:reproduce_page", ""),
+    "reproduce.result.TargetList": ("workbench.reproduce.page:targets_page", ""),
+    "system.container.ContainerResult": ("build:container_page", ""),
 }
 
 
@@ -103,37 +77,38 @@ def picture_of(result: object, path: str | Path | None) -> Figure:
     """Draw the picture of a result.
 
     Args:
-        result: of a class in `PICTURES`.
+        result: of a class in `SHOWN` that has one.
         path: also write the picture here; png, svg or pdf by suffix.
 
     Raises:
         InputError: it has no picture, unknown suffix, file cannot be written.
     """
-    draw: Callable[[object, str | Path | None], Figure] = _function(PICTURES, result, "picture")
-    return draw(result, path)
+    return drawn(_function(result, "picture"), path, result)
 
 
-def page_of(result: object, **drawn: object) -> Page:
+def page_of(result: object, **told: object) -> Page:
     """Return what a result says of itself, without how it was made.
 
     Args:
-        result: of a class in `PAGES`.
-        drawn: what the function of its page can be told.
+        result: of a class in `SHOWN`.
+        told: what the function of its page can be told.
 
     Raises:
         InputError: it has no page.
     """
-    make: Callable[..., Page] = _function(PAGES, result, "page")
-    return make(result, **drawn)
+    name = _function(result, "page")
+    page: Page = named(name if name.startswith("workbench.") else f"workbench.report.{name}")(result, **told)
+    return page
 
 
-def _function(table: Mapping[str, str], result: object, what: str) -> Any:  # noqa: ANN401 - what the table says
-    kind = type(result)
-    name = table.get(f"{kind.__module__}.{kind.__qualname__}")
-    if name is None:
-        known = ", ".join(sorted(key.rpartition(".")[2] for key in table))
+def _function(result: object, what: str) -> str:
+    """Return the name of the function that makes the "page" or the "picture" of a result."""
+    kind, column = type(result), ("page", "picture").index(what)
+    name = SHOWN.get(f"{kind.__module__}.{kind.__qualname__}".removeprefix("workbench."), ("", ""))[column]
+    if not name:
+        known = ", ".join(sorted(key.rpartition(".")[2] for key, names in SHOWN.items() if names[column]))
         raise InputError(f"{kind.__name__} has no {what}; results that have one: {known}")
-    return named(name)
+    return name
 
 
 def line_of(result: object) -> str:
@@ -154,7 +129,7 @@ def notebook_of(result: object) -> str:
     """Return the page of a result for a notebook: what a terminal shows, and the first picture.
 
     Args:
-        result: of a class in `PAGES`.
+        result: of a class in `SHOWN`.
     """
     page = page_of(result)
     figures = [figure for section in page.sections for figure in section.figures][:1]
@@ -166,7 +141,7 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     """Write the page of a result.
 
     Args:
-        result: of a class in `PAGES`, or a page that was made already.
+        result: of a class in `SHOWN`, or a page that was made already.
         path: of the page, .html.
         origin: how the result was made; None: what it remembers.
 

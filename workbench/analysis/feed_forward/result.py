@@ -16,7 +16,7 @@ from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.record import Record, entry
+from workbench.core.record import Record, drawn, entry
 
 if TYPE_CHECKING:
     import control
@@ -122,9 +122,7 @@ class FeedForwardResult(Record):
         Raises:
             InputError: unknown figure or suffix, nothing was simulated, the file cannot be written.
         """
-        from workbench.plotting.feed_forward import plot_feed_forward  # noqa: PLC0415  matplotlib is slow
-
-        return plot_feed_forward(self, path, figure=figure)
+        return drawn("feed_forward:plot_feed_forward", path, self, figure=figure)
 
     def filter_dict(self) -> dict[str, Any]:
         """Return the filter as `workbench export` and the components of system files take it."""

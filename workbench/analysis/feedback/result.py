@@ -16,7 +16,7 @@ from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz
-from workbench.core.record import Record, complex_of, entry
+from workbench.core.record import Record, complex_of, drawn, entry
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -132,9 +132,7 @@ class FeedbackResult(Record):
         Args:
             path: also write it here; png, svg or pdf by suffix.
         """
-        from workbench.plotting.feedback import plot_root_locus  # noqa: PLC0415  matplotlib is slow
-
-        return plot_root_locus(self, path)
+        return drawn("feedback:plot_root_locus", path, self)
 
     def plot_nyquist(self, path: str | Path | None = None) -> Figure:
         """Return a picture of G(jω) in four views: all, and by bands around its crossings of the real axis.
@@ -142,9 +140,7 @@ class FeedbackResult(Record):
         Args:
             path: also write it here; png, svg or pdf by suffix.
         """
-        from workbench.plotting.feedback_nyquist import plot_nyquist  # noqa: PLC0415  matplotlib is slow
-
-        return plot_nyquist(self, path)
+        return drawn("feedback_nyquist:plot_nyquist", path, self)
 
     def plot_cycles(self, path: str | Path | None = None) -> Figure:
         """Return a picture of the Nyquist curves seen by the nonlinear block, for four of the gains.
@@ -155,9 +151,7 @@ class FeedbackResult(Record):
         Raises:
             InputError: there is no block.
         """
-        from workbench.plotting.feedback_nyquist import plot_cycles  # noqa: PLC0415  matplotlib is slow
-
-        return plot_cycles(self, path)
+        return drawn("feedback_nyquist:plot_cycles", path, self)
 
     def derived(self) -> dict[str, Any]:
         """Return what stands beside the fields, and the settling study."""

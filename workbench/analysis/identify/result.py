@@ -161,9 +161,7 @@ class IdentifyResult(Record):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        from workbench.plotting.identify import plot_order  # noqa: PLC0415  matplotlib is slow
-
-        return plot_order(self.estimate, path)
+        return self.estimate.plot(path)
 
 
 def _mean(values: dict[str, float]) -> float:

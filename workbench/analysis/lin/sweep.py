@@ -19,7 +19,7 @@ from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
-from workbench.core.record import Part, Record, entry
+from workbench.core.record import Part, Record, drawn, entry
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import DescribedModel, Model
 from workbench.model.placing import find_point
@@ -91,10 +91,7 @@ class LinGrid(Record):
         Args:
             path: also write it here; png, svg or pdf by suffix.
         """
-        from workbench.plotting.lin import plot_curves  # noqa: PLC0415  matplotlib is slow
-
-        named = [(str(p), p.result) for p in self.points if p.result is not None]
-        return plot_curves(named, path)
+        return drawn("lin:plot_curves", path, [(str(p), p.result) for p in self.points if p.result is not None])
 
     def derived(self) -> dict[str, Any]:
         """Return why there is no model at some points."""

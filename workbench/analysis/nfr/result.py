@@ -17,7 +17,7 @@ from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
 from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.record import Record, entry, numbers
+from workbench.core.record import Record, drawn, entry, numbers
 from workbench.core.response import decibels, follow_phase
 from workbench.errors import InputError
 from workbench.model import Model, Variable
@@ -238,9 +238,7 @@ class NfrResult(Record):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        from workbench.plotting.bode import plot_nfr  # noqa: PLC0415 - matplotlib is slow to import
-
-        return plot_nfr(self, path, offset=offset)
+        return drawn("bode:plot_nfr", path, self, offset=offset)
 
 
 def assemble(

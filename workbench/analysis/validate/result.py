@@ -14,7 +14,7 @@ from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
-from workbench.core.record import Record, entry
+from workbench.core.record import Record, drawn, entry
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,9 +74,7 @@ class Validation(Record):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        from workbench.plotting.validate import plot_fit  # noqa: PLC0415  matplotlib is slow
-
-        return plot_fit(self, path, seconds=seconds)
+        return drawn("validate:plot_fit", path, self, seconds=seconds)
 
     def plot_residuals(self, path: str | Path | None = None, *, kind: str = "prediction") -> Figure:
         """Draw residuals, their autocorrelation and their cross-correlation with the inputs, with 95 % bands.
@@ -88,9 +86,7 @@ class Validation(Record):
         Raises:
             InputError: unknown kind or suffix, file cannot be written.
         """
-        from workbench.plotting.validate import plot_residuals  # noqa: PLC0415  matplotlib is slow
-
-        return plot_residuals(self, self.residuals(kind), path)
+        return drawn("validate:plot_residuals", path, self, self.residuals(kind))
 
     def plot_poles(self, path: str | Path | None = None) -> Figure:
         """Draw poles and zeros with their near-cancellations and, where known, the poles' 95 % regions.
@@ -101,9 +97,8 @@ class Validation(Record):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        from workbench.plotting.identify import plot_poles  # noqa: PLC0415  matplotlib is slow
-
-        return plot_poles(self.model, path, cancellations=self.cancellations, bootstrap=self.bootstrap)
+        marked = {"cancellations": self.cancellations, "bootstrap": self.bootstrap}
+        return drawn("identify:plot_poles", path, self.model, **marked)
 
     def residuals(self, kind: str) -> Residuals:
         """Return one of the two ways of computing the output.
