@@ -27,7 +27,8 @@ __all__ = ["SHOWN", "line_of", "notebook_of", "page_of", "picture_of", "write_re
 _NAMED = 12  # inputs and states of an operating point
 
 # Class of the result → (function of `workbench.report` that makes its page, function of `workbench.plotting` that draws
-# it, "" where there is no picture); packages of their own are named in full. Both by name, so that a page loads what it shows and no more.
+# it, "" where there is no picture); packages of their own are named in full. Both by name, so that a page loads what it
+# shows and no more.
 SHOWN: dict[str, tuple[str, str]] = {
     "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
     "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
