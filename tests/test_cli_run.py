@@ -13,10 +13,9 @@ from workbench.cli.app import run
 from workbench.cli.program import COMMANDS as PROGRAM
 from workbench.cli.program import Lazily, program
 from workbench.errors import InputError
-from workbench.study.bundled import bundled_studies
 from workbench.study.commands import COMMANDS, Reference, command
 from workbench.study.plan import Run, make_plan
-from workbench.study.read import read_study
+from workbench.study.read import bundled_studies, read_study
 from workbench.study.run import run_study
 from workbench.study.worker import Job, NoRecipe, perform
 

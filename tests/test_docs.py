@@ -14,7 +14,7 @@ from docs.tools.python_pages import grouped_names
 from docs.tools.study_pages import requirements_page
 from tests.doc_pages import DOCS, first_column, pages, text_of
 from workbench import signals
-from workbench.study import schema as study_schema
+from workbench.study import read as study_schema
 from workbench.study.kinds import KINDS
 from workbench.system import toml_schema
 
@@ -52,7 +52,8 @@ def test_python_pages_name_every_public_name_once() -> None:
 
 def table_keys(module: object) -> set[str]:
     """Every key of every table that a module's classes read."""
-    kinds = [v for v in vars(module).values() if isinstance(v, type) and issubclass(v, toml_schema.Table)]
+    owners = [v for v in vars(module).values() if isinstance(v, type) and issubclass(v, toml_schema.Table)]
+    kinds = [k for k in owners if k.__module__ == vars(module)["__name__"]]
     return {field.alias or name for kind in kinds for name, field in kind.model_fields.items()}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from workbench.cli.app import run
-from workbench.study.bundled import bundled_studies
+from workbench.study.read import bundled_studies
 
 GOOD = """
 [models]

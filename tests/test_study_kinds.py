@@ -18,8 +18,8 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.study.kinds import KINDS, read_requirement
 from workbench.study.kinds.base import Compliance, NotMeasured
-from workbench.study.kinds.curve import unwrap
-from workbench.study.kinds.paths import found_at
+from workbench.study.kinds.curves import unwrap
+from workbench.study.kinds.value import found_at
 
 
 def find(kind: str, *results: dict[str, Any], **options: Any) -> Compliance:  # noqa: ANN401

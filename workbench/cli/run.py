@@ -98,7 +98,7 @@ def run(
 
 
 def _print_example(name: str) -> int:
-    from workbench.study.bundled import locate_study
+    from workbench.study.read import locate_study
 
     sys.stdout.write(locate_study(name).read_text(encoding="utf-8"))
     return 0
@@ -190,7 +190,7 @@ def _table(result: StudyResult) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    from workbench.study.words import PASSED, limit_words, margin_words, number, verdict
+    from workbench.study.kinds.base import PASSED, number
 
     shown = result.shown
     table = Table(title=escape(result.study.name), title_justify="left", box=box.SIMPLE_HEAD)
@@ -204,9 +204,8 @@ def _table(result: StudyResult) -> Table:
     table.add_column("where", overflow="fold")
     for checked in shown:
         found = checked.finding
-        word = verdict(found)
-        colour = "green" if word == PASSED else "bold red"
+        colour = "green" if found.verdict == PASSED else "bold red"
         first = [checked.requirement.name, *([checked.point] if pointed else [])]
-        numbers = [number(found.value), limit_words(found), margin_words(found)]
-        table.add_row(*map(escape, (*first, *numbers)), f"[{colour}]{word}[/]", escape(found.where))
+        numbers = [number(found.value), found.limit_words, found.margin_words]
+        table.add_row(*map(escape, (*first, *numbers)), f"[{colour}]{found.verdict}[/]", escape(found.where))
     return table

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.study.commands import Command, Reference, references
-from workbench.study.schema import Scalar
-
-if TYPE_CHECKING:
-    from workbench.study.kinds.base import Requirement
+from workbench.study.kinds.base import Requirement, Scalar
 
 __all__ = ["Analysis", "Change", "Point", "Study"]
 
@@ -110,3 +108,28 @@ class Study:
     def folder(self) -> Path:
         """Where relative paths begin."""
         return self.path.resolve().parent
+
+    @property
+    def points(self) -> list[Point]:
+        """Every combination of configuration and parameter values, in the order of the file."""
+        configurations: list[str | None] = [*self.configurations] or [None]
+        return [
+            Point(configuration=configuration, values=dict(zip(self.grid, values, strict=True)))
+            for configuration in configurations
+            for values in product(*self.grid.values())
+        ]
+
+    def model_at(self, model: str, point: Point) -> Change:
+        """Return a model as a point has it."""
+        found = self.models[model]
+        if point.configuration is not None:
+            found = found.changed(self.configurations[point.configuration].get(model, Change(model=None)))
+        split = [(name.partition("."), value) for name, value in point.values.items()]
+        values = {parameter: value for (owner, _, parameter), value in split if owner == model}
+        return found.changed(Change(model=None, options={"set": values})) if values else found
+
+    def part_of(self, point: Point, models: set[str]) -> Point:
+        """Return what of a point concerns some models: results differ only by that."""
+        values = {name: value for name, value in point.values.items() if name.partition(".")[0] in models}
+        configured = {model for changes in self.configurations.values() for model in changes}
+        return Point(configuration=point.configuration if configured & models else None, values=values)

@@ -10,7 +10,6 @@ from xml.etree import ElementTree as ET
 
 from workbench.errors import InputError
 from workbench.study.plan import Run
-from workbench.study.words import said
 
 if TYPE_CHECKING:
     from workbench.study.result import Checked, StudyResult
@@ -69,10 +68,10 @@ def _case(suite: ET.Element, checked: Checked, seconds: float, *, lost: bool) ->
     case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
     found = checked.finding
     if found.passed:
-        ET.SubElement(case, "system-out").text = _clean(said(found))
+        ET.SubElement(case, "system-out").text = _clean(found.words)
         return
     kind = "error" if lost else "failure"
-    message = _clean(said(found))
+    message = _clean(found.words)
     ET.SubElement(case, kind, {"message": message, "type": checked.requirement.kind}).text = message
 
 

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
+from workbench.errors import WorkbenchError
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import Verdict
+from workbench.study.kinds.base import Compliance, Result
+from workbench.study.kinds.response import UNITS, Mask
+from workbench.study.kinds.step import Overshoot, SettlingTime
 from workbench.study.outcome import Outcome
-from workbench.study.pictures import pictures
 from workbench.study.plan import Run
-from workbench.study.words import limit_words, margin_words, said, value_words, verdict
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from workbench.study.result import Checked, StudyResult
 
 __all__ = ["study_page"]
 
 _HEADINGS = ("requirement", "verdict", "value", "limit", "margin", "where")
+_MOST = 12  # pictures on a page; those of violated requirements first
 
 
 def study_page(result: StudyResult) -> Page:
@@ -26,12 +32,12 @@ def study_page(result: StudyResult) -> Page:
     Args:
         result: what to report.
     """
-    sections = [*_violations(result), *_requirements(result), *pictures(result), *_grid(result), _analyses(result)]
+    sections = [*_violations(result), *_requirements(result), *_pictures(result), *_grid(result), _analyses(result)]
     return Page(
         title=result.study.name,
         lead=f"{_sentence(result.words)} {result.study.description}".strip(),
         facts=_facts(result),
-        summary=[Verdict(verdict(c.finding), f"{c.name}: {said(c.finding)}") for c in result.shown],
+        summary=[Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.shown],
         notes=result.notes,
         sections=sections,
         data=result.to_dict(),
@@ -86,8 +92,8 @@ def _table(checked: Sequence[Checked]) -> Table:
 
 def _row(checked: Checked) -> tuple[str, ...]:
     found = checked.finding
-    numbers = (value_words(found), limit_words(found), margin_words(found))
-    return (checked.name, verdict(found), *numbers, found.where)
+    numbers = (found.value_words, found.limit_words, found.margin_words)
+    return (checked.name, found.verdict, *numbers, found.where)
 
 
 def _grid(result: StudyResult) -> Iterator[Section]:
@@ -111,3 +117,79 @@ def _of_run(run: Run, outcome: Outcome) -> tuple[str, ...]:
     found = outcome.result or {}
     how = [str(found.get(key, "")) for key in ("interface", "solver")]
     return (run.label, *how, f"{outcome.seconds:.2f}", "yes" if outcome.reused else "", "; ".join(outcome.notes))
+
+
+# -- pictures ----------------------------------------------------------------------------------
+
+
+def _pictures(result: StudyResult) -> Iterator[Section]:
+    """Yield a section with the pictures of a study, if there are any."""
+    figures: list[tuple[Callable[[], Figure], str]] = []
+    for checked in sorted(result.checked, key=lambda c: c.finding.passed):
+        outcome = result.runs.get(checked.runs[0])
+        if len(figures) < _MOST and outcome is not None and outcome.result is not None:
+            figure = _drawn(checked, outcome.result)
+            if figure is not None:
+                figures.append((partial(_same, figure), f"{checked.name}: {checked.finding.words}."))
+    if figures:
+        yield Section("Pictures", figures=figures)
+
+
+def _same(figure: Figure) -> Figure:
+    return figure
+
+
+def _drawn(checked: Checked, result: Result) -> Figure | None:
+    requirement = checked.requirement
+    try:
+        if isinstance(requirement, Mask):
+            return _mask(requirement, result, checked.name, checked.finding)
+        if isinstance(requirement, SettlingTime | Overshoot):
+            return _step(requirement, result, checked.name, checked.finding)
+    except WorkbenchError:
+        pass  # the finding says what is wrong
+    return None
+
+
+def _mask(requirement: Mask, result: Result, title: str, found: Compliance) -> Figure:
+    from workbench.plotting.study import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
+
+    curves = requirement.responses(result, requirement.corners)
+    return plot_between_masks(
+        {c.label: (c.frequency, c.values(requirement.quantity)) for c in curves},
+        title=title,
+        quantity=requirement.quantity,
+        unit=UNITS.get(requirement.quantity, curves[0].unit),
+        upper=requirement.upper or (),
+        lower=requirement.lower or (),
+        worst=_place(found),
+    )
+
+
+def _place(found: Compliance) -> tuple[float, float] | None:
+    """Return the frequency [Hz] and the value of the worst place."""
+    if not isinstance(found.value, float) or " Hz" not in found.where:
+        return None
+    return float(found.where.split(" Hz")[0]), found.value
+
+
+def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, found: Compliance) -> Figure:
+    from workbench.plotting.study import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
+
+    history = requirement.history(result)
+    begin, final = requirement.ends(history)
+    width = requirement.band * abs(final - begin)
+    lines = {"final value": final}
+    times: dict[str, float] = {}
+    if isinstance(requirement, SettlingTime):
+        share = f"{100.0 * requirement.band:g} %"
+        lines = {f"final value + {share}": final + width, f"final value − {share}": final - width}
+        if isinstance(found.value, float):
+            times["settled"] = requirement.after + found.value
+        if requirement.max is not None:
+            times[LIMIT] = requirement.after + requirement.max
+    elif requirement.max is not None:
+        lines["limit"] = final + requirement.max / 100.0 * (final - begin)
+    name = requirement.signal(result)
+    unit = history.unit
+    return plot_step(history.time, history.values, title=title, name=name, unit=unit, lines=lines, times=times)

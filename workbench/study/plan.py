@@ -16,7 +16,6 @@ from workbench.study.commands import Command, Reference
 from workbench.study.description import Analysis, Change, Point, Study
 from workbench.study.fingerprint import Hashes, code_hash
 from workbench.study.place import place
-from workbench.study.points import model_at, part_of, points
 
 __all__ = ["OUTPUTS", "Plan", "Run", "make_plan"]
 
@@ -115,7 +114,7 @@ class _Planner:
 
     def plan(self) -> Plan:
         """Return all of it."""
-        every = points(self._study)
+        every = self._study.points
         at: dict[tuple[str, int], Run] = {}
         for k, point in enumerate(every):
             for name in self._ordered():
@@ -141,8 +140,8 @@ class _Planner:
 
     def _run(self, name: str, point: Point, needs: Mapping[str, Run]) -> Run:
         analysis = self._study.analyses[name]
-        models = tuple(model_at(self._study, model, point) for model in analysis.models)
-        part = part_of(self._study, point, self._models(name))
+        models = tuple(self._study.model_at(model, point) for model in analysis.models)
+        part = self._study.part_of(point, self._models(name))
         options = self._options(analysis, models)
         files = {key: _with_label(Path(options[key]), part.label) for key in OUTPUTS if key in options}
         options |= {key: str(path) for key, path in files.items()}

@@ -5,23 +5,91 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from pydantic import Field
+
+from workbench.bundled import bundled_files, find_bundled
 from workbench.errors import InputError, suggest
-from workbench.study.bundled import locate_study
 from workbench.study.commands import COMMANDS, Command, Reference, command
 from workbench.study.description import Analysis, Change, Study
 from workbench.study.kinds import read_requirement
-from workbench.study.kinds.base import Requirement
+from workbench.study.kinds.base import Requirement, Scalar
 from workbench.study.place import known, place
-from workbench.study.schema import AnalysisTable, ChangeTable, ModelTable, Scalar, StudyTable
-from workbench.system.toml_schema import read_table
+from workbench.system.toml_schema import Table, read_table
 
-__all__ = ["read_study"]
+__all__ = ["bundled_studies", "is_bundled_study", "locate_study", "read_study"]
 
+_PREFIX = "study:"
 # The runner gives these itself.
 _OURS = {"json": "results are in the JSON of the study", "store": "the study has its own store"}
 _FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
+
+
+class StudyTable(Table):
+    """The whole file; what the tables hold is read table by table."""
+
+    name: str | None = None
+    description: str = ""
+    models: dict[str, Any] = Field(default_factory=dict)
+    configurations: dict[str, Any] = Field(default_factory=dict)
+    grid: dict[str, Any] = Field(default_factory=dict)
+    analyses: dict[str, Any]
+    requirements: list[Any] = Field(default_factory=list)
+
+
+class AnalysisTable(Table):
+    """The keys of an analysis that are no options of its command."""
+
+    command: str
+
+
+class ChangeTable(Table):
+    """What a configuration changes of a model. Steps in [s]."""
+
+    model: str | None = None
+    set: dict[str, Scalar] = Field(default_factory=dict)
+    bias: dict[str, float] = Field(default_factory=dict)
+    interface: Literal["auto", "me", "cs"] | None = None
+    solver: Literal["auto", "vkm", "gear"] | None = None
+    step: float | None = Field(default=None, gt=0.0)
+    tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
+
+
+class ModelTable(ChangeTable):
+    """A model: an FMU, `fmu:NAME`, or a system, and how it is opened."""
+
+    model: str
+
+
+def is_bundled_study(name: str) -> bool:
+    """Whether `name` asks for a bundled study."""
+    return name.startswith(_PREFIX)
+
+
+def bundled_studies() -> dict[str, Path]:
+    """Return the bundled studies, name → file."""
+    return bundled_files("studies")
+
+
+def locate_study(name: str | Path) -> Path:
+    """Return the file of a study: a path or `study:NAME`.
+
+    Raises:
+        InputError: nothing there; the message names near files.
+    """
+    if is_bundled_study(str(name)):
+        return find_bundled(str(name), bundled_studies(), "study")
+    path = Path(name).expanduser()
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise InputError(f"{name}: is a folder; name the study in it")
+    if str(name) in bundled_studies():
+        raise InputError(f"{name}: no such file; did you mean {_PREFIX}{name}?")
+    near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+    hint = f"; {suggest(path.name, near)}" if near else ""
+    raise InputError(f"{name}: no such file{hint}; give a study as .toml, or study:NAME")
 
 
 def read_study(name: str | Path) -> Study:
@@ -199,18 +267,14 @@ def _analysis(name: str, given: object, models: dict[str, Change], folder: Path)
     where = f"[analyses.{name}]"
     if not isinstance(given, dict):
         raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
-    own = {k: v for k, v in given.items() if k in AnalysisTable.model_fields}
-    name_of = read_table(AnalysisTable, own, where).command
+    name_of = read_table(AnalysisTable, {k: v for k, v in given.items() if k == "command"}, where).command
     known(where, "command", name_of, COMMANDS)
     facts = command(name_of)
-    options: dict[str, Any] = {}
     with place(where):
-        for key in given.keys() - own.keys():
+        for key in given:
             if key in _OURS:
                 raise InputError(f"leave '{key}' out: {_OURS[key]}")
-        for key, value in given.items():
-            if key not in own:
-                options[facts.key(key)] = _referring(key, value)
+        options = {facts.key(key): _referring(key, value) for key, value in given.items() if key != "command"}
     asked: list[object] = []
     if facts.on_models and not isinstance(options.get(facts.subject), Reference):
         asked = _asked(where, facts, options.pop(facts.subject, None), models)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.study.bundled import is_bundled_study
-from workbench.study.description import Study
-from workbench.study.evaluate import answer, questions
+from workbench.errors import InputError
+from workbench.study.description import Point, Study
 from workbench.study.execute import Execution, Progress
 from workbench.study.finished import FOLDER, Finished
+from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result
+from workbench.study.outcome import Outcome
 from workbench.study.place import place
 from workbench.study.plan import Plan, Run, make_plan
-from workbench.study.read import read_study
+from workbench.study.read import is_bundled_study, read_study
 from workbench.study.result import Checked, StudyResult
 
 if TYPE_CHECKING:
@@ -68,12 +69,12 @@ class StudyRun:
 
     def _checked(self, finished: Finished, execution: Execution) -> list[Checked]:
         """Return every requirement, as it came out before where nothing is new."""
-        every = questions(self.study, self.plan)
+        every = _questions(self.study, self.plan)
         if not execution.measured and not execution.missing:
             kept = finished.load_findings(every)
             if kept is not None:
                 return [replace(c, finding=finding) for c, finding in zip(every, kept, strict=True)]
-        checked = [answer(c, execution.outcomes) for c in every]
+        checked = [_answer(c, execution.outcomes) for c in every]
         if not execution.missing and all(o.lasting for o in execution.outcomes.values()):
             finished.save_findings(checked)
         return checked
@@ -169,3 +170,76 @@ def run_study(
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
     prepared = StudyRun(study, store=folder, fresh=fresh)
     return prepared.run(lambda: Workers(jobs=jobs, timeout=limit))
+
+
+# -- requirements ------------------------------------------------------------------------------
+
+
+def _questions(study: Study, plan: Plan) -> list[Checked]:
+    """Return every requirement at every point at which its analyses differ, nothing measured yet.
+
+    Args:
+        study: what was asked for.
+        plan: what is run.
+    """
+    found: list[Checked] = []
+    for requirement in study.requirements:
+        seen: set[tuple[Run, ...]] = set()
+        for k, point in enumerate(plan.points):
+            runs = tuple(plan.at[name, k] for name in requirement.analyses)
+            if runs not in seen and _applies(requirement, point):
+                seen.add(runs)
+                empty = Compliance(value=None)
+                found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
+    return found
+
+
+def _answer(question: Checked, outcomes: Mapping[Run, Outcome]) -> Checked:
+    """Return a requirement with what came out.
+
+    Args:
+        question: one of `_questions`.
+        outcomes: what was run.
+
+    Raises:
+        InputError: the requirement asks for what cannot be in such a result.
+    """
+    return replace(question, finding=_found(question.requirement, [outcomes.get(run) for run in question.runs]))
+
+
+def _applies(requirement: Requirement, point: Point) -> bool:
+    chosen = requirement.configurations is None or point.configuration in requirement.configurations
+    wanted = {name: v if isinstance(v, list) else [v] for name, v in requirement.grid.items()}
+    return chosen and all(point.values[name] in values for name, values in wanted.items())
+
+
+def _label(runs: Sequence[Run]) -> str:
+    """Join what of the point concerns the analyses."""
+    configuration = next((r.point.configuration for r in runs if r.point.configuration), None)
+    values = {name: value for r in runs for name, value in r.point.values.items()}
+    return Point(configuration=configuration, values=values).label
+
+
+def _found(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Compliance:
+    results: list[Result] = []
+    for name, outcome in zip(requirement.analyses, outcomes, strict=True):
+        if outcome is None:
+            return _none(requirement, f"{name} was not run")
+        if outcome.result is None:
+            return _none(requirement, f"{name} failed: {outcome.reason}")
+        results.append(outcome.result)
+    try:
+        return requirement.find(results)
+    except NotMeasured as error:
+        return _none(requirement, str(error))
+    except InputError as error:
+        raise InputError(
+            f'[[requirements]] "{requirement.name}": {str(error).removeprefix(f"{requirement.name}: ")}'
+        ) from None
+
+
+def _none(requirement: Requirement, reason: str) -> Compliance:
+    """Return that nothing was measured, and why; the limits that stand in the file are shown beside it."""
+    given = {name: getattr(requirement, name, None) for name in ("min", "max")}
+    limit = {name: float(value) for name, value in given.items() if value is not None}
+    return Compliance(value=None, limit=limit, unit=getattr(requirement, "unit", None), reason=reason)

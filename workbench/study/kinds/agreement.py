@@ -10,11 +10,9 @@ from pydantic import Field
 
 from workbench.errors import InputError
 from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result, worst
-from workbench.study.kinds.curve import Curve
-from workbench.study.kinds.curves import curves
-from workbench.study.kinds.paths import check_path
+from workbench.study.kinds.curves import Curve, curves
 from workbench.study.kinds.response import OfResponse, Positive
-from workbench.study.kinds.value import numbers_at
+from workbench.study.kinds.value import check_path, numbers_at
 from workbench.study.place import place
 
 __all__ = ["Agreement", "ResponseAgreement"]

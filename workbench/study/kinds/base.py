@@ -11,14 +11,21 @@ from typing import Any, ClassVar
 from pydantic import ConfigDict, Field
 
 from workbench.errors import InputError, WorkbenchError
-from workbench.study.schema import Scalar
-from workbench.study.units import convert
 from workbench.system.toml_schema import Table
 
-__all__ = ["Compliance", "Limited", "NotMeasured", "Requirement", "Result", "Value", "judge"]
+__all__ = [
+    "PASSED", "Compliance", "Limited", "NotMeasured", "Requirement", "Result", "Scalar", "Value", "convert", "judge",
+    "number", "worst",
+]  # fmt: skip
 
+PASSED = "passed"
+
+Scalar = bool | int | float | str
 # What a command wrote as JSON.
 Result = Mapping[str, Any]
+
+# Of frequency responses and ratios; the system's units know no logarithms.
+_PLAIN = (None, "1", "", "-")
 
 
 class NotMeasured(WorkbenchError):  # noqa: N818 - it says what happened; the program goes on
@@ -61,6 +68,52 @@ class Compliance:
     passed: bool = False
     where: str = ""
     reason: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Whether it "passed", is "violated", or "failed" where nothing was measured."""
+        return PASSED if self.passed else "failed" if self.value is None else "violated"
+
+    @property
+    def value_words(self) -> str:
+        """The value with its unit."""
+        return self._with_unit(number(self.value)) if self.value is not None else "not measured"
+
+    @property
+    def limit_words(self) -> str:
+        """The limit: "≥ 6 dB", "2 … 5 Hz", "1 ± 0.1"."""
+        limit = {name: number(value) for name, value in self.limit.items()}
+        if "equal" in limit:
+            tolerance = f" ± {limit['tolerance']}" if "tolerance" in limit else ""
+            return self._with_unit(f"{limit['equal']}{tolerance}")
+        if "min" in limit and "max" in limit:
+            return self._with_unit(f"{limit['min']} … {limit['max']}")
+        return "".join(self._with_unit(f"{sign} {limit[n]}") for n, sign in (("min", "≥"), ("max", "≤")) if n in limit)
+
+    @property
+    def margin_words(self) -> str:
+        """The margin with its sign."""
+        if self.margin is None:
+            return ""
+        return "infinite" if math.isinf(self.margin) else f"{self.margin:+.4g}"
+
+    @property
+    def words(self) -> str:
+        """How it came out: "-2.49 dB, limit ≥ -1 dB (2.5 Hz)", or why nothing was measured."""
+        where = f" ({self.where})" if self.where else ""
+        return self.reason or f"{self.value_words}, limit {self.limit_words}{where}"
+
+    def _with_unit(self, words: str) -> str:
+        return words if isinstance(self.value, str | bool) or self.unit in (None, "", "1") else f"{words} {self.unit}"
+
+
+def number(value: float | bool | str | None) -> str:  # noqa: FBT001 - a value
+    """Return a value with five digits, and a word where there is none."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool | str):
+        return str(value).lower() if isinstance(value, bool) else value
+    return "infinite" if math.isinf(value) else f"{value:.5g}"
 
 
 class Requirement(Table):
@@ -237,3 +290,29 @@ def _is_equal(value: float | bool | str, limit: Mapping[str, float | bool | str]
 def worst(findings: Sequence[Compliance]) -> Compliance:
     """Return the finding that is violated most, else that with the smallest margin."""
     return min(findings, key=lambda f: (f.passed, math.inf if f.margin is None else f.margin))
+
+
+def convert(value: float, unit: str | None, wanted: str, where: str) -> float:
+    """Return a value in another unit.
+
+    Args:
+        value: the number.
+        unit: its unit; None: it has none.
+        wanted: unit of the limits.
+        where: for messages.
+
+    Raises:
+        InputError: one is not the other's kind, or is unknown.
+    """
+    if unit == wanted or (unit in _PLAIN and wanted in _PLAIN):
+        return value
+    from workbench.system.units import conversion, known_unit  # noqa: PLC0415 - seldom needed
+
+    source, target = known_unit(unit or "1"), known_unit(wanted)
+    if target is None and wanted not in ("dB", "%"):
+        raise InputError(f"{where}: unit '{wanted}' is unknown")
+    found = conversion(source, target) if source is not None and target is not None else None
+    if found is None:
+        raise InputError(f"{where}: unit '{wanted}' does not fit: the value is in {unit or 'no unit'}")
+    factor, offset = found
+    return factor * value + offset

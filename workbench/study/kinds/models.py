@@ -1,17 +1,18 @@
-"""Requirements on the poles of a linear model."""
+"""Requirements on linear and identified models: poles, and how well they follow data."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from workbench.core.poles import damping_ratio, natural_frequency_hz
+from workbench.errors import InputError, suggest
 from workbench.study.kinds.base import Limited, NotMeasured, Result, Value
-from workbench.study.kinds.linear import poles
+from workbench.study.kinds.curves import poles
 
-__all__ = ["Damping", "PoleFrequency", "Stability"]
+__all__ = ["Damping", "Fit", "PoleFrequency", "Stability"]
 
 _AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 
@@ -70,3 +71,30 @@ class Stability(_OfPoles):
 
     def value(self, pole: complex) -> Value:
         return Value(value=pole.real, where=f"pole at {_hz(pole):.4g} Hz", unit="1/s")
+
+
+class Fit(Limited):
+    """How well a model follows data [%].
+
+    Attributes:
+        data: "validation" (other data) or "identification" (data of the fit, which flatters).
+        output: only this one; None: all, and the worst decides.
+    """
+
+    commands: ClassVar[tuple[str, ...]] = ("identify",)
+    units = ("%",)
+
+    data: Literal["validation", "identification"] = "validation"
+    output: str | None = None
+
+    def values(self, result: Result) -> list[Value]:
+        part = result[self.data]
+        if part is None:
+            raise NotMeasured("the model was not validated; give the analysis validate = {from = ..}")
+        fits = part["fit_percent"]
+        if self.output is not None and self.output not in fits:
+            raise InputError(f"{self.name}: output '{self.output}' is unknown; {suggest(self.output, fits)}")
+        chosen = {name: fit for name, fit in fits.items() if self.output in (None, name)}
+        if None in chosen.values():
+            raise NotMeasured("the model has no fit: its simulation grows without bound")
+        return [Value(value=fit, where=f"{name}, order {result['order']}", unit="%") for name, fit in chosen.items()]
