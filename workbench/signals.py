@@ -17,7 +17,7 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from workbench.core.forms import Form, pairs
+from workbench.core.forms import Form, pairs, table
 from workbench.errors import InputError, suggest
 
 __all__ = [
@@ -551,7 +551,7 @@ _SIGNALS = Form(
     metavar="NAME=SIGNAL",
     read=lambda texts: signals_of(pairs(texts)),
     write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
-    take=lambda value: signals_of(value or {}),
+    take=lambda value: signals_of(table(value)),
     repeated=True,
 )
 

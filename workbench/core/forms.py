@@ -34,6 +34,8 @@ __all__ = [
     "pairs",
     "setting",
     "several",
+    "table",
+    "two_numbers",
     "varied",
     "written",
 ]
@@ -58,16 +60,39 @@ class Form:
     repeated: bool = False
 
 
-def number(text: str) -> float:
-    """Read a number.
+def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
+    """Return a number, or read one.
 
     Raises:
         ValueError: it is not a number.
     """
     try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"'{text.strip()}' is not a number") from None
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"'{str(value).strip()}' is not a number") from None
+
+
+def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
+    """Return two numbers.
+
+    Raises:
+        ValueError: there are not two, or one is not a number.
+    """
+    found = several(value)
+    if len(found) != 2:
+        raise ValueError(f"takes two numbers, not {len(found)}")
+    return found[0], found[1]
+
+
+def table(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a TOML file holds
+    """Return name → value; None: none.
+
+    Raises:
+        ValueError: the values have no names.
+    """
+    if not isinstance(value, Mapping | None):
+        raise ValueError(f"'{value}' is not of the form NAME = VALUE")
+    return {str(name): x for name, x in (value or {}).items()}
 
 
 def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
@@ -109,8 +134,8 @@ def several(value: Numbers) -> tuple[float, ...]:
     Args:
         value: as Python or a TOML file has it.
     """
-    items = [value] if isinstance(value, int | float) else value
-    return tuple(float(item) for item in items)
+    items = [value] if isinstance(value, int | float | str | Mapping) else value
+    return tuple(number(item) for item in items)
 
 
 _NUMBERS = Form(
@@ -128,16 +153,11 @@ def _read_band(texts: Sequence[str]) -> tuple[float, float]:
     return number(parts[0]), number(parts[1])
 
 
-def _take_band(value: Any) -> tuple[float, float]:  # noqa: ANN401
-    low, high = value
-    return float(low), float(high)
-
-
 _BAND = Form(
     metavar="LO:HI",
     read=_read_band,
     write=lambda value: [":".join(map(_short, value))],
-    take=_take_band,
+    take=two_numbers,
 )
 
 
@@ -158,9 +178,9 @@ def _read_values(texts: Sequence[str]) -> dict[str, float]:
     return {name: _named(name, text) for name, text in pairs(texts).items()}
 
 
-def _named(name: str, text: str) -> float:
+def _named(name: str, value: Any) -> float:  # noqa: ANN401
     try:
-        return number(text)
+        return number(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 
@@ -169,7 +189,7 @@ _VALUES = Form(
     metavar="NAME=VALUE",
     read=_read_values,
     write=lambda value: [f"{name}={_short(x)}" for name, x in value.items()],
-    take=lambda value: {str(name): float(x) for name, x in dict(value or {}).items()},
+    take=lambda value: {name: _named(name, x) for name, x in table(value).items()},
     repeated=True,
 )
 
@@ -182,7 +202,7 @@ _GRID = Form(
     metavar="NAME=A,B,..",
     read=_read_grid,
     write=lambda value: [f"{name}={','.join(map(_short, x))}" for name, x in value.items()],
-    take=lambda value: {str(name): several(x) for name, x in dict(value or {}).items()},
+    take=lambda value: {name: several(x) for name, x in table(value).items()},
     repeated=True,
 )
 
@@ -203,7 +223,7 @@ def _write_widths(value: Any) -> list[str]:  # noqa: ANN401
 def _take_widths(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, Mapping):
         return _VALUES.take(value)
-    return float(value) if isinstance(value, int | float) else several(value)
+    return number(value) if isinstance(value, int | float) else several(value)
 
 
 _WIDTHS = Form(metavar="[NAME=]WIDTH", read=_read_widths, write=_write_widths, take=_take_widths, repeated=True)
@@ -225,13 +245,13 @@ _LIMITS = Form(
     metavar="NAME=LO:HI",
     read=_read_limits,
     write=lambda value: [f"{name}={_short(low)}:{_short(high)}" for name, (low, high) in value.items()],
-    take=lambda value: {str(name): _take_band(x) for name, x in dict(value or {}).items()},
+    take=lambda value: {name: two_numbers(x) for name, x in table(value).items()},
     repeated=True,
 )
 
 
 def _take_ranges(value: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401
-    found = {str(name): tuple(map(float, ends)) for name, ends in dict(value or {}).items()}
+    found = {name: several(ends) for name, ends in table(value).items()}
     for name, ends in found.items():
         if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
             written = ":".join(f"{x:g}" for x in ends)
@@ -306,7 +326,7 @@ _SETTINGS = Form(
     metavar="NAME=VALUE",
     read=lambda texts: {name: setting(text) for name, text in pairs(texts).items()},
     write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
-    take=lambda value: {str(name): x for name, x in dict(value or {}).items()},
+    take=table,
     repeated=True,
 )
 

@@ -147,7 +147,10 @@ class Declared:
         try:
             found = value if self.form is None else self.form.take(value)
             self._check_range(found)
-        except (TypeError, ValueError) as error:
+        except (TypeError, AttributeError):
+            form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
+            raise InputError(f"{self.spoken}: '{value}' is not {form}") from None
+        except ValueError as error:
             raise InputError(f"{self.spoken}: {error}") from None
         return found
 

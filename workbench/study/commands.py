@@ -216,10 +216,7 @@ def _value(key: str, declared: Declared, value: Any) -> Any:  # noqa: ANN401 - w
     if isinstance(value, list) and (form is None or not (form.repeated or set(form.metavar) & set(",:"))):
         raise InputError(f"key '{key}' takes one value, not a list")
     try:
-        found = _plain(declared.type, value) if form is None else _formed(form, value)
-        return declared.checked(found)
-    except TypeError:
-        raise InputError(f"key '{key}' takes {kind}, not {value!r}") from None
+        return declared.checked(_plain(declared.type, value) if form is None else _formed(form, value))
     except InputError as error:
         text = str(error).removeprefix(f"{declared.spoken}: ").removeprefix(f"{declared.spoken} ")
         raise InputError(f"key '{key}': {text}") from None
@@ -235,16 +232,18 @@ def _plain(kind: type, value: Any) -> Any:  # noqa: ANN401
 
 
 def _formed(form: Form, value: Any) -> Any:  # noqa: ANN401
+    """Return a value with its texts read as those of a command line."""
     if isinstance(value, str | int | float):
         return form.read([str(value)])
     if isinstance(value, list) and form.repeated and all(isinstance(item, str) for item in value):
         return form.read(value)
     texts = {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
     if not (texts and form.repeated):
-        return form.take(value)
+        return value
     read = form.read([f"{name}={text}" for name, text in texts.items()])
-    others = {k: v for k, v in value.items() if k not in texts}
-    return {**read, **form.take(others)} if others else read
+    if len(texts) == len(value):
+        return read
+    return {**read, **{name: x for name, x in value.items() if name not in texts}}
 
 
 def _as_text(declared: Declared, value: Any) -> bool:  # noqa: ANN401

@@ -169,11 +169,18 @@ def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
         table = ""
     name = ".".join(p for p in path if not p.startswith(("list[", "function-")) and p not in _BRANCHES)
     value = f", not {first['input']!r}" if isinstance(first["input"], str | int | float | bool) else ""
+    if first["type"] in _SIZES:
+        return f"{table}key '{name}' {_SIZES[first['type']].format(**first['ctx'])}"
     same = [e["msg"] for e in ordered if e["loc"][:1] == first["loc"][:1]]
     said = " or ".join(dict.fromkeys(_said(m) for m in same)).replace(" or must be", " or")
     return f"{table}key '{name}' {said}{value}"
 
 
+_SIZES = {
+    "too_short": "takes {min_length} or more values, not {actual_length}",
+    "too_long": "takes up to {max_length} values, not {actual_length}",
+    "string_too_short": "must not be empty",
+}
 _BRANCHES = ("str", "bool", "int", "float")
 _WORDS = (
     ("Input should be", "must be"), ("Input must", "must"), ("a valid ", "a "), ("a int", "an int"),

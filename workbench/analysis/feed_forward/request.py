@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, Form, Names, number
+from workbench.core.forms import Band, Form, Names, number, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -31,10 +31,12 @@ def _read_gain(texts: Sequence[str]) -> tuple[str, float]:
 
 
 def _take_gain(value: tuple[str, float]) -> tuple[str, float]:
-    name, gain = value
+    if len(value) != 2:
+        raise ValueError(f"'{value}' is not a name and a gain")
+    name, gain = value[0], number(value[1])
     if not math.isfinite(gain):
         raise ValueError(f"the gain must be a finite number, not {gain:g}")
-    return str(name), float(gain)
+    return str(name), gain
 
 
 def _read_orders(texts: Sequence[str]) -> tuple[int, int]:
@@ -45,8 +47,8 @@ def _read_orders(texts: Sequence[str]) -> tuple[int, int]:
 
 
 def _take_orders(value: tuple[int, int]) -> tuple[int, int]:
-    g, h = value
-    return int(g), int(h)
+    g, h = map(int, two_numbers(value))
+    return g, h
 
 
 _GAIN = Form(metavar="NAME:GAIN", read=_read_gain, write=lambda value: [f"{value[0]}:{value[1]!r}"], take=_take_gain)

@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Form, Names, Numbers
+from workbench.core.forms import Form, Names, Numbers, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -43,7 +43,7 @@ def _read_range(texts: Sequence[str]) -> tuple[float, float]:
 
 
 def _take_range(value: Sequence[float]) -> tuple[float, float]:
-    low, high = map(float, value)
+    low, high = two_numbers(value)
     if not low < high:
         raise ValueError(f"{low:g} … {high:g} must rise")
     return low, high

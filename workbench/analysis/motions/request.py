@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Any
 
 from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import TEXTS, Form, Names, number, written
+from workbench.core.forms import TEXTS, Form, Names, number, two_numbers, written
 from workbench.core.operating_point import At
 from workbench.core.option import option
 from workbench.core.where import InWorker
@@ -29,7 +29,7 @@ def _read_window(text: str) -> tuple[float, ...]:
 
 
 def _take_windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN401
-    found = tuple((float(begin), float(end)) for begin, end in value)
+    found = tuple(map(two_numbers, value))
     for begin, end in found:
         if not 0.0 <= begin < end < math.inf:
             raise ValueError(f"the window {begin:g}:{end:g} must rise, from 0 on, as 120:140 does")

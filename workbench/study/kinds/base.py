@@ -164,7 +164,8 @@ class Requirement(Table):
             if self.commands and command not in self.commands:
                 wanted = ", ".join(self.commands)
                 raise InputError(
-                    f"{where}: '{self.kind}' reads results of {wanted}; [analyses.{analysis}] runs {command}"
+                    f"{where}: '{self.kind}' reads results of {wanted}; [analyses.{analysis}] runs {command}: "
+                    f'take kind = "value" with the path of a number in its JSON'
                 )
 
     @abstractmethod
