@@ -59,7 +59,7 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "unknown unit": ("min = -10", 'min = -10\nunit = "furlong"', "unit 'furlong' is unknown"),
     "misspelt kind": ('kind = "gain"', 'kind = "gian"', "kind 'gian' is unknown; did you mean gain?"),
     "kind of another command": (GAIN, 'kind = "overshoot"\nmax = 1', "'overshoot' reads results of simulate"),
-    "another path to the number": (GAIN, 'kind = "rise time"\nmax = 1', 'take kind = "value" with the path of a number'),
+    "another path": (GAIN, 'kind = "rise time"\nmax = 1', 'take kind = "value" with the path of a number'),
     "half a corner": (GAIN, 'kind = "mask"\nupper = [[1]]', "key 'upper.0' takes 2 or more values, not 1"),
     "no name": ('name = "gain"', 'name = ""', "key 'name' must not be empty"),
     "mask that falls back": (GAIN, 'kind = "mask"\nupper = [[1, 0], [0.1, 3]]', "frequencies must rise"),
