@@ -20,7 +20,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.reproduce import reproduce
 from workbench.reproduce.measurement import Measured, Measurement, Picture
 from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import Outcome, ReproduceResult, plain
+from workbench.reproduce.result import Outcome, ReproduceResult, TargetList, plain
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 from workbench.workers import Workers
 
@@ -290,6 +290,12 @@ def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: 
     printed = capsys.readouterr().out
     assert "position-gains" in printed
     assert "8 Aeroelastic aircraft" in printed
+
+
+def test_without_words_all_targets_are_listed_and_read_back(tmp_path: Path) -> None:
+    out = tmp_path / "targets.json"
+    assert run(["reproduce", "--list", "--json", str(out)]) == 0
+    assert TargetList.read(out).targets == tuple(read_targets().values())
 
 
 @pytest.mark.parametrize(
