@@ -20,7 +20,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
 from workbench.session.fmu import FmuSession, Setup
-from workbench.session.probe import state_can_be_trusted
+from workbench.session.probe import why_state_fails
 
 OK, DISCARD, ERROR = 0, 2, 3
 
@@ -331,7 +331,7 @@ def open_fake(
     kind = drivers.DRIVERS[drivers.fakes][interface]
     by_name = {v.name: v for v in description.variables}
     setup = Setup(instance, by_name, rtol=rtol, solver=solver, step=step, bias=bias or {})
-    works = state and state_can_be_trusted(kind, setup)
+    works = state and not why_state_fails(kind, setup)
     return kind(
         Setup(
             instance,

@@ -64,10 +64,10 @@ class SimulationError(WorkbenchError):
 
 
 class StoppedError(KeyboardInterrupt):
-    """A run was asked to stop while it was on its way.
+    """A KeyboardInterrupt with what there was: Ctrl-C, or a callback that raised one, while something ran.
 
     Attributes:
-        before: what was recorded until then.
+        before: the record of what was finished, or the rows of one run; None where nothing was.
     """
 
     def __init__(self, before: object) -> None:

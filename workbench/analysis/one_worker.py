@@ -14,7 +14,7 @@ from workbench.core.option import values_of
 from workbench.core.where import Worker, Workers
 from workbench.errors import SimulationError
 from workbench.model import Model
-from workbench.session.loop import at_pauses
+from workbench.session.pauses import at_pauses
 from workbench.workers import InProcess, Job, Reply, choose, perform
 from workbench.workers.child import tell, wanted_stop
 

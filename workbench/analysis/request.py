@@ -39,6 +39,7 @@ from workbench.core.option import (
     recast,
     with_options,
 )
+from workbench.errors import StoppedError
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
@@ -136,12 +137,17 @@ class Request(Options, Generic[_Subject, _Record]):
         cls.__doc__ = documented(cls)
 
     def run(self, subject: _Subject, job: Job) -> _Record:
-        """Do the work.
+        """Do the work; the job hears of its end in any case.
 
         Args:
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
+        record = self._run(subject, job)
+        job.ended(self.command, record)
+        return record
+
+    def _run(self, subject: _Subject, job: Job) -> _Record:
         record: _Record = named(self.algorithm)(subject, self, job)
         return record
 
@@ -261,9 +267,18 @@ def _record_of(request: type[Request[Any, Any]]) -> str:
 
 def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
     if asked.progress is not None or "IPython" not in sys.modules:
-        return asked.run(subject, Job(asked.progress))
+        return _stoppable(subject, asked, Job(asked.progress))
     from workbench.core.progress import Bar, in_notebook  # noqa: PLC0415 - seldom needed
 
     with Bar(1.0) as bar:
         show = in_notebook()
-        return asked.run(subject, Job((lambda what, done, n: bar.update(done / n, str(what))) if show else None))
+        job = Job((lambda what, done, n: bar.update(done / n, str(what))) if show else None)
+        return _stoppable(subject, asked, job)
+
+
+def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -> _Record:
+    """Run a request; a KeyboardInterrupt brings along what is finished."""
+    try:
+        return asked.run(subject, job)
+    except KeyboardInterrupt as error:
+        raise StoppedError(job.partial()) from error

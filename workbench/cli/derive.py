@@ -78,13 +78,11 @@ class _Work:
 
     Attributes:
         job: shows how far it is.
-        reached: number of parts finished, and their total number.
         record: what it gave, or what there was when it ended early.
         stopped: what ended it early.
     """
 
     job: Job
-    reached: tuple[int, int] = (0, 0)
     record: object = None
     stopped: BaseException | None = None
 
@@ -97,7 +95,6 @@ def _under_way() -> Iterator[_Work]:
     from workbench.core.progress import Bar
 
     def tell(what: object, done: int, total: int) -> None:
-        work.reached = done, total
         bar.update(done / total, str(what))
 
     bar, work = Bar(1.0), _Work(Job(tell))
@@ -127,7 +124,7 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
         if stopped is None:
             return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
-        done, total = work.reached
+        done, total = work.job.reached
         far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
         note(f"{interrupted()}{far}")
         return INTERRUPTED

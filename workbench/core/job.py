@@ -21,6 +21,7 @@ class Job:
     Attributes:
         partial: returns the record of what is finished so far; None: there is nothing yet.
         notes: remarks on how the analysis runs.
+        reached: number of parts finished, and their total number; (0, 0): nothing was told yet.
         stopped: whether `stop` was called.
     """
 
@@ -29,7 +30,9 @@ class Job:
         self._ends: list[Callable[[], None]] = []
         self.partial: Callable[[], object] = lambda: None
         self.notes: list[str] = []
+        self.reached = 0, 0
         self.stopped = False
+        self._stage = 1, 1
 
     def done(self, what: object, done: int, total: int) -> None:
         """Tell that something is finished.
@@ -39,8 +42,37 @@ class Job:
             done: number of points finished.
             total: number of points in all, as far as it is known.
         """
+        number, count = self._stage
+        self.reached = (number - 1) * total + done, count * total
         if self._progress is not None:
-            self._progress(what, done, total)
+            self._progress(what, *self.reached)
+
+    def stage(self, number: int, count: int) -> None:
+        """Begin a stage: what is told from now on counts within it.
+
+        Args:
+            number: of the stage, from 1.
+            count: number of stages, of equal work each.
+        """
+        self._stage = number, count
+
+    def ended(self, what: object, record: object) -> None:
+        """Tell that all is finished, if that was not told yet.
+
+        Args:
+            what: words for the work.
+            record: what it gave.
+
+        Raises:
+            KeyboardInterrupt: the job was stopped; the record is what there was until then.
+        """
+        self.partial = lambda: record
+        if self.stopped:
+            raise KeyboardInterrupt
+        done, total = self.reached
+        if done < max(total, 1):
+            self.stage(1, 1)
+            self.done(what, max(total, 1), max(total, 1))
 
     def stop(self) -> None:
         """Let the analysis end soon; a signal handler may call it.

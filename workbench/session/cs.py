@@ -12,6 +12,7 @@ from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Record
 from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
+from workbench.session.pauses import pause
 from workbench.session.rows import Rows
 from workbench.session.target import COMPUTED, Target
 
@@ -98,6 +99,7 @@ class CsSession(FmuSession):
         for i in range(1, count + 1):
             end = target if i == count else start + (target - start) * (i / count)
             self._communicate(end, rows, last=end == until)
+            pause(end)
 
     def _communicate(self, end: float, rows: Rows, *, last: bool) -> None:
         """Make one step and record its two rows; at `until` the right limit is the next call's."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,25 +19,10 @@ from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Record
 from workbench.session.compiled_errors import PAUSED, Situation, exception_of
 from workbench.session.forcing import Forcing
+from workbench.session.pauses import pause
 from workbench.signals import Signal
 
-__all__ = ["Loop", "Recording", "at_pauses", "closed"]
-
-_listening: list[Callable[[float], None]] = []  # to the pauses of runs under way
-
-
-@contextmanager
-def at_pauses(call: Callable[[float], None]) -> Iterator[None]:
-    """Call a function now and then while sessions advance; what it raises ends the run.
-
-    Args:
-        call: is given the session time [s].
-    """
-    _listening.append(call)
-    try:
-        yield
-    finally:
-        _listening.remove(call)
+__all__ = ["Loop", "Recording", "closed"]
 
 
 @dataclass
@@ -122,8 +106,7 @@ class Loop:
         go_on = library.kernel_me_go_on if is_me else library.kernel_cs_go_on
         done = start(address, float(targets[-1]), data, len(targets), record.address, new)
         while not done and self.system.structure.failure.code == PAUSED:
-            for call in _listening:
-                call(native.time)
+            pause(native.time)
             done = go_on(address)  # signal handlers of Python had their turn before
         self.system.sync_times()
         self.instance.time = self.system.instances[0].time

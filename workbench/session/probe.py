@@ -12,14 +12,9 @@ from workbench.errors import WorkbenchError
 from workbench.session.fmu import FmuSession, Setup
 from workbench.signals import Constant, Signal
 
-__all__ = ["forced", "state_can_be_trusted", "why_state_fails"]
+__all__ = ["forced", "why_state_fails"]
 
 RELATIVE = 1e-9
-
-
-def state_can_be_trusted(open_session: Callable[[Setup], FmuSession], setup: Setup) -> bool:
-    """Whether get, set and free of the FMU state really bring a session back."""
-    return not why_state_fails(open_session, setup)
 
 
 def why_state_fails(open_session: Callable[[Setup], FmuSession], setup: Setup) -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError, StoppedError, suggest
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -64,6 +64,8 @@ class Rows:
         except SimulationError as error:
             error.before = self.record()
             raise
+        except KeyboardInterrupt:
+            raise StoppedError(self.record()) from None
 
     def record(self) -> Record:
         """Return all rows as arrays."""

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -52,24 +53,11 @@ def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
     system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
     parts = [_Part(component="", file=str(path), loading=given)] if system is None else _parts_of(system, path, given)
     cards: list[HealthCard] = []
-    for part in parts:
-        cards.append(_card(part, names, asked.place, _Told(job, str(path), tuple(cards), len(parts))))
-    return _joined(str(path), cards)
-
-
-@dataclass(frozen=True)
-class _Told:
-    """What the job is told: the cards of the FMUs before, and how many there are in all."""
-
-    job: Job
-    source: str
-    before: tuple[HealthCard, ...]
-    parts: int
-
-    def line(self, card: Callable[[], HealthCard], text: str, done: int, total: int) -> None:
-        """Tell that a check is done; `card` returns what there is of this FMU's."""
-        self.job.partial = lambda: _joined(self.source, [*self.before, card()])
-        self.job.done(text, len(self.before) * total + done, self.parts * total)
+    for number, part in enumerate(parts, 1):
+        job.stage(number, len(parts))
+        joined = partial(_joined, str(path), tuple(cards))
+        cards.append(_card(part, names, asked.place, job, joined))
+    return _joined(str(path), tuple(cards[:-1]), cards[-1])
 
 
 def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_Part]:
@@ -102,7 +90,9 @@ def _own(component: str, values: Mapping[str, _V]) -> dict[str, _V]:
 # -- one FMU ------------------------------------------------------------------------------------
 
 
-def _card(part: _Part, names: tuple[str, ...], where: Workers, told: _Told) -> HealthCard:
+def _card(
+    part: _Part, names: tuple[str, ...], where: Workers, job: Job, joined: Callable[[HealthCard], HealthCard]
+) -> HealthCard:
     with load_fmu(part.file, part.loading) as model:
         interfaces = _interfaces(model, part.loading.interface)
         wanted = {i: tuple(n for n in names if i in CHECKS[n].interfaces) for i in interfaces}
@@ -126,9 +116,10 @@ def _card(part: _Part, names: tuple[str, ...], where: Workers, told: _Told) -> H
                 notes=_notes(about, interfaces),
             )
 
-        for line in _run(model, wanted, where, told.job):
+        for line in _run(model, wanted, where, job):
             lines.append(line)
-            told.line(card, f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
+            job.partial = lambda: joined(card())
+            job.done(f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
         return card()
 
 
@@ -212,8 +203,9 @@ def _loss(name: str, lost: Lost) -> Answer:
 # -- all of them --------------------------------------------------------------------------------
 
 
-def _joined(source: str, cards: list[HealthCard]) -> HealthCard:
+def _joined(source: str, before: tuple[HealthCard, ...], last: HealthCard) -> HealthCard:
     """Return one card of one or several FMUs."""
+    cards = [*before, last]
     if len(cards) == 1 and not any(line.component for line in cards[0].checks):
         return cards[0]
     return HealthCard(

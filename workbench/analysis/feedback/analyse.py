@@ -60,6 +60,7 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         seen = found.operating_point.y.get(SEEN, 0.0)
         work = _Work(place, where, seen, between, time, settings, asked.gains, asked.count, keep)
         result = work.linear_result(found)
+        job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result, asked.settle_gains) if asked.settle else ()
         two = work.two_ports(asked.block)
         result = work.with_cycles(result, two, asked.band or BAND, asked.amplitudes or AMPLITUDES)
@@ -68,9 +69,8 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         if asked.settle or asked.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
             start = work.start(two, first, signals_of(asked.signals or {}), asked.start_after)
-            before = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
-            job.partial = lambda: before  # what is known, should a run of the study fail or somebody end it
-            result = work.with_study(before, start, chosen, first, job)
+            result = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
+            result = work.with_study(result, start, chosen, first, job)
     return result
 
 

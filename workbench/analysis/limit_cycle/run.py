@@ -76,6 +76,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
             asked.amplitudes,
         )  # fmt: skip
         result = work.run()
+        job.partial = lambda: result
         job.done("limit cycles", 2, steps)
         branches: list[Branch] = []
         for count, (name, limits) in enumerate(asked.vary.items(), start=3):

@@ -42,7 +42,7 @@ def run(system: Model, asked: Loop, job: Job) -> LoopResult:
         doubts.append(
             "the loop is sampled: what is measured holds the fundamentals of continuous signals, L(z) samples"
         )
-    result = LoopResult(
+    return LoopResult(
         system=system.name,
         place=cut.place,
         value=cut.value,
@@ -52,10 +52,6 @@ def run(system: Model, asked: Loop, job: Job) -> LoopResult:
         notes=(*notes, *remarks, *doubts),
         operating_point=named(system, cut.point) if cut.point is not None else standing(system),
     )
-    if job.stopped:
-        job.partial = lambda: result
-        raise KeyboardInterrupt
-    return result
 
 
 def _amplitudes(asked: Loop) -> tuple[float, ...]:
@@ -83,7 +79,8 @@ def _measured(
         loop=None if linear is None else linear.transfer,
     )
     curves: list[LoopCurve] = []
-    for name in names:
+    for number, name in enumerate(names, 1):
+        job.stage(number, len(names))
         curves += measure(
             cut,
             name,

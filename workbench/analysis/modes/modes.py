@@ -54,7 +54,8 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     first: OperatingPoint | None = None
     with ExitStack() as stack:
         configured = [_configured(model, {**common, **settings}, stack) for settings in ({}, *against)]
-        for settings, opened in zip(({}, *against), configured, strict=True):
+        for number, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
+            job.stage(number, len(configured))
             label = _label(settings or _own(model, common, against))
             source = Source(opened, vary, where)
             source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))

@@ -21,7 +21,7 @@ from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Record, Session
-from workbench.session.loop import at_pauses
+from workbench.session.pauses import at_pauses
 from workbench.signals import Signal, signals_of
 
 __all__ = ["run"]
@@ -52,11 +52,13 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
 
     def tell(time: float) -> None:
         part = int(100.0 * (time - start) / (stop - start))
-        job.done(f"t = {time:.6g} s", part, 100)
+        if job.reached != (part, 100):
+            job.done(f"t = {time:.6g} s", part, 100)
 
     try:
         with at_pauses(tell):
             found = running.once(None)
+        tell(stop)
     except StoppedError as error:
         if isinstance(error.before, Record):
             ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))

@@ -10,6 +10,7 @@ from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Record
 from workbench.session.cs import CsSession
 from workbench.session.fmu import Setup
+from workbench.session.pauses import pause
 from workbench.session.rows import Rows
 from workbench.system.master.control import StepControl
 from workbench.system.master.instance import MasterInstance
@@ -86,6 +87,7 @@ class MasterSession(CsSession):
             pieces = max(1, math.ceil((stop - self.time) / step - _SAME))
             end = stop if pieces == 1 else self.time + (stop - self.time) / pieces
             self._twice(self._control, end, until, rows, least=_SHORTEST * first)
+            pause(self.time)
 
     def _twice(self, control: StepControl, end: float, until: float, rows: UndoableRows, *, least: float) -> None:
         """Make a step in one, then in two halves, which stay if both agree."""
