@@ -108,6 +108,7 @@ LINES = {
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("data.csv --input u --output y --order 1", ""),
+    "reproduce": ("fig31 --list", "targets"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
     "export": ("lin.json --out linear.fmu --fmi 3", "files"),
 }  # fmt: skip
