@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
 
 from workbench.core.response import decibels
-from workbench.plotting.figure import COLOURS, label, rows
+from workbench.plotting.figure import COLOURS, LEGEND, label, rows
 from workbench.plotting.response import plain_decades
 from workbench.session.base import Floats
 
@@ -145,13 +145,7 @@ def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
         handles.append(Line2D([], [], marker="v", markersize=5.0, label="gain 0", **style))
     if result.failed:
         handles.append(Line2D([], [], marker="x", markersize=5.0, label="failed", **style))
-    settings: dict[str, Any] = {
-        "title": "amplitude",
-        "fontsize": 8.5,
-        "title_fontsize": 8.5,
-        "framealpha": 0.9,
-        "edgecolor": "#cccccc",
-    }
+    settings: dict[str, Any] = {**LEGEND, "title": "amplitude", "title_fontsize": 8.5}
     if len(handles) > _LEGEND_INSIDE:
         figure.legend(handles=handles, loc="outside right upper", **settings)
     else:

@@ -12,8 +12,7 @@ from matplotlib.ticker import NullFormatter
 
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import ABOVE, LEGEND, panels
+from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, panels
 
 __all__ = ["plot_check"]
 

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.core.response import degrees
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import ABOVE, panels
+from workbench.plotting.figure import ABOVE, COLOURS, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.describing.describe import DescribingFunction

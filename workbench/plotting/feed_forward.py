@@ -12,8 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator
 
 from workbench.core.response import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
-from workbench.plotting.figure import COLOURS, label
-from workbench.plotting.panels import ABOVE, LEGEND, panels
+from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, label, panels
 from workbench.plotting.response import plain_decades
 
 if TYPE_CHECKING:

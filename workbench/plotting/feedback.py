@@ -14,8 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.plotting.feedback_nyquist import draw_curve
 from workbench.plotting.feedback_settling import draw_settling
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import ABOVE, panels
+from workbench.plotting.figure import ABOVE, COLOURS, panels, written
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult
@@ -238,12 +237,7 @@ def _table(ax: Axes, result: FeedbackResult) -> None:
     if not rows:
         ax.text(0.0, 0.9, "no pole reaches the border of stability", fontsize=9.0)
         return
-    heads = ["gain", "f [Hz]", "G = 1/gain", "unstable below / above"]
-    table = ax.table(cellText=rows, colLabels=heads, loc="upper left", cellLoc="right", edges="horizontal")
-    table.auto_set_font_size(value=False)
-    table.set_fontsize(8.5)
-    table.auto_set_column_width(list(range(len(heads))))
-    table.scale(1.0, 1.15)
+    written(ax, ["gain", "f [Hz]", "G = 1/gain", "unstable below / above"], rows)
     if len(result.crossings) > _ROWS:
         ax.text(0.0, 0.0, f"… and {len(result.crossings) - _ROWS} with larger gains", fontsize=8.5)
 

@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS
+from workbench.plotting.figure import COLOURS, LEGEND, panels
 from workbench.plotting.nyquist import draw_plane
-from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.gains import Crossing

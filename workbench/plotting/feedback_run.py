@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.run import FeedbackRun

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.polynomial import Polynomial
 
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.optimum import Optimum

@@ -1,7 +1,8 @@
-"""What all pictures share: size, style, writing a file."""
+"""What all pictures share: size, style, panels, writing a file."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,17 @@ from matplotlib.figure import Figure
 
 from workbench.errors import InputError, suggest
 
-__all__ = ["COLOURS", "label", "rows", "save"]
+__all__ = ["ABOVE", "COLOURS", "LEGEND", "LINE", "label", "panels", "rows", "save", "written"]
 
 # Okabe and Ito's palette: told apart by every eye, and in grey by their order of brightness.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#444444")
+
+LEGEND: dict[str, Any] = {"fontsize": 8.5, "framealpha": 0.9, "edgecolor": "#cccccc"}
+LINE = 105  # characters of small print that fit below a picture
+# A legend over the panel, where it covers no curve.
+ABOVE: dict[str, Any] = {
+    "loc": "lower left", "bbox_to_anchor": (-0.01, 0.98), "fontsize": 8.5, "frameon": False, "borderaxespad": 0.2,
+}  # fmt: skip
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -39,12 +47,64 @@ def rows(count: int, *, title: str) -> tuple[Figure, list[Axes]]:
         axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
         axes[0].set_title(title, loc="left", fontweight="bold")
     for ax in axes:
-        ax.grid(visible=True, which="major", color="#cccccc", linewidth=0.7)
+        _open_frame(ax, color="#cccccc", linewidth=0.7)
         ax.grid(visible=True, which="minor", color="#ececec", linewidth=0.5)
-        ax.set_axisbelow(True)
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
     return figure, axes
+
+
+def _open_frame(ax: Axes, **grid: Any) -> None:  # noqa: ANN401 - style of matplotlib's lines
+    ax.grid(visible=True, which="major", **grid)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def panels(
+    down: int,
+    across: int,
+    *,
+    title: str,
+    width: float = 7.2,
+    height: float = 2.3,
+    sharex: str = "none",
+    ratios: Sequence[float] | None = None,
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure with a grid of panels under one title; it works without a display.
+
+    Args:
+        down: rows.
+        across: columns.
+        title: of the whole.
+        width: of the figure [inch].
+        height: of a row [inch].
+        sharex: "none", "col" or "all".
+        ratios: heights of the rows against each other.
+    """
+    sizes = None if ratios is None else {"height_ratios": list(ratios)}
+    with mpl.rc_context({**_STYLE, "axes.titlesize": 10.0}):
+        figure = Figure(figsize=(width, 0.7 + height * (down if ratios is None else sum(ratios))), layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
+        grid: list[list[Axes]] = figure.subplots(down, across, squeeze=False, sharex=sharex, gridspec_kw=sizes).tolist()  # type: ignore[call-overload]
+    for ax in (a for row in grid for a in row):
+        _open_frame(ax, color="#dddddd", linewidth=0.6)
+    return figure, grid
+
+
+def written(ax: Axes, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Write a table into axes, with lines between its rows only.
+
+    Args:
+        ax: where.
+        heads: headings.
+        rows: cells.
+    """
+    table = ax.table(cellText=rows, colLabels=heads, loc="upper left", cellLoc="right", edges="horizontal")
+    table.auto_set_font_size(value=False)
+    table.set_fontsize(8.5)
+    table.auto_set_column_width(list(range(len(heads))))
+    table.scale(1.0, 1.15)
+    for cell in table.get_celld().values():
+        cell.set_edgecolor("#bbbbbb")
 
 
 def label(name: str, unit: str | None) -> str:

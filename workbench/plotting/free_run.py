@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Floats
-from workbench.plotting.figure import COLOURS, label
-from workbench.plotting.panels import panels
+from workbench.plotting.figure import COLOURS, label, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.free_run import FreeRun

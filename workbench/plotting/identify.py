@@ -16,8 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.core.poles import pole_rows
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
+from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, LINE, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:

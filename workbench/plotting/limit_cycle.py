@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from workbench.plotting.figure import COLOURS, label
+from workbench.plotting.figure import COLOURS, LEGEND, label, panels
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.nyquist import draw_plane
-from workbench.plotting.panels import LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.branch import BranchPoint
@@ -189,7 +188,7 @@ def plot_branch(branch: Branch) -> Figure:
     size.set_ylabel("amplitude")
     frequency.set_ylabel("frequency [Hz]")
     frequency.set_xlabel(branch.parameter)
-    size.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    size.legend(**LEGEND)
     return figure
 
 

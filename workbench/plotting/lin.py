@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS, rows
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
 
@@ -50,7 +50,7 @@ def plot_lin(result: LinResult) -> Figure:
     axes[1].tick_params(labelbottom=True)
     step.set_xlabel("time [s]")
     step.set_ylabel("unit step")
-    step.legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    step.legend(**LEGEND)
     return figure
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS, label, rows
+from workbench.plotting.figure import COLOURS, LEGEND, label, rows
 from workbench.plotting.lin import frequency_band
 from workbench.plotting.response import bode_axes, draw_response
 
@@ -52,7 +52,7 @@ def plot_comparison(comparison: LinComparison) -> Figure:
                 axes[0].plot(at, measured.gain_db[0][chosen], marker, label=text, **style)
                 axes[1].plot(at, measured.phase_deg[0][chosen], marker, **style)
     bode_axes(axes)
-    axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    axes[0].legend(**LEGEND)
     return figure
 
 
@@ -67,5 +67,5 @@ def plot_step_check(check: StepCheck) -> Figure:
     axes[0].plot(check.time, check.linear, "--", color=COLOURS[1], linewidth=1.5, label="linear model")
     axes[0].set_ylabel(label(check.output, check.unit))
     axes[0].set_xlabel("time [s]")
-    axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+    axes[0].legend(**LEGEND)
     return figure

@@ -14,8 +14,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MultipleLocator, NullFormatter
 
 from workbench.core.response import Response, decibels
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import LEGEND, LINE, panels
+from workbench.plotting.figure import COLOURS, LEGEND, LINE, panels
 from workbench.plotting.response import draw_response, plain_decades
 
 if TYPE_CHECKING:

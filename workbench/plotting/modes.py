@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from workbench.plotting.figure import COLOURS, label
-from workbench.plotting.panels import panels
+from workbench.plotting.figure import COLOURS, label, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from workbench.plotting.figure import COLOURS, label
-from workbench.plotting.panels import panels
+from workbench.plotting.figure import COLOURS, label, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:

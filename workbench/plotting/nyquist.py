@@ -11,8 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import Akima1DInterpolator
 
 from workbench.analysis.describing.base import Complex
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.figure import COLOURS, LEGEND, panels, written
 
 if TYPE_CHECKING:
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
@@ -149,13 +148,7 @@ def _table(ax: Axes, crossings: tuple[Crossing, ...]) -> None:
     if not rows:
         ax.text(0.0, 0.9, "no crossing of the negative real axis", fontsize=9.0)
         return
-    table = ax.table(cellText=rows, colLabels=_COLUMNS, loc="upper left", cellLoc="right", edges="horizontal")
-    table.auto_set_font_size(value=False)
-    table.set_fontsize(8.5)
-    table.auto_set_column_width(list(range(len(_COLUMNS))))
-    table.scale(1.0, 1.15)
-    for cell in table.get_celld().values():
-        cell.set_edgecolor("#bbbbbb")
+    written(ax, _COLUMNS, rows)
     if len(crossings) > _ROWS:
         ax.text(1.0, 0.0, f"… and {len(crossings) - _ROWS} more", fontsize=8.5, ha="right")
 

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.core.response import Response
-from workbench.plotting.figure import COLOURS
-from workbench.plotting.panels import LEGEND, panels
+from workbench.plotting.figure import COLOURS, LEGEND, panels
 from workbench.plotting.response import bode_axes, draw_response
 
 if TYPE_CHECKING:

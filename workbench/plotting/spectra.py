@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, rows
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def plot_coherence(result: Coherence) -> Figure:
         _draw(ax, result, i)
     _foot(axes[-1], result.settings.nyquist_hz, f"{result.settings.describe()}; shaded: 95 %")
     if len(result.input_names) > 1:
-        axes[0].legend(fontsize=8.5, framealpha=0.9, edgecolor="#cccccc")
+        axes[0].legend(**LEGEND)
     return figure
 
 

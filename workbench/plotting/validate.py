@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS, label
-from workbench.plotting.panels import ABOVE, LEGEND, LINE, panels
+from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, LINE, label, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:

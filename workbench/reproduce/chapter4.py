@@ -14,8 +14,7 @@ from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
 from workbench.core.response import decibels, degrees
-from workbench.plotting.figure import COLOURS, rows
-from workbench.plotting.panels import LEGEND
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.plotting.response import plain_decades
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled

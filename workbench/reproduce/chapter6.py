@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
-from workbench.plotting.figure import COLOURS, rows
-from workbench.plotting.panels import LEGEND
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.signals import Constant, Signal, Sine

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.plotting.figure import COLOURS, rows
-from workbench.plotting.panels import LEGEND
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 
 __all__ = ["draw_loop", "draw_secants", "draw_steps", "titled"]
 
