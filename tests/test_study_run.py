@@ -13,7 +13,7 @@ import pytest
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
 from workbench.fmi.bundled import bundled_path
-from workbench.study.outcome import Outcome
+from workbench.study.plan import Outcome
 
 GRID = """
 name = "lags"

@@ -12,8 +12,7 @@ from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 from workbench.study.commands import Reference, filled
 from workbench.study.finished import Finished
-from workbench.study.outcome import Outcome
-from workbench.study.plan import Plan, Run
+from workbench.study.plan import Outcome, Plan, Run
 
 if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
     from workbench.study.worker import Job

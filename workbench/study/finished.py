@@ -17,8 +17,7 @@ from workbench import __version__
 from workbench.errors import InputError
 from workbench.store import Store
 from workbench.study.kinds.base import Compliance
-from workbench.study.outcome import Outcome
-from workbench.study.plan import Run
+from workbench.study.plan import Outcome, Run
 from workbench.study.result import Checked
 
 __all__ = ["FOLDER", "Finished"]

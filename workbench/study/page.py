@@ -12,8 +12,7 @@ from workbench.report.tones import Verdict
 from workbench.study.kinds.base import Compliance, Result
 from workbench.study.kinds.response import UNITS, Mask
 from workbench.study.kinds.step import Overshoot, SettlingTime
-from workbench.study.outcome import Outcome
-from workbench.study.plan import Run
+from workbench.study.plan import Outcome, Run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

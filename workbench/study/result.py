@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench.csv_file import write_csv
 from workbench.study.description import Study
 from workbench.study.kinds.base import Compliance, Requirement
-from workbench.study.outcome import Outcome
-from workbench.study.plan import Run
+from workbench.study.plan import Outcome, Run
 
 if TYPE_CHECKING:
     from workbench.report.page import Page
@@ -217,9 +216,7 @@ def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
 
 
 def _row(checked: Checked) -> list[Any]:
-    found, limit = checked.finding, checked.finding.limit
-    limits = [limit.get(name, "") for name in ("min", "max", "equal", "tolerance")]
-    what = [checked.requirement.name, checked.point, checked.requirement.kind, checked.requirement.analysis]
-    value = ["" if found.value is None else found.value, found.unit or "", *limits]
-    margin = "" if found.margin is None else found.margin
-    return [*what, *value, margin, found.passed, found.where, found.reason]
+    requirement = checked.requirement
+    found = checked.to_dict() | {"requirement": requirement.name, "analysis": requirement.analysis}
+    cells = (found.get(name, checked.finding.limit.get(name)) for name in _COLUMNS)
+    return ["" if cell is None else cell for cell in cells]

@@ -13,9 +13,8 @@ from workbench.study.description import Point, Study
 from workbench.study.execute import Execution, Progress
 from workbench.study.finished import FOLDER, Finished
 from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result
-from workbench.study.outcome import Outcome
 from workbench.study.place import place
-from workbench.study.plan import Plan, Run, make_plan
+from workbench.study.plan import Outcome, Plan, Run, make_plan
 from workbench.study.read import is_bundled_study, read_study
 from workbench.study.result import Checked, StudyResult
 

@@ -27,7 +27,7 @@ from workbench.report.results import page_of, write_report
 from workbench.session.base import Session
 from workbench.signals import Signal
 from workbench.study.commands import Command, command
-from workbench.study.outcome import Outcome
+from workbench.study.plan import Outcome
 
 __all__ = ["Job", "NoRecipe", "perform"]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result, worst
+from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result, judge, worst
 from workbench.study.kinds.curves import Curve, curves
 from workbench.study.kinds.response import OfResponse, Positive
 from workbench.study.kinds.value import check_path, numbers_at
@@ -70,10 +70,8 @@ class Agreement(_Pair):
 
     def _pair(self, where: str, mine: float, theirs: float) -> Compliance:
         limit = self.tolerance if self.relative is None else self.relative * abs(theirs)
-        limit = limit or 0.0
-        off = abs(mine - theirs)
         words = f"{where + ': ' if where else ''}{mine:.6g} and {theirs:.6g}"
-        return Compliance(value=off, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=words)
+        return judge(abs(mine - theirs), {"max": limit or 0.0}, where=words)
 
 
 class ResponseAgreement(_Pair, OfResponse):
@@ -134,13 +132,8 @@ class ResponseAgreement(_Pair, OfResponse):
         found = []
         if self.db is not None:
             off = abs(mine.at("gain", frequency) - theirs.at("gain", frequency))
-            found.append(self._finding(off, self.db, "dB", mine.where(frequency)))
+            found.append(judge(off, {"max": self.db}, unit="dB", where=mine.where(frequency)))
         if self.deg is not None:
             off = abs((mine.at("phase", frequency) - theirs.at("phase", frequency) + 180.0) % 360.0 - 180.0)
-            found.append(self._finding(off, self.deg, "deg", mine.where(frequency)))
+            found.append(judge(off, {"max": self.deg}, unit="deg", where=mine.where(frequency)))
         return found
-
-    def _finding(self, off: float, limit: float, unit: str, where: str) -> Compliance:
-        return Compliance(
-            value=off, unit=unit, limit={"max": limit}, margin=limit - off, passed=off <= limit, where=where
-        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from pydantic import ConfigDict, Field
@@ -242,8 +242,7 @@ class Limited(Requirement):
         number, unit = value.value, value.unit
         if self.unit is not None and isinstance(number, int | float) and not isinstance(number, bool):
             number, unit = convert(float(number), value.unit, self.unit, self.name), self.unit
-        limit, margin, passed = judge(number, self._limits())
-        return Compliance(value=number, unit=unit, limit=limit, margin=margin, passed=passed, where=value.where)
+        return judge(number, self._limits(), unit=unit, where=value.where)
 
     def _limits(self) -> dict[str, float | bool | str]:
         given = {"min": self.min, "max": self.max, "equal": self.equal, "tolerance": self._tolerance()}
@@ -258,18 +257,22 @@ class Limited(Requirement):
 def judge(
     value: float | bool | str,  # noqa: FBT001 - a value
     limit: Mapping[str, float | bool | str],
-) -> tuple[Mapping[str, float | bool | str], float | None, bool]:
-    """Hold a value against limits.
+    *,
+    unit: str | None = None,
+    where: str = "",
+) -> Compliance:
+    """Compare a value with limits; the margin is that to the nearer one.
 
     Args:
         value: measured.
         limit: "min", "max", "equal", "tolerance".
-
-    Returns:
-        The limit, the margin (to the nearer one; None: it has none), whether the limits are kept.
+        unit: of both; None: they have none.
+        where: at which frequency, amplitude, time.
     """
+    found = Compliance(value=value, unit=unit, limit=limit, where=where)
     if isinstance(value, str | bool) or isinstance(limit.get("equal"), str | bool):
-        return limit, None, _is_equal(value, limit)
+        wanted = limit.get("equal")
+        return replace(found, passed=type(value) is type(wanted) and value == wanted)
     margins = []
     if "min" in limit:
         margins.append(value - float(limit["min"]))
@@ -278,14 +281,7 @@ def judge(
     if "equal" in limit:
         margins.append(float(limit["tolerance"]) - abs(value - float(limit["equal"])))
     margin = min(margins)
-    if math.isnan(margin):
-        return limit, None, False
-    return limit, margin, margin >= 0.0
-
-
-def _is_equal(value: float | bool | str, limit: Mapping[str, float | bool | str]) -> bool:  # noqa: FBT001
-    wanted = limit.get("equal")
-    return type(value) is type(wanted) and value == wanted
+    return found if math.isnan(margin) else replace(found, margin=margin, passed=margin >= 0.0)
 
 
 def worst(findings: Sequence[Compliance]) -> Compliance:

@@ -10,7 +10,16 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.kinds.base import Compliance, Limited, NotMeasured, Requirement, Result, Value, worst
+from workbench.study.kinds.base import (
+    Compliance,
+    Limited,
+    NotMeasured,
+    Requirement,
+    Result,
+    Value,
+    judge,
+    worst,
+)  # fmt: skip
 from workbench.study.kinds.curves import READERS, Curve, curves, interpolate
 
 __all__ = ["UNITS", "Bandwidth", "Gain", "Mask", "OfResponse", "Offset", "Phase", "Positive"]
@@ -193,16 +202,14 @@ class Mask(OfResponse):
         return worst(found)
 
     def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Compliance:
-        """Hold a curve against one mask; the place with the least margin counts."""
+        """Compare a curve with one mask; the place with the least margin counts."""
         curve.check_failed(corners[0][0], corners[-1][0])
-        places = _places(corners, curve.frequency)
-        sign = 1.0 if name == "max" else -1.0
-        margin, frequency, limit, value = min(
-            (sign * (limit - (value := curve.at(self.quantity, f))), f, limit, value) for f, limit in places
-        )
         unit = UNITS.get(self.quantity, curve.unit)
-        where = curve.where(frequency)
-        return Compliance(value=value, unit=unit, limit={name: limit}, margin=margin, passed=margin >= 0.0, where=where)
+        places = sorted(_places(corners, curve.frequency))
+        found = [
+            judge(curve.at(self.quantity, f), {name: limit}, unit=unit, where=curve.where(f)) for f, limit in places
+        ]
+        return worst(found)
 
 
 def _check_corners(where: str, corners: list[list[float]] | None) -> None:
