@@ -60,7 +60,8 @@ def draw_frequency(ax: Axes, run: FreeRun, marks: Mapping[float, str]) -> None:
     middle = _median(run.frequency_hz)
     ax.plot(run.period_time, middle, color=COLOURS[0], linewidth=1.3)
     if len(middle):
-        levels = [*middle[_SMOOTHED:].tolist(), *marks] or [1.0]
+        late = middle[_SMOOTHED:] if len(middle) > _SMOOTHED else middle  # the first periods may be far off
+        levels = [*late.tolist(), *marks]
         low, high = min(levels), max(levels)
         room = _ROOM * max(high - low, 0.02 * high)
         ax.set_ylim(low - room, high + room)

@@ -163,7 +163,8 @@ def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     for number, name in enumerate(names):
         size = cycle.amplitude[name]
         value = (cycle.values[name][shown] - cycle.mean[name]) / (size or 1.0)
-        text = f"{name}, ±{size:.4g} {cycle.units.get(name) or ''}".rstrip()
+        unit = cycle.units.get(name)
+        text = f"{name}, ±{size:.4g}{f' {unit}' if unit and unit != '1' else ''}"
         ax.plot(
             (cycle.time[shown] - begin) * cycle.frequency_hz, value, color=COLOURS[number % len(COLOURS)],
             linewidth=1.3, label=text,
