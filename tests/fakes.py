@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
-from workbench.session import Record, Session, Snapshot
+from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.signals import Signal, Sine
 
@@ -59,13 +59,13 @@ class FakeSession(Session):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         sine = signals["u"]
         assert isinstance(sine, Sine)
         inner = np.array([until]) if points is None else points
         time, y, u = self.rows(np.concatenate([[self.time], inner]), sine)
         self.time = until
-        return Record(time, dict.fromkeys(record, y), {"u": u})
+        return Recorded(time, dict.fromkeys(record, y), {"u": u})
 
     def rows(self, time: Floats, sine: Sine) -> Rows:
         raise AssertionError("the subclass computes the rows")

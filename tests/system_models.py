@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from workbench.model.described import DescribedModel
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.signals import Signal
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
@@ -24,7 +24,7 @@ def difference(name: str, *signs: float) -> SumComponent:
 
 def run(
     model: DescribedModel, until: float, signals: Mapping[str, Signal], record: Sequence[str], *, rows: int = 100
-) -> Record:
+) -> Recorded:
     points: Floats = until * np.arange(1, rows + 1) / rows
     with model.open_session(signals=signals) as session:
         return session.advance(until, signals=signals, record=record, points=points)

@@ -11,7 +11,7 @@ from scipy import signal
 from tests.identification_data import DT, data, prbs, response, white, with_noise
 from workbench.analysis.advice import TOPICS, VERDICTS, advise
 from workbench.analysis.advice.delay import delays
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -106,7 +106,7 @@ def test_delays(delay: int, level: float) -> None:
     for hold in (1, 3):
         u = prbs(2500, hold=hold)
         y = with_noise(response(u, delay=delay), level, pole=0.8)
-        assert delays(Study(data(u, y), order=None, limits=None)) == {("u", "y"): 1 + delay}
+        assert delays(DataStudy(data(u, y), order=None, limits=None)) == {("u", "y"): 1 + delay}
 
 
 def test_feedthrough_is_no_delay() -> None:

@@ -12,18 +12,18 @@ from workbench.errors import InputError
 from workbench.kernel.library import kernel
 from workbench.kernel.native_record import NativeFourier
 from workbench.model.load import load
-from workbench.session.base import Record
+from workbench.session.base import Recorded
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Prbs, Sine
 
 
-def random_rows(mean: float) -> Record:
+def random_rows(mean: float) -> Recorded:
     """Rows over one period of 0.5 s from 3.0 s on, unequal steps, with jumps as two rows at one time."""
     random = np.random.default_rng(5)
     inside = 3.0 + 0.5 * np.sort(random.random(300))
     time = np.sort(np.concatenate([[3.0], inside, inside[::7], [3.5]]))
     y = mean + np.sin(4.0 * np.pi * time) + 0.3 * random.standard_normal(time.size)
-    return Record(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
+    return Recorded(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
 
 
 @pytest.mark.parametrize("mean", [0.0, 1e7])
@@ -73,7 +73,7 @@ def test_an_even_grid_with_jumps_is_summed_as_by_numpy() -> None:
     time = np.sort(np.concatenate([[3.0], points[points != points[10]], events]))
     y = 5.0 + np.sin(4.0 * np.pi * time) + 0.3 * random.standard_normal(time.size)
     y[np.flatnonzero(time == 3.4)] = 1.0
-    record = Record(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
+    record = Recorded(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
     period = measure_period(record, input="u", output="y", begin=3.0, frequency=2.0, orders=4, points=points)
     sums = NativeFourier(kernel(), [1, 2], begin=3.0, frequency=2.0, orders=4)
     sums.aim(begin=3.0, frequency=2.0, known=(points, None), grid=True)

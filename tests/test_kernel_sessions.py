@@ -18,7 +18,7 @@ from tests.kernel_signals import signals
 from workbench.build import build_all
 from workbench.fmi.platforms import host
 from workbench.model.load import load
-from workbench.session.base import Record
+from workbench.session.base import Recorded
 from workbench.session.fmu import FmuSession
 from workbench.signals import Signal
 
@@ -63,7 +63,7 @@ def plays(draw: st.DrawFn, inputs: Sequence[str], span: float) -> list[Act]:
     return acts
 
 
-def perform(session: FmuSession, acts: Sequence[Act], names: Sequence[str]) -> list[Record]:
+def perform(session: FmuSession, acts: Sequence[Act], names: Sequence[str]) -> list[Recorded]:
     records = []
     for act in acts:
         start = session.time
@@ -89,7 +89,7 @@ def both(file: str | Path, interface: str, solver: str, step: float | None) -> I
         yield sessions
 
 
-def assert_alike(a: Record, b: Record, *, solver: str, exact: bool) -> None:
+def assert_alike(a: Recorded, b: Recorded, *, solver: str, exact: bool) -> None:
     assert a.time.shape == b.time.shape
     if exact:
         assert np.array_equal(a.time, b.time)

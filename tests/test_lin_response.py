@@ -15,7 +15,7 @@ from workbench.analysis.lin.between import lines
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.trial import Trial, smallest, trial_levels
+from workbench.analysis.lin.trial import MoveTrial, smallest, trial_levels
 from workbench.core.matrices import unheld
 from workbench.errors import InputError, SimulationError
 from workbench.model.load import load
@@ -142,8 +142,8 @@ def test_a_model_that_grows_is_found_by_its_beginning(lies: Path) -> None:
     assert sorted(result.poles, key=lambda p: p.imag) == pytest.approx(sorted(1.0 + 0.01 * s, key=lambda p: p.imag))
 
 
-def _trial(answer: np.ndarray, pulse: np.ndarray, levels: np.ndarray) -> Trial:
-    return Trial("u", 0, ("y",), levels, answer[:, None], pulse[:, None], np.zeros(1))
+def _trial(answer: np.ndarray, pulse: np.ndarray, levels: np.ndarray) -> MoveTrial:
+    return MoveTrial("u", 0, ("y",), levels, answer[:, None], pulse[:, None], np.zeros(1))
 
 
 def test_prediction_errors_are_those_of_the_convolution() -> None:

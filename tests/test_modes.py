@@ -18,7 +18,7 @@ from workbench.analysis.modes.match import closeness, match
 from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
 from workbench.analysis.modes.result import Critical, Mode
-from workbench.analysis.modes.source import Source
+from workbench.analysis.modes.source import ModelSource
 from workbench.analysis.modes.track import Track, track
 from workbench.cli.app import run
 from workbench.core.modal import Poles, poles_of
@@ -44,7 +44,7 @@ def frequencies(found: Track) -> Floats:
     return np.asarray(np.abs(found.table()[0]), dtype=np.float64)
 
 
-class Family(Source):
+class Family(ModelSource):
     """Poles as a function of the parameter, without a model."""
 
     def __init__(self, poles: Callable[[float], Poles]) -> None:

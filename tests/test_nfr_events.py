@@ -13,7 +13,7 @@ import workbench as wb
 from tests.lin_fmus import built
 from workbench.analysis.harmonics import measure_period
 from workbench.analysis.nfr.error import quadrature
-from workbench.session import Record
+from workbench.session import Recorded
 from workbench.session.base import Floats
 
 SOURCE = """
@@ -86,11 +86,11 @@ def test_the_response_is_the_closed_form_and_within_the_error(output: str, drive
         assert error <= result.error[i, 0] + 1e-12
 
 
-def record_of(y: Callable[[Floats], Floats], events: list[float], points: Floats) -> Record:
+def record_of(y: Callable[[Floats], Floats], events: list[float], points: Floats) -> Recorded:
     """Rows at the points and, two with one time, at events; u has its right limits in the second row."""
     time = np.sort(np.concatenate([[0.0], np.setdiff1d(points, events), np.repeat(events, 2)]))
     side = np.where(np.concatenate([[True], np.diff(time) == 0.0]), 1e-13, -1e-13)
-    return Record(time=time, values={"y": y(time + side)}, inputs={"u": np.sin(2.0 * np.pi * time)})
+    return Recorded(time=time, values={"y": y(time + side)}, inputs={"u": np.sin(2.0 * np.pi * time)})
 
 
 @pytest.mark.parametrize("rows", [50, 100, 200])

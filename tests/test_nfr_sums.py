@@ -8,7 +8,7 @@ import pytest
 
 from workbench.analysis.nfr.point import PointTask, run_point
 from workbench.model.load import load
-from workbench.session import Record, Session, Snapshot
+from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Signal
@@ -29,7 +29,7 @@ class Rows(Session):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         found = self._session.advance(until, signals=signals, record=record, points=points)
         self.time, self.communication_step = self._session.time, self._session.communication_step
         return found

@@ -11,7 +11,7 @@ from tests.drivers import each_driver  # noqa: F401  used by pytest
 from tests.hybrid_fmus import FakeC, FakeInstance, Hybrid, describe
 from tests.test_session_events import Ball, Integrator, Sampler
 from workbench.errors import SimulationError
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.signals import Signal, Sine, Step
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.health import resolve
@@ -73,7 +73,7 @@ def fakes(models: Mapping[str, type[Hybrid]], wires: Sequence[tuple[str, str]], 
     return SystemModel(Opened(description, parts, resolved), recipe)
 
 
-def run(model: SystemModel, until: float, signals: Mapping[str, Signal], record: Sequence[str]) -> Record:
+def run(model: SystemModel, until: float, signals: Mapping[str, Signal], record: Sequence[str]) -> Recorded:
     points: Floats = until * np.arange(1.0, 58.0) / 57.0
     with model, model.open_session(signals=signals) as session:
         return session.advance(until, signals=signals, record=record, points=points)

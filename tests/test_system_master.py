@@ -17,7 +17,7 @@ from tests.system_models import difference
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.signals import Constant, Signal, Sine, Step
 from workbench.system.connect import connect
 from workbench.system.description import FmuComponent
@@ -84,7 +84,7 @@ def grid(count: int, interval: float, offset: float = 0.0) -> Floats:
     return found
 
 
-def left_limits(record: Record, points: Floats, names: Sequence[str]) -> dict[str, Floats]:
+def left_limits(record: Recorded, points: Floats, names: Sequence[str]) -> dict[str, Floats]:
     at = np.searchsorted(record.time, points)
     return {n: record.values[n][at] for n in names}
 

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
-from workbench.session import Record, Session, Snapshot
+from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
 from workbench.session.target import NotReachedError
@@ -125,7 +125,7 @@ class PlantSession(Session):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         assert not signals
         rows = []
         for end in [until] if points is None else points.tolist():
@@ -133,7 +133,7 @@ class PlantSession(Session):
             rows.append(list(self.values(record).values()))
         table = np.array(rows).T
         times = np.array([until]) if points is None else points
-        return Record(times, dict(zip(record, table, strict=True)), {})
+        return Recorded(times, dict(zip(record, table, strict=True)), {})
 
     def _to(self, end: float) -> None:
         e = self.plant.equations

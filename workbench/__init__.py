@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
     from workbench.model.described import DescribedModel
-    from workbench.session import Record, Session, Snapshot
+    from workbench.session import Recorded, Session, Snapshot
     from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, parse_signal, pulse
     from workbench.study.result import StudyResult
     from workbench.study.run import run_study
@@ -190,7 +190,7 @@ __all__ = [
     "PoleBootstrap",
     "Prbs",
     "PrbsDesign",
-    "Record",
+    "Recorded",
     "Session",
     "SettlingStudy",
     "Signal",
@@ -344,7 +344,7 @@ _HOMES = {
     "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
     "workbench.model": ("FmuModel", "Model", "Variable"),
     "workbench.model.described": ("DescribedModel",),
-    "workbench.session": ("Record", "Session", "Snapshot"),
+    "workbench.session": ("Recorded", "Session", "Snapshot"),
     "workbench.signals": ("Constant", "Prbs", "Signal", "Sine", "Step", "Table", "gust", "parse_signal", "pulse"),
     "workbench.study.result": ("StudyResult",),
     "workbench.study.run": ("run_study",),

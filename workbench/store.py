@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from workbench.errors import InputError, WorkbenchError
 
-__all__ = ["FILE_NAME", "Measurement", "Store"]
+__all__ = ["FILE_NAME", "Store", "StoredMeasurement"]
 
 FILE_NAME = "measurements.sqlite"
 
@@ -48,7 +48,7 @@ _SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
 
 
 @dataclass(frozen=True)
-class Measurement:
+class StoredMeasurement:
     """One finished point.
 
     Attributes:
@@ -151,14 +151,16 @@ class Store:
         """Return the values measured under exactly these settings, by point."""
         return {m.point: m.value for m in self._select(_SAME_SETTINGS, self._settings)}
 
-    def latest(self) -> dict[str, Measurement]:
+    def latest(self) -> dict[str, StoredMeasurement]:
         """Return the newest measurement of each point of the subject, whatever the effort."""
         return {m.point: m for m in self._select(_SAME_SUBJECT, _hash(self._subject))}
 
-    def _select(self, query: str, key: int | str) -> list[Measurement]:
+    def _select(self, query: str, key: int | str) -> list[StoredMeasurement]:
         with self._one_line():
             rows = self._database.execute(query, (key,)).fetchall()
-            return [Measurement(point, json.loads(value), json.loads(text)["effort"]) for point, value, text in rows]
+            return [
+                StoredMeasurement(point, json.loads(value), json.loads(text)["effort"]) for point, value, text in rows
+            ]
 
     @contextmanager
     def _one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:

@@ -15,7 +15,7 @@ from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from tests.oracle.turned import Turned
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.compiled_errors import MAX_STEPS, chattering, too_many_steps, zeno
 from workbench.session.forcing import Forcing
 from workbench.session.me import MeSession
@@ -92,7 +92,7 @@ class OracleMeSession(MeSession):
         super()._forcing_changed(before)
         self.problem.forcing = self.forcing
 
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         rows = Rows(self.instance, variables, self.forcing)
         with rows.kept():
             self._run(until, targets.tolist(), rows, new=new)

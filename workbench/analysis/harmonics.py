@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.session import Record
+from workbench.session import Recorded
 from workbench.session.base import Floats
 
 __all__ = ["COMPARED", "NOTHING", "ORDERS", "Period", "distortion", "fundamental", "measure_period"]
@@ -71,7 +71,7 @@ def distortion(harmonics: Floats) -> tuple[float | None, ...]:
 
 
 def measure_period(
-    record: Record,
+    record: Recorded,
     *,
     input: str,
     output: str,

@@ -36,7 +36,7 @@ class Reproduce(Request[Sequence[str], "ReproduceResult"]):
     go on.
 
     Raises:
-        InputError: a word that is no chapter, figure or target; a folder that is none; an executor or a cluster.
+        InputError: a word that is not a chapter, figure or target; not a folder; an executor or a cluster.
     """
 
     command = "reproduce"

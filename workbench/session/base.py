@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from workbench.signals import Signal
 
-__all__ = ["Floats", "Record", "Session", "Snapshot"]
+__all__ = ["Floats", "Recorded", "Session", "Snapshot"]
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Record:
+class Recorded:
     """What one `Session.advance` recorded.
 
     Attributes:
@@ -72,7 +72,7 @@ class Session(ABC):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         """Advance from where the session stands to `until`.
 
         The first row is the right limit at the present time, then each of `points` and every

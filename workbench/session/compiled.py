@@ -20,10 +20,10 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
 from workbench.kernel.native_record import NativeFourier, NativeRecord
 from workbench.kernel.structs import Cs, Me
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession
-from workbench.session.loop import Loop, Recording, closed
+from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
 from workbench.signals import Signal
 
@@ -54,23 +54,23 @@ class CompiledSession(FmuSession):
         recording: how rows are recorded from now on.
     """
 
-    _loop: Loop | None = None
+    _loop: InnerLoop | None = None
     _communicates: ClassVar[bool]
     recording: Recording
 
     @property
-    def loop(self) -> Loop:
+    def loop(self) -> InnerLoop:
         """The kernel's view of this session."""
         if self._loop is None:
             raise closed()
         return self._loop
 
-    def _make_loop(self) -> Loop:
+    def _make_loop(self) -> InnerLoop:
         self.recording = Recording()
-        self._loop = Loop(self.instance, self.setup.solver)
+        self._loop = InnerLoop(self.instance, self.setup.solver)
         return self._loop
 
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         with self._under_way(until, variables) as (native, record):
             self.loop.run(native, targets, record, new=new)
         return self.loop.rows(record, self.forcing)

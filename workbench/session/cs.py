@@ -9,7 +9,7 @@ from dataclasses import replace
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
 from workbench.session.pauses import pause
@@ -76,7 +76,7 @@ class CsSession(FmuSession):
         if self.instance.capabilities.variable_step:
             self._fixed = None
 
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         rows = Rows(self.instance, variables, self.forcing)
         with rows.kept():
             self._run(until, targets.tolist(), rows, new=new)

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.fmi.variable import Value, Variable
-from workbench.session.base import Floats, Record, Session, Snapshot
+from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
 from workbench.session.target import Miss, NotReachedError, Target, in_words, misses
@@ -300,7 +300,7 @@ class FmuSession(Session):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         until = float(until)
         targets, variables, new = self._set_out(until, signals, record, points)
         try:
@@ -336,7 +336,7 @@ class FmuSession(Session):
         return seen | {n: value for n, value in setup.point.items() if n in seen}
 
     @abstractmethod
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         """Advance to `until`; `targets` are the points, rising, the last is `until`. `new`: other signals."""
 
     def _targets(self, until: float, points: Floats | None) -> Floats:
@@ -360,13 +360,13 @@ class FmuSession(Session):
     def _add_end(self, error: EndedError, variables: Sequence[Variable]) -> None:
         """Add the row with which the FMU ended its run to those before: it may still be read then."""
         rows = error.before
-        if not isinstance(rows, Record) or not len(rows.time) or error.time is None or error.time < rows.time[-1]:
+        if not isinstance(rows, Recorded) or not len(rows.time) or error.time is None or error.time < rows.time[-1]:
             return
         values = read_finite(self.instance.access(variables), variables, error.time) if variables else []
         last = dict(zip([v.name for v in variables], values, strict=True))
         if error.time == rows.time[-1] and all(rows.values[n][-1] == value for n, value in last.items()):
             return
-        error.before = Record(
+        error.before = Recorded(
             time=np.append(rows.time, error.time),
             values={n: np.append(column, last[n]) for n, column in rows.values.items()},
             inputs={n: np.append(column, column[-1:]) for n, column in rows.inputs.items()},

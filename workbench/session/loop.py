@@ -16,13 +16,13 @@ from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeFourier, NativeRecord
 from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Cs, Me
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.compiled_errors import PAUSED, Situation, exception_of
 from workbench.session.forcing import Forcing
 from workbench.session.pauses import pause
 from workbench.signals import Signal
 
-__all__ = ["Loop", "Recording", "closed"]
+__all__ = ["InnerLoop", "Recording", "closed"]
 
 
 @dataclass
@@ -38,7 +38,7 @@ class Recording:
     every: int = 1
 
 
-class Loop:
+class InnerLoop:
     """Drives one instance; a replay, which makes a new instance, makes a new loop.
 
     Args:
@@ -120,7 +120,7 @@ class Loop:
             raise exception_of(Situation(failure, self.instance, recorded, self._solver, fixed))
 
     @staticmethod
-    def rows(record: NativeRecord, forcing: Forcing) -> Record:
+    def rows(record: NativeRecord, forcing: Forcing) -> Recorded:
         """Return what the last run recorded."""
         if not record.structure.keep:
             return _NO_ROWS
@@ -128,10 +128,10 @@ class Loop:
         n = len(forcing.names)
         inputs = dict(zip(forcing.names, columns[1 : 1 + n], strict=True))
         values = {v.name: c for v, c in zip(record.variables, columns[1 + n :], strict=True)}
-        return Record(time=columns[0], values=values, inputs=inputs)
+        return Recorded(time=columns[0], values=values, inputs=inputs)
 
 
-_NO_ROWS = Record(time=np.empty(0), values={}, inputs={})
+_NO_ROWS = Recorded(time=np.empty(0), values={}, inputs={})
 
 
 def closed() -> SimulationError:

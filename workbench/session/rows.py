@@ -12,7 +12,7 @@ from workbench.errors import InputError, SimulationError, StoppedError, suggest
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.forcing import Forcing
 
 __all__ = ["Rows", "find", "read_finite"]
@@ -67,10 +67,10 @@ class Rows:
         except KeyboardInterrupt:
             raise StoppedError(self.record()) from None
 
-    def record(self) -> Record:
+    def record(self) -> Recorded:
         """Return all rows as arrays."""
         names = [v.name for v in self._variables]
-        return Record(
+        return Recorded(
             time=np.array(self._times, dtype=np.float64),
             values=_columns(names, self._values),
             inputs=_columns(self._forcing.names, self._inputs),

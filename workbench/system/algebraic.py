@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.session.algebraic_error import unsolved
 
-__all__ = ["Loop", "solve_loop"]
+__all__ = ["AlgebraicLoop", "solve_loop"]
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ DAMPINGS = (0.0, 1e-6, 1e-3, 1.0)  # the first is Newton's method itself
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class AlgebraicLoop:
     """One loop: residual r(v) = g(v) − v, where g is what the components answer to v.
 
     Attributes:
@@ -48,7 +48,7 @@ class Loop:
     known: NDArray[np.int32]
 
 
-def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
+def solve_loop(loop: AlgebraicLoop, start: Floats, time: float) -> Floats:
     """Return the solution nearest to `start` that Newton's method finds, and leave the components at it.
 
     Newton's method with the Jacobian by differences, kept while it serves, and halving of steps that do not reduce
@@ -96,12 +96,12 @@ def solve_loop(loop: Loop, start: Floats, time: float) -> Floats:
     raise unsolved(loop.labels, loop.labels[worst], f"{v[worst]:.6g}", float(residual[worst]), time)
 
 
-def _found(loop: Loop, v: Floats) -> Floats:
+def _found(loop: AlgebraicLoop, v: Floats) -> Floats:
     np.maximum(loop.sizes, np.abs(v), out=loop.sizes)
     return v
 
 
-def _scale(loop: Loop, v: Floats, g: Floats) -> Floats:
+def _scale(loop: AlgebraicLoop, v: Floats, g: Floats) -> Floats:
     magnitude = np.maximum(np.abs(v), np.where(np.isfinite(g), np.abs(g), 0.0))
     return np.maximum(np.maximum(loop.sizes, magnitude), TINY)
 
@@ -112,7 +112,7 @@ def _norm(r: Floats, scale: Floats) -> float:
     return size if np.isfinite(size) else np.inf
 
 
-def _find_jacobian(loop: Loop, v: Floats, g: Floats, scale: Floats) -> None:
+def _find_jacobian(loop: AlgebraicLoop, v: Floats, g: Floats, scale: Floats) -> None:
     for j in range(len(v)):
         moved = v.copy()
         moved[j] += PERTURBATION * (scale[j] if scale[j] > TINY else loop.typical[j])
@@ -121,7 +121,7 @@ def _find_jacobian(loop: Loop, v: Floats, g: Floats, scale: Floats) -> None:
     loop.known[0] = 1
 
 
-def _step(loop: Loop, v: Floats, g: Floats, *, hard: bool) -> tuple[Floats, Floats] | None:
+def _step(loop: AlgebraicLoop, v: Floats, g: Floats, *, hard: bool) -> tuple[Floats, Floats] | None:
     """Return the next v with g(v); None if no step reduces the residual.
 
     `hard`: try all that may help; else one step of Newton's, to come nearer to rounding.
@@ -134,7 +134,7 @@ def _step(loop: Loop, v: Floats, g: Floats, *, hard: bool) -> tuple[Floats, Floa
     return None
 
 
-def _direction(loop: Loop, v: Floats, g: Floats, damping: float) -> Floats | None:
+def _direction(loop: AlgebraicLoop, v: Floats, g: Floats, damping: float) -> Floats | None:
     """Return Newton's direction; with damping that of Levenberg and Marquardt, in values relative to their scale."""
     scale = _scale(loop, v, g)
     scale = np.where(scale > TINY, scale, loop.typical)
@@ -149,7 +149,9 @@ def _direction(loop: Loop, v: Floats, g: Floats, damping: float) -> Floats | Non
     return direction if np.isfinite(direction).all() else None
 
 
-def _along(loop: Loop, v: Floats, g: Floats, direction: Floats, shortest: float) -> tuple[Floats, Floats] | None:
+def _along(
+    loop: AlgebraicLoop, v: Floats, g: Floats, direction: Floats, shortest: float
+) -> tuple[Floats, Floats] | None:
     """Go along a direction as far as the residual becomes smaller."""
     part = 1.0
     while part >= shortest:

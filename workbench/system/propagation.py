@@ -16,7 +16,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Group, Wiring
 from workbench.session.forcing import convert
-from workbench.system.algebraic import Loop, solve_loop
+from workbench.system.algebraic import AlgebraicLoop, solve_loop
 
 __all__ = ["Propagation"]
 
@@ -81,7 +81,7 @@ class _Bundle:
             self._write(values[self._members])
             return
         own = sizes[self._members]
-        loop = Loop(
+        loop = AlgebraicLoop(
             respond=self._respond,
             labels=self._labels,
             sizes=own,

@@ -15,7 +15,7 @@ from workbench.analysis.advice.recording import judge_outliers, judge_quantisati
 from workbench.analysis.advice.result import Advice, Finding
 from workbench.analysis.advice.sampling import judge_sampling
 from workbench.analysis.advice.saturation import judge_saturation
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.advice.trend import judge_trend
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.core.blas import one_thread
@@ -24,7 +24,7 @@ from workbench.origin import with_origin
 
 __all__ = ["TOPICS", "advise"]
 
-TOPICS: Mapping[str, Callable[[Study], Finding]] = {
+TOPICS: Mapping[str, Callable[[DataStudy], Finding]] = {
     "excitation": judge_excitation,
     "length": judge_length,
     "settling": judge_settling,
@@ -77,7 +77,7 @@ def advise(
         if name not in experiment.output_names:
             raise InputError(f"limits: '{name}' is not an output of the data; {suggest(name, experiment.output_names)}")
     with one_thread():
-        study = Study(experiment, order=order, limits=limits, feedthrough=feedthrough)
+        study = DataStudy(experiment, order=order, limits=limits, feedthrough=feedthrough)
         return Advice(
             experiment=experiment,
             findings=tuple(judge(study) for judge in TOPICS.values()),

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.long_arx import lagged
 from workbench.session.base import Floats
 
@@ -29,7 +29,7 @@ _ROUNDING = 1e-8
 _CERTAIN = 1e-6  # probability that no lag at all matters
 
 
-def delays(study: Study) -> dict[tuple[str, str], int | None]:
+def delays(study: DataStudy) -> dict[tuple[str, str], int | None]:
     """Return by (input, output) how many samples the output waits; None where that cannot be seen.
 
     0: direct feedthrough; 1: what any sampled dynamic system without feedthrough has; more: a delay besides.
@@ -37,7 +37,7 @@ def delays(study: Study) -> dict[tuple[str, str], int | None]:
     return {pair: result.delay for pair, result in _every(study).items()}
 
 
-def judge_delay(study: Study) -> Finding:
+def judge_delay(study: DataStudy) -> Finding:
     """State the delay of each pair; one of two samples or more should be taken out before fitting."""
     every = _every(study)
     values = {f"{u} → {y}": r.delay for (u, y), r in every.items()}
@@ -77,7 +77,7 @@ def _words(delay: int, dt: float) -> str:
     return f"acts after {delay} samples ({delay * dt:.3g} s)"
 
 
-def _every(study: Study) -> dict[tuple[str, str], _Test]:
+def _every(study: DataStudy) -> dict[tuple[str, str], _Test]:
     return {
         (source, target): result
         for j, source in enumerate(study.experiment.input_names)
@@ -85,7 +85,7 @@ def _every(study: Study) -> dict[tuple[str, str], _Test]:
     }
 
 
-def _tests(study: Study, column: int) -> list[_Test]:
+def _tests(study: DataStudy, column: int) -> list[_Test]:
     """Return a test for each output against one input."""
     n, own = len(study.u), study.arx.lags
     most = max(2, min(_MOST, n // 12))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.session.base import Floats
 
 __all__ = ["judge_disturbance", "strongest_line"]
@@ -44,7 +44,7 @@ def strongest_line(rest: Floats, dt: float) -> tuple[float, float, float]:
     return k / (len(rest) * dt), share, float(height[k])
 
 
-def judge_disturbance(study: Study) -> Finding:
+def judge_disturbance(study: DataStudy) -> Finding:
     """Judge the strongest line of what is left of each output; periodic inputs make lines of their own."""
     rest = study.y - study.explained
     start = min(study.memory, len(rest) // 4)

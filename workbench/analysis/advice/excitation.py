@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg, ndimage, signal
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.long_arx import lagged
 from workbench.session.base import Floats
 
@@ -31,7 +31,7 @@ _DEPENDENT = 1e-3  # of an input's size is its own
 _LAGS = 10
 
 
-def excited_orders(study: Study) -> int | None:
+def excited_orders(study: DataStudy) -> int | None:
     """Return the order of persistent excitation of the inputs jointly; None: at least as high as was counted.
 
     0 where an input is constant or a linear combination of others.
@@ -43,12 +43,12 @@ def excited_orders(study: Study) -> int | None:
     return min(known) if known else None
 
 
-def is_single_sine(study: Study) -> bool:
+def is_single_sine(study: DataStudy) -> bool:
     """Return whether an input is constant or one sine."""
     return any((_order_of(u) or math.inf) <= 2 for u in study.u.T)
 
 
-def judge_excitation(study: Study) -> Finding:
+def judge_excitation(study: DataStudy) -> Finding:
     """Judge the order of persistent excitation against the order of the model, where that is known."""
     names = study.experiment.input_names
     orders = excited_orders(study)
@@ -109,7 +109,7 @@ def _tapered(u: Floats) -> Floats:
     return tapered
 
 
-def _dependent(study: Study) -> int | None:
+def _dependent(study: DataStudy) -> int | None:
     """Return the first input that the others, some samples before and after, explain; None: each is its own."""
     n, m = study.u.shape
     if m == 1 or len(study.varying_inputs) < m or n < 4 * (2 * _LAGS + 1) * m:

@@ -21,7 +21,7 @@ from scipy import linalg, stats
 
 from workbench.analysis.advice.result import Finding
 from workbench.analysis.advice.shift_register import from_shift_register
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.long_arx import lagged
 from workbench.session.base import Floats
 
@@ -34,7 +34,7 @@ _ADVICE = "open the loop or add a known excitation; simulation-based and MOESP f
 _SPAN = 100  # lags over which correlations of the input with itself count
 
 
-def reactions(study: Study) -> tuple[Floats, float, float]:
+def reactions(study: DataStudy) -> tuple[Floats, float, float]:
     """Return correlations of each input with past residuals, the probability of open loop, and the share explained.
 
     The correlations have shape (lags, m, p): [τ − 1, j, i] of input j with residual i, τ samples before; the
@@ -61,7 +61,7 @@ def reactions(study: Study) -> tuple[Floats, float, float]:
     return correlation, min(probability, 1.0), share
 
 
-def judge_feedback(study: Study) -> Finding:
+def judge_feedback(study: DataStudy) -> Finding:
     """Judge whether the inputs react to earlier residuals."""
     if not study.varying_inputs or not study.varying_outputs:
         return Finding("feedback", "unknown", "nothing moves")
@@ -83,7 +83,7 @@ def judge_feedback(study: Study) -> Finding:
     return Finding("feedback", "good", "the inputs do not react to the outputs' disturbances", "", values)
 
 
-def _judge_at_once(study: Study, values: dict[str, Any]) -> Finding:
+def _judge_at_once(study: DataStudy, values: dict[str, Any]) -> Finding:
     """Judge inputs and outputs that move together within a sample."""
     if not study.feedthrough:
         evidence = "inputs and outputs move together within a sample, and the plant has no direct feedthrough"
@@ -99,7 +99,7 @@ def _judge_at_once(study: Study, values: dict[str, Any]) -> Finding:
     return Finding("feedback", "unknown", evidence, advice, values)
 
 
-def _within_sample(study: Study) -> tuple[float, float]:
+def _within_sample(study: DataStudy) -> tuple[float, float]:
     """Return how well inputs and outputs go together beyond what the past of both tells.
 
     The probability that nothing connects them within the sample, times the number of pairs, and the largest square of

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 
 __all__ = ["judge_length", "slowest_time_constant"]
 
@@ -18,7 +18,7 @@ _SAMPLES_EACH = 10  # per parameter
 _DEFAULT_ORDER = 4
 
 
-def slowest_time_constant(study: Study) -> float:
+def slowest_time_constant(study: DataStudy) -> float:
     """Return the time in which the tail of the impulse responses falls to 1/e [s]; inf where it does not fall."""
     memory = study.memory
     if memory >= len(study.u) - 1:
@@ -27,7 +27,7 @@ def slowest_time_constant(study: Study) -> float:
     return float(memory * study.dt * 2.0 / np.log(1000.0))
 
 
-def judge_length(study: Study) -> Finding:
+def judge_length(study: DataStudy) -> Finding:
     """Judge the duration in time constants and the samples in parameters."""
     n, m, p = study.experiment.n_samples, study.experiment.n_inputs, study.experiment.n_outputs
     order = study.order or _DEFAULT_ORDER

@@ -12,7 +12,7 @@ from scipy import stats
 
 from workbench.analysis.advice.noise import signal_to_rest_db
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.long_arx import LongArx, lagged
 from workbench.session.base import Floats
 
@@ -26,7 +26,7 @@ _LINEAR_DB = 40.0
 _NOISY_DB = 10.0
 
 
-def distortion(study: Study) -> tuple[float, float]:
+def distortion(study: DataStudy) -> tuple[float, float]:
     """Return the probability of linearity and the share of the residual that nonlinear terms explain (worst output)."""
     arx = study.arx
     worst = (1.0, 0.0)
@@ -38,7 +38,7 @@ def distortion(study: Study) -> tuple[float, float]:
     return worst
 
 
-def judge_linearity(study: Study) -> Finding:
+def judge_linearity(study: DataStudy) -> Finding:
     """Judge the coherence over the excited band, and whether noise or distortion lowers it."""
     if not study.varying_inputs or not study.varying_outputs:
         return Finding("linearity", "unknown", "nothing moves")
@@ -69,7 +69,7 @@ def judge_linearity(study: Study) -> Finding:
     return Finding("linearity", "good", f"{seen}; no nonlinear distortion is seen", "", values)
 
 
-def _coherence_of(study: Study) -> tuple[float, float, float]:
+def _coherence_of(study: DataStudy) -> tuple[float, float, float]:
     """Return the part of the excited band with low coherence, and its highest and middle value there."""
     values = np.min(study.coherence.multiple[study.excited][:, study.varying_outputs], axis=1)
     values = values[np.isfinite(values)]
@@ -78,14 +78,14 @@ def _coherence_of(study: Study) -> tuple[float, float, float]:
     return float(np.mean(values < _LOW)), float(values.max()), float(np.median(values))
 
 
-def _linear_columns(study: Study, arx: LongArx) -> Floats:
+def _linear_columns(study: DataStudy, arx: LongArx) -> Floats:
     past = lagged(study.y / study.spread, 1, arx.lags, arx.lags)
     inputs = lagged(study.u[:, study.varying_inputs], 0, arx.lags, arx.lags)
     inputs = inputs / np.maximum(np.std(inputs, axis=0), 1e-300)
     return np.hstack([np.ones((len(past), 1)), past, inputs])
 
 
-def _nonlinear_columns(study: Study, arx: LongArx, output: int) -> Floats:
+def _nonlinear_columns(study: DataStudy, arx: LongArx, output: int) -> Floats:
     """Return powers and products of the prediction and its change, now and one sample ago."""
     before = study.y[arx.lags - 1 : -1, output] / study.spread[output]
     now = (study.y[arx.lags :, output] - arx.residual[:, output]) / study.spread[output]

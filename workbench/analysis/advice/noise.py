@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.session.base import Floats
 
 __all__ = ["judge_noise", "signal_to_rest_db"]
@@ -19,7 +19,7 @@ _POOR_DB = 10.0
 _BEST_DB = 200.0
 
 
-def signal_to_rest_db(study: Study) -> Floats:
+def signal_to_rest_db(study: DataStudy) -> Floats:
     """Return 10·log10 of explained over unexplained variance of each output, shape (p,) [dB]."""
     start = min(study.memory, len(study.u) // 4)
     signal = study.explained[start:]
@@ -30,7 +30,7 @@ def signal_to_rest_db(study: Study) -> Floats:
         return np.asarray(np.clip(10.0 * np.log10(ratio), -_BEST_DB, _BEST_DB))
 
 
-def judge_noise(study: Study) -> Finding:
+def judge_noise(study: DataStudy) -> Finding:
     """Judge the worst output's ratio of explained to unexplained variance."""
     if not study.varying_outputs:
         return Finding("noise", "poor", "no output moves", "raise the amplitude, check the columns")

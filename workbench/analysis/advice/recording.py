@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.session.base import Floats
 
 __all__ = ["judge_outliers", "judge_quantisation", "judge_settling", "resolution"]
 
 
-def judge_outliers(study: Study) -> Finding:
+def judge_outliers(study: DataStudy) -> Finding:
     """Judge by `preprocess.find_outliers`; the other questions are asked about repaired data."""
     found = study.outliers
     values = {name: len(at) for name, at in found.items()}
@@ -31,7 +31,7 @@ def judge_outliers(study: Study) -> Finding:
 # -- does the record begin with motion that its inputs do not explain ------------------------------
 
 
-def judge_settling(study: Study) -> Finding:
+def judge_settling(study: DataStudy) -> Finding:
     """Judge by `preprocess.settling_samples`; the other questions are asked about the rest of the record."""
     count = study.settling
     if not count:
@@ -69,7 +69,7 @@ def resolution(y: Floats) -> float:
     return step if even and len(levels) > 5 else 0.0
 
 
-def judge_quantisation(study: Study) -> Finding:
+def judge_quantisation(study: DataStudy) -> Finding:
     """Judge the steps of each output against its standard deviation."""
     data = study.raw  # repaired samples lie on no step
     inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.session.base import Floats
 
 __all__ = ["judge_sampling", "output_hold"]
@@ -20,7 +20,7 @@ _STRONG_AT_NYQUIST = 10.0 ** (-6.0 / 20.0)  # of the largest gain
 _SHORT_MEMORY = 2  # samples
 
 
-def judge_sampling(study: Study) -> Finding:
+def judge_sampling(study: DataStudy) -> Finding:
     """Judge the sampling interval by the response's bandwidth, its memory and its gain at the Nyquist frequency."""
     if not study.varying_inputs or not study.varying_outputs:
         return Finding("sampling", "unknown", "nothing moves")
@@ -53,7 +53,7 @@ def judge_sampling(study: Study) -> Finding:
     )
 
 
-def output_hold(study: Study) -> int:
+def output_hold(study: DataStudy) -> int:
     """Return after how many samples the outputs change, 1 unless they do so at regular distances only."""
     moved = np.any(np.abs(np.diff(study.raw.y, axis=0)) > 1e-12 * study.spread, axis=1)
     at = np.flatnonzero(moved)
@@ -65,7 +65,7 @@ def output_hold(study: Study) -> int:
     return 1 if together or len(at) < 0.5 * len(moved) / max(hold, 1) else hold
 
 
-def _gains(study: Study) -> Floats:
+def _gains(study: DataStudy) -> Floats:
     """Return the magnitude of the long equation's response, shape (n_f, p, m), in spreads; 0 where nothing excites."""
     count = int(np.clip(2 * study.memory, 64, 4096))
     response = np.abs(np.fft.rfft(study.model.impulse(count), axis=0))

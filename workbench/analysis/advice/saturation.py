@@ -14,7 +14,7 @@ import numpy as np
 from workbench.analysis.advice.delay import delays
 from workbench.analysis.advice.noise import signal_to_rest_db
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.preprocess.flat import Flat, flat_extremes
 from workbench.session.base import Floats
 
@@ -44,7 +44,7 @@ class Rest:
     known: bool
 
 
-def rests(study: Study) -> list[Rest]:
+def rests(study: DataStudy) -> list[Rest]:
     """Return every output, and every input of many levels, that rests at its extreme."""
     data = study.raw
     late = _delay_of_outputs(study)
@@ -61,12 +61,12 @@ def rests(study: Study) -> list[Rest]:
     return found
 
 
-def _delay_of_outputs(study: Study) -> dict[str, int]:
+def _delay_of_outputs(study: DataStudy) -> dict[str, int]:
     known = [(target, d) for (_, target), d in delays(study).items() if d is not None]
     return {y: min((d for t, d in known if t == y), default=0) for y in study.experiment.output_names}
 
 
-def judge_saturation(study: Study) -> Finding:
+def judge_saturation(study: DataStudy) -> Finding:
     """Judge every rest at an extreme."""
     found = rests(study)
     marks: dict[str, tuple[int, ...]] = {}
@@ -99,7 +99,7 @@ def judge_saturation(study: Study) -> Finding:
 _ADVICE = "lower the amplitude or move the operating point; a linear model mistakes a limit for a smaller gain"
 
 
-def _text(study: Study, some: list[Rest]) -> str:
+def _text(study: DataStudy, some: list[Rest]) -> str:
     name = some[0].column
     unit = study.experiment.units.get(name)
     tail = f" {unit}" if unit and unit != "1" else ""
@@ -123,7 +123,7 @@ def _share_moving(flat: Flat, u: Floats, delay: int) -> float:
     return moving / max(len(flat.runs), 1)
 
 
-def _is_limit(study: Study, name: str, value: float) -> bool:
+def _is_limit(study: DataStudy, name: str, value: float) -> bool:
     limits = study.limits.get(name)
     if limits is None:
         return False

@@ -17,7 +17,7 @@ from workbench.analysis.spectra.density import SpectralDensity, sdf
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Study"]
+__all__ = ["DataStudy"]
 
 # More samples than these add nothing to a judgement.
 _MOST_SAMPLES = 20_000
@@ -28,7 +28,7 @@ _TAME = 1e-3  # relative: directions with less in the data are left out
 _EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is not excitation
 
 
-class Study:
+class DataStudy:
     """The data with their offsets removed, and estimates from them.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.advice.result import Finding
-from workbench.analysis.advice.study import Study
+from workbench.analysis.advice.study import DataStudy
 from workbench.session.base import Floats
 
 __all__ = ["drifts", "judge_trend"]
@@ -19,7 +19,7 @@ _OFFSET = 0.05  # of a standard deviation
 _SIGNIFICANT = 8.0  # standard deviations, which twelve blocks leave uncertain
 
 
-def drifts(study: Study) -> tuple[Floats, Floats]:
+def drifts(study: DataStudy) -> tuple[Floats, Floats]:
     """Return the change over the record that no input explains, and its standard deviation, shape (p,) each."""
     start = min(study.memory, len(study.u) // 4)
     rest = study.y[start:] - study.explained[start:]
@@ -30,7 +30,7 @@ def drifts(study: Study) -> tuple[Floats, Floats]:
     return np.asarray(size), np.asarray(_long_run(left) / np.sqrt(clock @ clock))
 
 
-def judge_trend(study: Study) -> Finding:
+def judge_trend(study: DataStudy) -> Finding:
     """Judge offsets and drifts of the outputs."""
     data = study.experiment
     size, error = drifts(study)

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.check.differences import EvaluationPoint, places
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
 
@@ -21,7 +21,7 @@ _LOOPS = (
 )
 
 
-def dependencies(subject: Subject) -> Answer:
+def dependencies(subject: CheckedFmu) -> Answer:
     """Move each state and input; every derivative and output that answers must declare it.
 
     At three points of a test run each column is moved by 5 % of its size to both sides, in event mode, so that
@@ -60,7 +60,7 @@ def _declares(row: Variable, column: Variable, variables: Mapping[str, Variable]
     return (column.value_reference, column.type) in same
 
 
-def _measure(subject: Subject) -> tuple[_Answers | None, Floats | None]:
+def _measure(subject: CheckedFmu) -> tuple[_Answers | None, Floats | None]:
     variables = {v.name: v for v in subject.model.description.variables}
     answers: _Answers | None = None
     strength: Floats | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
@@ -58,7 +58,7 @@ class EvaluationPoint:
         return self.at(shift)
 
 
-def places(subject: Subject) -> Iterator[EvaluationPoint]:
+def places(subject: CheckedFmu) -> Iterator[EvaluationPoint]:
     """Yield the start of a test run with swinging inputs and two points on its way.
 
     Relations are evaluated anew at every shifted point; discrete states stay as they are at the start.
@@ -87,7 +87,7 @@ def places(subject: Subject) -> Iterator[EvaluationPoint]:
             yield EvaluationPoint(point, time, rows, columns, tuple(chosen.tolist()), sizes)
 
 
-def _visited(subject: Subject) -> list[tuple[Floats, dict[str, float]]]:
+def _visited(subject: CheckedFmu) -> list[tuple[Floats, dict[str, float]]]:
     """Return states and inputs at some instants of a test run."""
     found = []
     signals = subject.sines()
@@ -111,6 +111,6 @@ def _state_sizes(point: Point, seen: Floats) -> Floats:
     return np.where(sizes > 0.0, sizes, _UNDECLARED)
 
 
-def _input_sizes(subject: Subject, point: Point) -> Floats:
+def _input_sizes(subject: CheckedFmu, point: Point) -> Floats:
     sizes = [subject.inputs[point.inputs[i].name] for i in _fast(point)]
     return np.array([max(abs(middle), amplitude) or _UNDECLARED for middle, amplitude in sizes])

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.check.differences import EvaluationPoint, places
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
 
@@ -44,7 +44,7 @@ class _Column:
     noise: Floats
 
 
-def directional(subject: Subject) -> Answer:
+def directional(subject: CheckedFmu) -> Answer:
     """Compare directional derivatives with central differences, entry by entry, at three points of a test run.
 
     For row i (derivative or output) and column j (state or continuous input) at total widths w and 8w, w = 2·ε^(1/3)

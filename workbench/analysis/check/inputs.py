@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.analysis.check.compare import largest_gap, relative_gaps
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject, same_bits
+from workbench.analysis.check.subject import CheckedFmu, same_bits
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
@@ -24,7 +24,7 @@ _OFF = 0.9371  # of the natural step: samples of the model do not fall on commun
 _HELD = "inputs are held over each communication step: a delay of half a step"
 
 
-def inputs(subject: Subject) -> Answer:
+def inputs(subject: CheckedFmu) -> Answer:
     """Model exchange: an input set in continuous-time mode acts; co-simulation: inputs are interpolated as claimed.
 
     Model exchange: in the middle of a run each continuous input is set 5 % of its size away, without an event.
@@ -45,7 +45,7 @@ def inputs(subject: Subject) -> Answer:
     return _idle(subject) if share is None else _co_simulation(subject, share)
 
 
-def _idle(subject: Subject) -> Answer:
+def _idle(subject: CheckedFmu) -> Answer:
     names = ", ".join(subject.inputs)
     return Answer("watch", f"no observed variable responds to {names} in {subject.span:.4g} s", _DEAF)
 
@@ -53,7 +53,7 @@ def _idle(subject: Subject) -> Answer:
 _DEAF = "responses from here are zero; another operating point, a larger amplitude or a longer run may show more"
 
 
-def _acting(subject: Subject) -> float | None:
+def _acting(subject: CheckedFmu) -> float | None:
     """Return how far, in amplitudes, inputs must go until something answers; a play or a dead band wants more."""
     rest = subject.run(subject.constants(0.0))
     for share in _SHARES:
@@ -68,7 +68,7 @@ def _acting(subject: Subject) -> float | None:
 # -- model exchange -----------------------------------------------------------------------------
 
 
-def _model_exchange(subject: Subject, share: float | None) -> Answer:
+def _model_exchange(subject: CheckedFmu, share: float | None) -> Answer:
     answered, silent, deaf = list[str](), list[str](), list[str]()
     with subject.model.open_session(start_time=subject.start) as session:
         session.advance(subject.start + _AT * subject.span, signals=subject.constants(0.0))
@@ -123,7 +123,7 @@ def _event(session: FmuSession) -> None:
 # -- co-simulation ------------------------------------------------------------------------------
 
 
-def _co_simulation(subject: Subject, share: float) -> Answer:
+def _co_simulation(subject: CheckedFmu, share: float) -> Answer:
     fastest = max(s.frequency for s in subject.sines().values())
     delay = 180.0 * fastest * subject.step
     cost = f"{_HELD} ({0.5 * subject.step:.3g} s, {delay:.2g}° at {fastest:.3g} Hz)"
@@ -135,7 +135,7 @@ def _co_simulation(subject: Subject, share: float) -> Answer:
     return _slopes(subject, cost, share)
 
 
-def _takes_slopes(subject: Subject) -> bool:
+def _takes_slopes(subject: CheckedFmu) -> bool:
     with subject.open() as session:
         session.advance(subject.start, signals=subject.sines())
         instance = session.instance
@@ -143,7 +143,7 @@ def _takes_slopes(subject: Subject) -> bool:
         return bool(instance.try_input_slopes(access, [0.0] * len(subject.inputs)))
 
 
-def _slopes(subject: Subject, cost: str, share: float) -> Answer:
+def _slopes(subject: CheckedFmu, cost: str, share: float) -> Answer:
     h = _OFF * subject.step
     points = subject.points(step=h)
     signals = subject.sines(share)

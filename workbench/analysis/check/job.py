@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.described import DescribedModel
@@ -62,9 +62,9 @@ class CheckJob(Job):
             yield from (Done(name, Answer("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names)
             return
         with opened:
-            yield from self._all(Subject(opened, self.shorten))
+            yield from self._all(CheckedFmu(opened, self.shorten))
 
-    def _all(self, subject: Subject) -> Iterator[Done]:
+    def _all(self, subject: CheckedFmu) -> Iterator[Done]:
         for name in self.names:
             done = _one(name, subject)
             subject = _adapted(subject, done)
@@ -88,7 +88,7 @@ class CheckJob(Job):
         return self.crashes >= _PATIENCE
 
 
-def _adapted(subject: Subject, done: Done) -> Subject:
+def _adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
     """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges."""
     if done.name == "runs" and done.finding.verdict == "broken":
         return subject.shortened(_SHORTER)
@@ -99,7 +99,7 @@ def _adapted(subject: Subject, done: Done) -> Subject:
     return subject
 
 
-def _one(name: str, subject: Subject) -> Done:
+def _one(name: str, subject: CheckedFmu) -> Done:
     begin = time.monotonic()
     check = CHECKS[name].run
     try:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
@@ -59,7 +59,7 @@ class _Answers:
         return np.asarray(np.where(moved.any(axis=1), moved.argmax(axis=1), _WINDOW), dtype=np.float64)
 
 
-def jumps(subject: Subject) -> Answer:
+def jumps(subject: CheckedFmu) -> Answer:
     """Let all inputs jump at neighbouring communication points and compare the answers, each from its own jump on.
 
     In the middle of a test run the inputs jump by 5 % of their size (by all of it, where nothing answers) at one of 12
@@ -88,7 +88,7 @@ def jumps(subject: Subject) -> Answer:
     return _verdict(subject, found)
 
 
-def _verdict(subject: Subject, found: _Answers) -> Answer:
+def _verdict(subject: CheckedFmu, found: _Answers) -> Answer:
     worst = int(found.gap.argmax())
     gap, name = float(found.gap[worst]), subject.names[worst]
     late = found.late(worst)
@@ -120,7 +120,7 @@ def _is_sampled(variable: Variable) -> bool:
     return own and variable.type in FLOAT_TYPES and variable.variability == "discrete"
 
 
-def _answers(subject: Subject, share: float) -> _Answers:
+def _answers(subject: CheckedFmu, share: float) -> _Answers:
     first = max(1, (subject.steps - _PLACES - _WINDOW) // 2)
     points = subject.start + subject.step * np.arange(first, first + _PLACES + _WINDOW + 1, dtype=np.float64)
 

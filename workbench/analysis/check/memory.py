@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 
 __all__ = ["memory", "resident"]
 
@@ -29,7 +29,7 @@ _SWEEP = 10_000  # sessions of a long sweep
 _WATCH, _BROKEN = 16e3, 1e6
 
 
-def memory(subject: Subject) -> Answer:
+def memory(subject: CheckedFmu) -> Answer:
     """Open, initialise, advance by ten steps and close 120 sessions; watch the process's resident memory.
 
     The first 20 fill caches. The slope over the next 100 is the median of the slopes between all pairs of looks
@@ -55,7 +55,7 @@ def memory(subject: Subject) -> Answer:
     return Answer("broken" if slope > _BROKEN else "watch", text, advice, numbers)
 
 
-def _looks(subject: Subject) -> list[tuple[int, float]]:
+def _looks(subject: CheckedFmu) -> list[tuple[int, float]]:
     """Return (sessions since the caches are full, resident bytes)."""
     gc.collect()
     gc.freeze()  # what lives already need not be looked through again
@@ -70,7 +70,7 @@ def _looks(subject: Subject) -> list[tuple[int, float]]:
         gc.unfreeze()
 
 
-def _watched(subject: Subject, sessions: int) -> Iterator[tuple[int, float]]:
+def _watched(subject: CheckedFmu, sessions: int) -> Iterator[tuple[int, float]]:
     for k in range(sessions + 1):
         if k % _EVERY == 0:
             gc.collect()
@@ -78,7 +78,7 @@ def _watched(subject: Subject, sessions: int) -> Iterator[tuple[int, float]]:
         _session(subject)
 
 
-def _session(subject: Subject) -> None:
+def _session(subject: CheckedFmu) -> None:
     with subject.open() as session:
         session.advance(subject.start + min(_ADVANCED, subject.steps) * subject.step, signals=subject.constants())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 
@@ -16,7 +16,7 @@ _FAR = 1e4
 _ROUNDING = 1e-13  # of the nominal value
 
 
-def nominals(subject: Subject) -> Answer:
+def nominals(subject: CheckedFmu) -> Answer:
     """Compare each state's nominal value with its largest magnitude in a test run.
 
     The solvers take tolerance·nominal as the error that they allow in a state. A nominal value 10⁴ times too large
@@ -43,12 +43,12 @@ def nominals(subject: Subject) -> Answer:
     return _judge(subject, names, nominal, largest, moves)
 
 
-def _names(subject: Subject, count: int) -> list[str]:
+def _names(subject: CheckedFmu, count: int) -> list[str]:
     states = subject.model.states
     return [v.name for v in states] if len(states) == count else [f"state[{i}]" for i in range(1, count + 1)]
 
 
-def _seen(subject: Subject, session: FmuSession) -> tuple[Floats, Floats]:
+def _seen(subject: CheckedFmu, session: FmuSession) -> tuple[Floats, Floats]:
     """Return largest magnitude and range of each state in a test run, shape (n,) each."""
     rows, signals = [], subject.sines()
     for point in subject.points():
@@ -59,7 +59,7 @@ def _seen(subject: Subject, session: FmuSession) -> tuple[Floats, Floats]:
     return np.abs(x).max(axis=0), np.ptp(x, axis=0)
 
 
-def _judge(subject: Subject, names: list[str], nominal: Floats, largest: Floats, moves: Floats) -> Answer:
+def _judge(subject: CheckedFmu, names: list[str], nominal: Floats, largest: Floats, moves: Floats) -> Answer:
     declared = np.array([n != 1.0 for n in nominal])
     ratio = largest / nominal
     rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6

@@ -17,16 +17,16 @@ from workbench.analysis.check.runs import drift, runs
 from workbench.analysis.check.snapshots import snapshots
 from workbench.analysis.check.start_time import start_time
 from workbench.analysis.check.step import step
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import InputError, suggest
 
-__all__ = ["CHECKS", "FILE", "VALIDATION", "Check", "choose"]
+__all__ = ["CHECKS", "FILE", "VALIDATION", "CheckEntry", "choose"]
 
 FILE, VALIDATION = "file", "validation"
 
 
 @dataclass(frozen=True)
-class Check:
+class CheckEntry:
     """One check.
 
     Attributes:
@@ -36,7 +36,7 @@ class Check:
     """
 
     question: str
-    run: Callable[[Subject], Answer] | None
+    run: Callable[[CheckedFmu], Answer] | None
     interfaces: tuple[str, ...] = ("me", "cs")
 
 
@@ -44,22 +44,22 @@ _ME, _CS = ("me",), ("cs",)
 
 # In the order of the card: `runs` decides how long the others may run, `step` with which step; `memory` comes last,
 # it ages the process.
-CHECKS: Mapping[str, Check] = {
-    VALIDATION: Check("Does the description conform to the FMI standard?", None, (FILE,)),
-    "runs": Check("Does it instantiate, initialise and run?", runs),
-    "step": Check("Does it converge with the communication step?", step, _CS),
-    "reset": Check("Does a reset restore the initial state?", reset),
-    "determinism": Check("Does the same run give the same numbers?", determinism),
-    "instances": Check("Can two instances exist at once?", instances),
-    "snapshots": Check("Does restoring a saved state work?", snapshots),
-    "directional": Check("Are its directional derivatives correct?", directional, _ME),
-    "dependencies": Check("Are all dependencies declared?", dependencies, _ME),
-    "drift": Check("Does it move without being forced?", drift),
-    "start-time": Check("Does the result depend on the start time?", start_time),
-    "nominals": Check("Do nominal values match the size of the states?", nominals, _ME),
-    "inputs": Check("Do continuous inputs act continuously?", inputs),
-    "jumps": Check("Does its own solver react at once to a change of input?", jumps, _CS),
-    "memory": Check("Do closed instances leak memory?", memory),
+CHECKS: Mapping[str, CheckEntry] = {
+    VALIDATION: CheckEntry("Does the description conform to the FMI standard?", None, (FILE,)),
+    "runs": CheckEntry("Does it instantiate, initialise and run?", runs),
+    "step": CheckEntry("Does it converge with the communication step?", step, _CS),
+    "reset": CheckEntry("Does a reset restore the initial state?", reset),
+    "determinism": CheckEntry("Does the same run give the same numbers?", determinism),
+    "instances": CheckEntry("Can two instances exist at once?", instances),
+    "snapshots": CheckEntry("Does restoring a saved state work?", snapshots),
+    "directional": CheckEntry("Are its directional derivatives correct?", directional, _ME),
+    "dependencies": CheckEntry("Are all dependencies declared?", dependencies, _ME),
+    "drift": CheckEntry("Does it move without being forced?", drift),
+    "start-time": CheckEntry("Does the result depend on the start time?", start_time),
+    "nominals": CheckEntry("Do nominal values match the size of the states?", nominals, _ME),
+    "inputs": CheckEntry("Do continuous inputs act continuously?", inputs),
+    "jumps": CheckEntry("Does its own solver react at once to a change of input?", jumps, _CS),
+    "memory": CheckEntry("Do closed instances leak memory?", memory),
 }
 
 

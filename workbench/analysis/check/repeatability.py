@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.analysis.check.compare import largest_gap
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject, Trajectory, same_bits
+from workbench.analysis.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.instance import WARNING, Instance
 from workbench.session.base import Session
@@ -23,7 +23,7 @@ _TURNS = 8
 _ALONE = "use one session at a time: replayed snapshots, lin by response and systems that contain it twice go wrong"
 
 
-def instances(subject: Subject) -> Answer:
+def instances(subject: CheckedFmu) -> Answer:
     """Run two instances turn by turn with opposite inputs, and each alone: the same to the last bit.
 
     Each run is cut into eight turns, alone, too. Broken: together they give other values than alone (they share
@@ -50,16 +50,16 @@ def instances(subject: Subject) -> Answer:
     )
 
 
-def _turns(subject: Subject) -> list[np.ndarray]:
+def _turns(subject: CheckedFmu) -> list[np.ndarray]:
     return [p for p in np.array_split(subject.points(), _TURNS) if len(p)]
 
 
-def _alone(subject: Subject, signals: Mapping[str, Signal]) -> Trajectory:
+def _alone(subject: CheckedFmu, signals: Mapping[str, Signal]) -> Trajectory:
     with subject.open() as session:
         return _joined([subject.observe(session, signals, points) for points in _turns(subject)])
 
 
-def _together(subject: Subject, signals: tuple[Mapping[str, Signal], ...]) -> list[Trajectory]:
+def _together(subject: CheckedFmu, signals: tuple[Mapping[str, Signal], ...]) -> list[Trajectory]:
     with subject.open() as first, subject.open() as second:
         sessions: list[Session] = [first, second]
         parts: list[list[Trajectory]] = [[], []]
@@ -76,7 +76,7 @@ def _joined(parts: list[Trajectory]) -> Trajectory:
 # -- does the same run give the same numbers -------------------------------------------------------
 
 
-def determinism(subject: Subject) -> Answer:
+def determinism(subject: CheckedFmu) -> Answer:
     """Make the same run twice, in new instances, with another run between them: equal to the last bit.
 
     The inputs swing as in `runs`; the run between swings the other way. Chaotic and unstable models pass: equal
@@ -110,7 +110,7 @@ _FUNCTIONS: Mapping[int, Mapping[str, str]] = {
 _ELSEWHERE = "none here: sessions use a new instance; tools that reset get other results"
 
 
-def reset(subject: Subject) -> Answer:
+def reset(subject: CheckedFmu) -> Answer:
     """Run, reset, run again in the same instance: both runs must be the same.
 
     Broken: the second run differs, or the FMU fails after a reset that it called good. Watch: it refuses to reset, or
@@ -138,13 +138,13 @@ def reset(subject: Subject) -> Answer:
     return _judge(subject, first, second)
 
 
-def _run(subject: Subject, instance: Instance, stack: ExitStack) -> Trajectory:
+def _run(subject: CheckedFmu, instance: Instance, stack: ExitStack) -> Trajectory:
     session = subject.model.open_on(instance, start_time=subject.start, step=subject.step)
     stack.callback(session.close)
     return subject.observe(session, subject.sines(), subject.points())
 
 
-def _judge(subject: Subject, first: Trajectory, second: Trajectory) -> Answer:
+def _judge(subject: CheckedFmu, first: Trajectory, second: Trajectory) -> Answer:
     if same_bits(first, second):
         return Answer("good", f"{first.values.size} values are the same to the last bit after a reset")
     gap = largest_gap(first, second, subject.names)

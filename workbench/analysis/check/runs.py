@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
 
 __all__ = ["drift", "runs"]
 
 
-def runs(subject: Subject) -> Answer:
+def runs(subject: CheckedFmu) -> Answer:
     """Instantiate, initialise and run over the test run with every continuous input swinging.
 
     The swing is 5 % of the input's size (the larger of start value and nominal value) within its minimum and
@@ -30,7 +30,7 @@ def runs(subject: Subject) -> Answer:
     return Answer("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
 
 
-def _still(subject: Subject, failure: str) -> Answer:
+def _still(subject: CheckedFmu, failure: str) -> Answer:
     """The same with the inputs at rest."""
     if subject.inputs:
         try:
@@ -54,7 +54,7 @@ _MOVES = (
 )
 
 
-def drift(subject: Subject) -> Answer:
+def drift(subject: CheckedFmu) -> Answer:
     """Run with inputs at their start values; compare the movement in the first quarter with that in the last.
 
     Movement is the range of a variable in a quarter over its range in the whole run. Good: nothing moves, or what

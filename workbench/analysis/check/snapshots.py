@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.analysis.check.compare import largest_gap
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject, same_bits
+from workbench.analysis.check.subject import CheckedFmu, same_bits
 from workbench.errors import FmuError, SimulationError
 
 __all__ = ["snapshots"]
@@ -12,7 +12,7 @@ __all__ = ["snapshots"]
 _REPLAY = "replay is used instead: each restore repeats the run from its start; slower, with the same results"
 
 
-def snapshots(subject: Subject) -> Answer:
+def snapshots(subject: CheckedFmu) -> Answer:
     """Take the FMU's state, go on, take it back, and go on again: the same values, near and far.
 
     First the probe that every session makes (`session/probe.py`: values after the restore, and one step from there).
@@ -29,7 +29,7 @@ def snapshots(subject: Subject) -> Answer:
     return _far(subject)
 
 
-def _far(subject: Subject) -> Answer:
+def _far(subject: CheckedFmu) -> Answer:
     points = subject.points()
     middle = max(1, len(points) // 2)
     numbers = {"method": "state"}

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.analysis.check.compare import largest_gap, usual_gap
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject, Trajectory, same_bits
+from workbench.analysis.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model.described import DescribedModel
@@ -30,7 +30,7 @@ _AT_ZERO = "runs that begin later than at 0 are wrong, also co-simulation at a l
 _CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
 
 
-def start_time(subject: Subject) -> Answer:
+def start_time(subject: CheckedFmu) -> Answer:
     """Make the same run begin at t0 and at t0 + T: without an explicit dependence on time they are the same.
 
     Inputs jump once at the start and stand still. T is 16 test runs, or, where the model has a clock on absolute time
@@ -63,7 +63,7 @@ def start_time(subject: Subject) -> Answer:
     return found if _remains(subject, found, shift, h) else replace(found, verdict="good", consequence=_NUMERICAL)
 
 
-def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float, period: float) -> Answer:
+def _judge(subject: CheckedFmu, first: Trajectory, later: Trajectory, shift: float, period: float) -> Answer:
     rtol = subject.model.recipe.tolerance or subject.model.description.experiment.tolerance or 1e-6
     limit = max(_TOLERANCE * rtol, _SAME)
     gaps = usual_gap(first, later, _BESIDE)
@@ -79,7 +79,7 @@ def _judge(subject: Subject, first: Trajectory, later: Trajectory, shift: float,
     return Answer("watch", f"begun {shift:.4g} s later {words}", _CLOCK, numbers)
 
 
-def _remains(subject: Subject, found: Answer, shift: float, h: float) -> bool:
+def _remains(subject: CheckedFmu, found: Answer, shift: float, h: float) -> bool:
     """Whether the gap stays with a tighter integration: what shrinks is numerical."""
     with subject.model.recipe.tighter(_TIGHTER).open() as model:
         tight = replace(subject, model=model)
@@ -91,19 +91,19 @@ def _remains(subject: Subject, found: Answer, shift: float, h: float) -> bool:
     return gap > _SHRINKS * float(found.numbers["relative"])
 
 
-def _run(subject: Subject, start: float, h: float) -> Trajectory:
+def _run(subject: CheckedFmu, start: float, h: float) -> Trajectory:
     points = subject.points(start, h)
     return subject.run(subject.constants(), start=start, step=h, points=points)
 
 
-def _period(subject: Subject) -> float:
+def _period(subject: CheckedFmu) -> float:
     """Return the common period of the model's time events [s]; 0: it has none, or they cannot be asked for."""
     times = _ticks(subject)
     periods = sample_periods(times) if len(times) >= 3 else ()
     return basic_period(periods, 1e-9) if periods else 0.0
 
 
-def _ticks(subject: Subject) -> Floats:
+def _ticks(subject: CheckedFmu) -> Floats:
     if "me" not in subject.model.description.interfaces:
         return np.empty(0)
     recipe = replace(subject.model.recipe, interface="me", solver="auto", step=None)
@@ -114,6 +114,6 @@ def _ticks(subject: Subject) -> Floats:
         return np.empty(0)
 
 
-def _ticks_of(model: DescribedModel, subject: Subject) -> Floats:
+def _ticks_of(model: DescribedModel, subject: CheckedFmu) -> Floats:
     with model.open_point(time=subject.start) as point:
         return point.ticks(_TICKS, subject.start + subject.span)

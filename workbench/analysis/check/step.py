@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.analysis.check.compare import relative_gaps, usual_gap
 from workbench.analysis.check.result import Answer
-from workbench.analysis.check.subject import Subject, Trajectory
+from workbench.analysis.check.subject import CheckedFmu, Trajectory
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
@@ -51,7 +51,7 @@ class _Convergence:
     error: float
 
 
-def step(subject: Subject) -> Answer:
+def step(subject: CheckedFmu) -> Answer:
     """Halve the communication step until the change falls steadily; then run long enough to see divergence.
 
     Inputs jump once and stand still, so that what is seen is the FMU's own integration, not how it takes inputs (see
@@ -78,7 +78,7 @@ def step(subject: Subject) -> Answer:
     return Answer(*_verdict(subject, near, far, reached), numbers=numbers)
 
 
-def _verdict(subject: Subject, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:
+def _verdict(subject: CheckedFmu, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:
     whose = "its own step" if subject.own_step is not None else "its natural step"
     order = _order_words(near)
     if far >= _DIVERGES:
@@ -100,7 +100,7 @@ def _order_words(near: _Convergence) -> str:
     return f"{names.get(round(near.order), 'higher')} order ({near.order:.2f})"
 
 
-def _advice(subject: Subject, near: _Convergence, reached: float) -> str:
+def _advice(subject: CheckedFmu, near: _Convergence, reached: float) -> str:
     other = "--interface me, or " if "me" in subject.model.description.interfaces else ""
     if near.order >= _NO_ORDER and near.error <= _FINE and reached >= subject.step:
         return f"use {other}a shorter --step where that is too much: half the step leaves half the error"
@@ -113,7 +113,7 @@ def _advice(subject: Subject, near: _Convergence, reached: float) -> str:
 # -- near: order and error ----------------------------------------------------------------------
 
 
-def _converge(subject: Subject) -> _Convergence:
+def _converge(subject: CheckedFmu) -> _Convergence:
     points: Floats = subject.start + subject.step * np.arange(1.0, min(_COARSE, subject.steps) + 1)
     runs: list[Trajectory | None] = []
     changes: list[float] = []
@@ -129,7 +129,7 @@ def _converge(subject: Subject) -> _Convergence:
     return _Convergence(steps, changes, orders, order, _error(runs, order))
 
 
-def _try(subject: Subject, points: Floats, h: float) -> Trajectory | None:
+def _try(subject: CheckedFmu, points: Floats, h: float) -> Trajectory | None:
     try:
         return subject.run(subject.constants(), step=h, points=points)
     except SimulationError:
@@ -169,7 +169,7 @@ def _error(runs: list[Trajectory | None], order: float) -> float:
 # -- far: divergence ----------------------------------------------------------------------------
 
 
-def _excursion(subject: Subject) -> tuple[float, float]:
+def _excursion(subject: CheckedFmu) -> tuple[float, float]:
     """Return how many times larger the excursion at the natural step is than at a short one, and that step [s].
 
     1 where all steps fail: then it is not the step.
@@ -186,7 +186,7 @@ def _excursion(subject: Subject) -> tuple[float, float]:
     return (math.inf if first is None else _times(first, reach)), h
 
 
-def _reach(subject: Subject, h: float) -> Floats | None:
+def _reach(subject: CheckedFmu, h: float) -> Floats | None:
     """Return how far each variable gets from where it starts, None where the run fails."""
     try:
         found = subject.run(subject.constants(), step=h)

@@ -13,11 +13,11 @@ from workbench.errors import FmuError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.described import DescribedModel
 from workbench.model.placing import bias_of
-from workbench.session.base import Floats, Record, Session
+from workbench.session.base import Floats, Recorded, Session
 from workbench.session.fmu import FmuSession
 from workbench.signals import Constant, Signal, Sine
 
-__all__ = ["Subject", "Trajectory", "same_bits"]
+__all__ = ["CheckedFmu", "Trajectory", "same_bits"]
 
 _SHARE = 0.05  # of an input's size: far enough to move the model, near enough to stay where it was made for
 _STEPS = 500  # of a test run at most
@@ -56,7 +56,7 @@ def same_bits(a: Trajectory, b: Trajectory) -> bool:
 
 
 @dataclass(frozen=True)
-class Subject:
+class CheckedFmu:
     """One interface of one FMU.
 
     Test runs begin at the start time of the FMU's default experiment and take its stop time, at most 500
@@ -205,12 +205,12 @@ class Subject:
         record = session.advance(float(points[-1]), signals=signals, record=self.names, points=points)
         return _at(record, self.names, points)
 
-    def shortened(self, factor: float) -> Subject:
+    def shortened(self, factor: float) -> CheckedFmu:
         """Return the same with shorter test runs."""
         return replace(self, shorten=self.shorten * factor)
 
 
-def _at(record: Record, names: tuple[str, ...], points: Floats) -> Trajectory:
+def _at(record: Recorded, names: tuple[str, ...], points: Floats) -> Trajectory:
     """Return the last rows at the points; what is not finite is an error, whoever computed it."""
     rows = np.searchsorted(record.time, points, side="right") - 1
     values = np.column_stack([record.values[n][rows] for n in names]) if names else np.empty((len(points), 0))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.analysis.excite.design import crest_factors, cross_correlation
-from workbench.analysis.excite.playing import Begin, Rows
+from workbench.analysis.excite.playing import Begin, Samples
 from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult, SignalFacts
 from workbench.analysis.experiment.experiment import Experiment, make_experiment
@@ -20,7 +20,7 @@ CORRELATED = 0.2  # two inputs more alike than this are hard to tell apart
 
 
 def assemble(
-    model: Model, asked: Excite, begin: Begin, pieces: Sequence[Rows], *, notes: Sequence[str]
+    model: Model, asked: Excite, begin: Begin, pieces: Sequence[Samples], *, notes: Sequence[str]
 ) -> ExciteResult:
     """Return the result of a run, also of one that ended early.
 

@@ -12,13 +12,22 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Design", "Part", "Sequences", "check_amplitude", "check_seed", "crest_factors", "cross_correlation", "each"]
+__all__ = [
+    "Design",
+    "Sequences",
+    "SignalPart",
+    "check_amplitude",
+    "check_seed",
+    "crest_factors",
+    "cross_correlation",
+    "each",
+]
 
 LAGS = 0.25  # of the record: so far apart two inputs are compared
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SignalPart:
     """One recorded stretch of the sequences.
 
     Attributes:
@@ -50,8 +59,8 @@ class Sequences:
         notes: doubts, e.g. that the sequence repeats within the record.
     """
 
-    identification: Part
-    validation: Part | None
+    identification: SignalPart
+    validation: SignalPart | None
     kind: str
     period: float
     clock: float | None

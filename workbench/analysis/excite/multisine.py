@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.excite.design import Design, Part, Sequences, check_amplitude, check_seed, each
+from workbench.analysis.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
@@ -67,7 +67,7 @@ class MultisineDesign(Design):
         lines = self._lines(length, dt, inputs)
         amplitude = each("multisine: amplitude", self.amplitude, inputs)
         parts = [
-            Part(amplitude * self._played(length, lines, length + count, self.seed + i), skip=length)
+            SignalPart(amplitude * self._played(length, lines, length + count, self.seed + i), skip=length)
             for i, count in enumerate((samples, validation))
             if count
         ]

@@ -15,10 +15,10 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.model.placing import bias_of, standing
-from workbench.session.base import Floats, Record, Session
+from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Constant, Signal, Table
 
-__all__ = ["Begin", "Rows", "measure"]
+__all__ = ["Begin", "Samples", "measure"]
 
 CHUNKS = 50  # pieces in which a run is reported, unless they are out of these bounds [samples]
 _SHORTEST_CHUNK, _LONGEST_CHUNK = 100, 2000
@@ -56,7 +56,7 @@ class Begin:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Samples:
     """Some samples.
 
     Attributes:
@@ -71,7 +71,7 @@ class Rows:
 
 def measure(
     model: Model, asked: Excite, at: OperatingPoint | None, step: float | None = None
-) -> Iterator[Begin | Rows]:
+) -> Iterator[Begin | Samples]:
     """Run the experiment; yields `Begin`, then the samples in their order.
 
     Args:
@@ -192,7 +192,7 @@ class _Played:
             tiny=_SAME * sampling.dt,
         )
 
-    def run(self, session: Session) -> Iterator[Rows]:
+    def run(self, session: Session) -> Iterator[Samples]:
         """Advance to the end, a piece at a time."""
         count = len(self.reads)
         size = min(max(_SHORTEST_CHUNK, -(-count // CHUNKS)), _LONGEST_CHUNK)
@@ -203,12 +203,12 @@ class _Played:
             record = session.advance(end, signals=self.signals, record=self.outputs, points=points)
             yield self._rows(record, first, reads)
 
-    def _rows(self, record: Record, first: int, reads: Floats) -> Rows:
+    def _rows(self, record: Recorded, first: int, reads: Floats) -> Samples:
         if self.late:
             rows = np.searchsorted(record.time, reads - self.tiny, side="left")
         else:
             rows = np.searchsorted(record.time, reads + self.tiny, side="right") - 1
-        return Rows(
+        return Samples(
             first,
             np.column_stack([record.inputs[n][rows] for n in self.signals]),
             np.column_stack([record.values[n][rows] for n in self.outputs]),

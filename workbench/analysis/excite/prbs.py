@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.excite.design import Design, Part, Sequences, check_amplitude, check_seed, each
+from workbench.analysis.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError
 from workbench.session.base import Floats
 from workbench.shift_register import TAPS, jump, register_bits
@@ -67,8 +67,8 @@ class PrbsDesign(Design):
         bits = [register_bits(order, count, state=state) for state in self._states(order, inputs, count)]
         values = (2.0 * np.column_stack(bits)[index] - 1.0) * each("prbs: amplitude", self.amplitude, inputs)
         return Sequences(
-            identification=Part(values[:samples]),
-            validation=Part(values[samples:]) if validation else None,
+            identification=SignalPart(values[:samples]),
+            validation=SignalPart(values[samples:]) if validation else None,
             kind="prbs",
             period=length / rate,
             clock=rate,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.analysis.excite.assemble import assemble
-from workbench.analysis.excite.playing import Begin, Rows, measure
+from workbench.analysis.excite.playing import Begin, Samples, measure
 from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult
 from workbench.core import job as telling
@@ -71,7 +71,7 @@ class _Recording:
     asked: Excite
     notes: list[str]
     begin: Begin | None = None
-    pieces: list[Rows] = field(default_factory=list)
+    pieces: list[Samples] = field(default_factory=list)
     done: int = 0
     total: int = 1
 
@@ -81,7 +81,7 @@ class _Recording:
             self.begin = item
             again = self.model.interface == "cs" and self.asked.verify_step
             self.total = item.total + (len(item.sequences.identification.values) if again else 0)
-        elif isinstance(item, Rows):
+        elif isinstance(item, Samples):
             self.pieces.append(item)
             self.done += len(item.u)
         elif isinstance(item, int):
@@ -115,9 +115,9 @@ class _ExciteJob(Job):
     asked: Excite
     at: OperatingPoint | None
 
-    def run(self, model: Model) -> Iterator[Begin | Rows | Remark | int]:
+    def run(self, model: Model) -> Iterator[Begin | Samples | Remark | int]:
         begin: Begin | None = None
-        pieces: list[Rows] = []
+        pieces: list[Samples] = []
         for item in measure(model, self.asked, self.at):
             if isinstance(item, Begin):
                 begin = item
@@ -148,7 +148,7 @@ class _ExciteJob(Job):
         """Run the first `count` samples with another communication step; yields progress, returns the outputs."""
         seen: list[Floats] = []
         for item in measure(model, self.asked, self.at, step):
-            if isinstance(item, Rows):
+            if isinstance(item, Samples):
                 seen.append(item.y)
                 yield len(item.y)
             if sum(len(y) for y in seen) >= count:

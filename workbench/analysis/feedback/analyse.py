@@ -18,7 +18,7 @@ from workbench.analysis.feedback.place import SEEN, FeedbackPath, find_place
 from workbench.analysis.feedback.request import Feedback, Range, quantity
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
-from workbench.analysis.feedback.settling import Settings, SettlingStudy, settling_study
+from workbench.analysis.feedback.settling import SettlingSettings, SettlingStudy, settling_study
 from workbench.analysis.feedback.standing import Standing, linear, standing
 from workbench.analysis.feedback.start import Start, from_cycle, from_signals
 from workbench.analysis.lin.result import LinResult
@@ -46,7 +46,7 @@ _REACH = 10.0  # times the finite end, where a stable interval has one only
 
 def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
     """Investigate a feedback; see `Feedback`."""
-    settings = Settings(
+    settings = SettlingSettings(
         threshold=asked.threshold, thresholds=several(asked.thresholds), order=asked.order, longest=asked.longest
     )
     system, remarks = placing.start_at(system, asked.at)
@@ -115,7 +115,7 @@ class _Work:
     y0: float
     actuator: Actuator | None
     time: float
-    settings: Settings
+    settings: SettlingSettings
     limits: Range
     count: int
     keep: ExitStack

@@ -18,11 +18,10 @@ from workbench.core.job import Job
 from workbench.core.record import Part, Record, entry
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
-from workbench.session.base import Floats, Session
-from workbench.session.base import Record as Recorded
+from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Signal
 
-__all__ = ["GainRun", "Settings", "SettlingStudy", "settling_study"]
+__all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]
 
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
@@ -32,7 +31,7 @@ _DRAWN = 400  # points kept of each run
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class SettlingSettings:
     """How a settling study is made.
 
     Attributes:
@@ -122,7 +121,7 @@ class SettlingStudy(Record):
     unit: str | None
     target: str
     target_unit: str | None
-    settings: Settings
+    settings: SettlingSettings
     start: Start = field(metadata=entry(key="beginning"))
     actuator: Actuator | None
     runs: tuple[GainRun, ...]
@@ -183,7 +182,7 @@ def settling_study(
     watch: str,
     y0: float,
     actuator: Actuator | None,
-    settings: Settings,
+    settings: SettlingSettings,
     job: Job,
 ) -> SettlingStudy:
     """Close the feedback with each gain on the same motion and measure how fast it settles.
@@ -223,7 +222,7 @@ def settling_study(
 
 
 def _run(  # noqa: PLR0917 - one run of the study
-    model: DescribedModel, place: FeedbackPath, start: Start, wish: Wish, watch: str, settings: Settings
+    model: DescribedModel, place: FeedbackPath, start: Start, wish: Wish, watch: str, settings: SettlingSettings
 ) -> GainRun:
     command, handed, scale = place.command(wish)
     names = list(dict.fromkeys([place.full(watch), command, handed]))
@@ -257,7 +256,7 @@ def _run(  # noqa: PLR0917 - one run of the study
 
 
 def _watched(
-    session: Session, start: Start, names: Sequence[str], signals: Mapping[str, Signal], settings: Settings
+    session: Session, start: Start, names: Sequence[str], signals: Mapping[str, Signal], settings: SettlingSettings
 ) -> tuple[Floats, dict[str, Floats], str]:
     """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
     period = 1.0 / start.frequency

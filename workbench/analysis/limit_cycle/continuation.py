@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
-from workbench.analysis.limit_cycle.harmonic_balance import Balance, Cycle
+from workbench.analysis.limit_cycle.harmonic_balance import Cycle, HarmonicBalance
 from workbench.core.linear import LinearPart
 
 __all__ = ["Family", "follow"]
@@ -102,9 +102,9 @@ class _Track:
         """Return the parameter."""
         return self._limits[0] + self._span * float(y[-1])
 
-    def _balance(self, value: float) -> Balance:
+    def _balance(self, value: float) -> HarmonicBalance:
         part, block = self._family(value)
-        return Balance(part, block, count=self._count, scale=self._scale)
+        return HarmonicBalance(part, block, count=self._count, scale=self._scale)
 
     def begin(self, cycle: Cycle) -> _Iterate | None:
         z = self._balance(self._start).pack(cycle.v, cycle.frequency)
@@ -214,7 +214,7 @@ class _Track:
     def point(self, y: Floats, *, stability: bool) -> BranchPoint:
         value = self.value(y)
         part, block = self._family(value)
-        cycle = Balance(part, block, count=self._count, scale=self._scale).cycle(y[:-1])
+        cycle = HarmonicBalance(part, block, count=self._count, scale=self._scale).cycle(y[:-1])
         return BranchPoint(
             value=value,
             frequency_hz=cycle.frequency,

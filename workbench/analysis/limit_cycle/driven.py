@@ -11,7 +11,7 @@ from workbench.analysis.describing.base import Block, Complex
 from workbench.analysis.harmonics import measure_period
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
-from workbench.session import Record, Session
+from workbench.session import Recorded, Session
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal, Sine
 
@@ -88,7 +88,7 @@ class DrivenBlock(Block):
             signals[f"v{k}"] = Sine(amplitude=abs(size), frequency=k * frequency, phase=phase, start=self._session.time)
         return signals
 
-    def _period(self, signals: Mapping[str, Signal], points: Floats) -> Record:
+    def _period(self, signals: Mapping[str, Signal], points: Floats) -> Recorded:
         return self._session.advance(float(points[-1]), signals=signals, record=["w", *self._states], points=points)
 
     def states(self) -> tuple[dict[str, float], dict[str, float]]:
@@ -101,7 +101,7 @@ class DrivenBlock(Block):
         self._session.close()
 
 
-def _coefficients(record: Record, begin: float, frequency: float, count: int, points: Floats | None) -> Complex:
+def _coefficients(record: Recorded, begin: float, frequency: float, count: int, points: Floats | None) -> Complex:
     """Return the coefficients of the output, shape (count + 1,); `points` see `measure_period`.
 
     Raises:

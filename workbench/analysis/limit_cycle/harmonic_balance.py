@@ -12,7 +12,7 @@ from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.peaks import told_mean
 from workbench.core.linear import LinearPart
 
-__all__ = ["Balance", "Cycle", "balance", "states_of"]
+__all__ = ["Cycle", "HarmonicBalance", "balance", "states_of"]
 
 _CLOSE = 1e-9
 _SAMPLES = 2000
@@ -46,7 +46,7 @@ class Cycle:
         return 0.5 * float(np.ptp(x))
 
 
-class Balance:
+class HarmonicBalance:
     """The equations of harmonic balance, for a solver.
 
     Unknowns: mean, fundamental, real and imaginary parts of harmonics 2 … K, all over `scale`; log of the frequency.
@@ -114,7 +114,7 @@ def balance(
 
     Source: Khalil, Nonlinear Systems, 7.2; Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems, chapter 2.
     """
-    equations = Balance(part, block, count=count, scale=amplitude)
+    equations = HarmonicBalance(part, block, count=count, scale=amplitude)
     begin = equations.pack(np.array([0.0, -1j * amplitude]), frequency)
     # The harmonics that the describing function leaves out are a good first guess.
     w = block.answer(np.array([0.0, -1j * amplitude]), frequency, count)

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.analysis.lin.task import LinTask, columns_of, width_for
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.point import Point
 from workbench.signals import Signal, Table
 
@@ -159,7 +159,7 @@ def _grid(start: float, period: float, ticks: Floats) -> Floats:
     return kept
 
 
-def _within(record: Record, grid: Floats, outputs: tuple[str, ...]) -> Floats:
+def _within(record: Recorded, grid: Floats, outputs: tuple[str, ...]) -> Floats:
     """Return the outputs at the beginning (right limit) and end (left limit) of each interval, (k, 2, q)."""
     near = 1e-10 * (grid[-1] - grid[0])
     right = np.searchsorted(record.time, grid[:-1] + near, side="right") - 1

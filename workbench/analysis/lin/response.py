@@ -12,12 +12,12 @@ from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, check_names, moving_note, width_for
-from workbench.analysis.lin.trial import Trial, accepted, smallest, trial_levels
+from workbench.analysis.lin.trial import MoveTrial, accepted, smallest, trial_levels
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel, Model
-from workbench.session.base import Floats, Record, Session, Snapshot
+from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.signals import Constant, Signal
 
 __all__ = ["response"]
@@ -179,7 +179,7 @@ def _lead(task: LinTask, period: float) -> float:
         return 0.0
 
 
-def _rows(record: Record, times: Floats, period: float, outputs: Sequence[str]) -> Floats:
+def _rows(record: Recorded, times: Floats, period: float, outputs: Sequence[str]) -> Floats:
     """Return the right limits of the outputs at `times`, shape (len(times), q)."""
     rows = np.searchsorted(record.time, times + 1e-9 * period, side="right") - 1
     return np.column_stack([record.values[n][rows] for n in outputs])
@@ -337,12 +337,12 @@ class _Setting:
             found.append(Doubt(self.task.outputs[i], name, float(size[i]), float(bend[i]), why))
         return found
 
-    def trial(self, name: str, pulses: _Pulses) -> Trial:
+    def trial(self, name: str, pulses: _Pulses) -> MoveTrial:
         """Return a run that the model was not made from: other pulses and a step at an input."""
         levels = 0.5 * pulses.widths[name] * trial_levels(len(pulses.base))
         j = self.task.inputs.index(name)
         answer = self._run({name: levels}) - pulses.base
-        return Trial(name, j, self.task.outputs, levels, answer, pulses.markov[:, :, j], pulses.noise[:, j])
+        return MoveTrial(name, j, self.task.outputs, levels, answer, pulses.markov[:, :, j], pulses.noise[:, j])
 
     def inside(self, found: Realisation, names: Sequence[str], pulses: _Pulses) -> Floats | None:
         """Return the answers to one pulse at each input within the periods, per unit, shape (k, parts, q, m).
@@ -451,7 +451,7 @@ def _moving(task: LinTask, pulses: _Pulses, period: float) -> tuple[str, ...]:
     return moving_note([f"{task.outputs[i]} changes by {drift[i]:.4g} within {span:.4g} s" for i in found])
 
 
-def _notes(found: Realisation, largest: Realisation, pulses: _Pulses, trials: Sequence[Trial]) -> list[str]:
+def _notes(found: Realisation, largest: Realisation, pulses: _Pulses, trials: Sequence[MoveTrial]) -> list[str]:
     size = np.abs(pulses.markov).max(axis=0)
     relative = np.divide(pulses.noise, size, out=np.zeros_like(size), where=size > 0.0)
     notes = [f"order {len(found.A)} (singular values above the noise, {relative.max(initial=0.0):.1e} of the response)"]

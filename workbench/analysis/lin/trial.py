@@ -12,7 +12,7 @@ from workbench.analysis.lin.result import Doubt
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["Trial", "accepted", "smallest", "trial_levels"]
+__all__ = ["MoveTrial", "accepted", "smallest", "trial_levels"]
 
 # (first period, periods, height): no two the same, and no common divisor of the instants, so that steps that an FMU
 # makes inside are met at different places; the last goes on to the end.
@@ -35,7 +35,7 @@ def trial_levels(count: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class MoveTrial:
     """How the model answers to moves of one input that are not the pulse.
 
     If the model is linear and the same at all times, the answer is y(k) = Σ h(i) u(k − i), where h is what one pulse
@@ -130,7 +130,7 @@ class Trial:
         return result
 
 
-def accepted(trials: Sequence[Trial]) -> tuple[list[Trial], dict[str, str]]:
+def accepted(trials: Sequence[MoveTrial]) -> tuple[list[MoveTrial], dict[str, str]]:
     """Return the trials of the inputs that have a linear model, numbered anew, and the other inputs with the reason.
 
     Raises:
@@ -143,7 +143,7 @@ def accepted(trials: Sequence[Trial]) -> tuple[list[Trial], dict[str, str]]:
     return [replace(t, column=j) for j, t in enumerate(kept)], refused
 
 
-def smallest(largest: Realisation, trials: Sequence[Trial], *, given: bool) -> Realisation:
+def smallest(largest: Realisation, trials: Sequence[MoveTrial], *, given: bool) -> Realisation:
     """Return the model of the smallest order that predicts the trials about as well as the best order does.
 
     States beyond it are made of the pulses' own errors.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from workbench.analysis.loop.bench import Bench
 from workbench.analysis.loop.cut import INJECTED, PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
-from workbench.analysis.loop.settings import Settings
+from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.nfr.point import NfrPoint
 
 __all__ = ["injected"]
@@ -75,7 +75,7 @@ class _Try:
         return replace(self, injected=math.exp(aim), passed=None)
 
 
-def injected(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def injected(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the closed loop.
 
     With d the injected sine, y returned and z = y + d passed on, L = -Y/Z at the fundamental. d is changed until Z has

@@ -16,13 +16,13 @@ from workbench.analysis.loop.injecting import injected
 from workbench.analysis.loop.linear import LinearLoop
 from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
-from workbench.analysis.loop.settings import Settings
+from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.core.job import Job
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers
 
-__all__ = ["MEASUREMENTS", "Measurement", "broken", "choose_measurement", "measure"]
+__all__ = ["MEASUREMENTS", "LoopMeasurement", "broken", "choose_measurement", "measure"]
 
 _SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
 _HANDFUL = 4
@@ -31,7 +31,7 @@ Points = dict[tuple[float, float], LoopPoint]
 
 
 @dataclass(frozen=True)
-class Measurement:
+class LoopMeasurement:
     """One way to measure.
 
     Attributes:
@@ -40,7 +40,7 @@ class Measurement:
     """
 
     cut: Callable[[CutLoop], AbstractContextManager[DescribedModel]]
-    run: Callable[[Bench, Settings, Sequence[tuple[float, float]]], list[LoopPoint]]
+    run: Callable[[Bench, LoopSettings, Sequence[tuple[float, float]]], list[LoopPoint]]
 
 
 def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, ...], str]:
@@ -66,7 +66,7 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
 def measure(
     cut: CutLoop,
     name: str,
-    settings: Settings,
+    settings: LoopSettings,
     *,
     frequencies: Sequence[float],
     amplitudes: Sequence[float],
@@ -187,7 +187,7 @@ def _worst(sizes: Sequence[tuple[float, LoopPoint]], limit: float, words: str) -
 # -- measure the loop transfer with the loop broken: a sine is passed on, what returns is measured --
 
 
-def broken(bench: Bench, settings: Settings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def broken(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the broken loop.
 
     The signal passed on is a pure sine around its value at the operating point: L is the describing function of the
@@ -219,7 +219,7 @@ def _point(found: NfrPoint, mean: float) -> LoopPoint:
     )
 
 
-MEASUREMENTS: Mapping[str, Measurement] = {
-    "break": Measurement(CutLoop.opened, broken),
-    "inject": Measurement(CutLoop.injected, injected),
+MEASUREMENTS: Mapping[str, LoopMeasurement] = {
+    "break": LoopMeasurement(CutLoop.opened, broken),
+    "inject": LoopMeasurement(CutLoop.injected, injected),
 }

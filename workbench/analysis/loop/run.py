@@ -9,7 +9,7 @@ from workbench.analysis.loop.measure import choose_measurement, measure
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.request import Loop
 from workbench.analysis.loop.result import LoopResult
-from workbench.analysis.loop.settings import Settings
+from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.trim.request import trim
 from workbench.core.forms import several
@@ -72,7 +72,7 @@ def _measured(
     names, why = choose_measurement(asked.how, linear)
     band = _own_band(linear) if asked.frequencies is None and asked.band is None else asked.band
     grid = frequency_grid(asked.frequencies, band, asked.ratio, falling=False)
-    settings = Settings(
+    settings = LoopSettings(
         errcrit=asked.errcrit,
         max_periods=asked.max_periods,
         value=cut.value,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from workbench.analysis.nfr.point import PointTask
 from workbench.core.linear import LinearPart
 
-__all__ = ["Settings"]
+__all__ = ["LoopSettings"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class LoopSettings:
     """Settings of every point.
 
     Attributes:

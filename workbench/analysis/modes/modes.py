@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from workbench.analysis.modes.match import match
 from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
-from workbench.analysis.modes.source import Source, Where, check_parameter
+from workbench.analysis.modes.source import ModelSource, Where, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
 from workbench.core.forms import number, several, varied
 from workbench.core.job import Job
@@ -57,7 +57,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
         for number, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
             job.stage(number, len(configured))
             label = _label(settings or _own(model, common, against))
-            source = Source(opened, vary, where)
+            source = ModelSource(opened, vary, where)
             source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
             found.append(_one_set(source, grid, label, dict(settings), width))
             first = first or next(
@@ -117,7 +117,7 @@ def _configured(model: DescribedModel, settings: Settings, stack: ExitStack) -> 
     return stack.enter_context(replace(model.recipe, start_values=starts).open())
 
 
-def _one_set(source: Source, grid: list[float], label: str, settings: Settings, tolerance: float) -> ModeSet:
+def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, tolerance: float) -> ModeSet:
     found = track(source, grid)
     poles, uncertain = found.table()
     names = next(iter(source.results.values())).state_names
@@ -149,7 +149,7 @@ def _states(found: Track, branch: int, names: Sequence[str]) -> tuple[str, ...]:
     return ()
 
 
-def critical_values(source: Source, found: Track, line: Mode, tolerance: float) -> list[Critical]:
+def critical_values(source: ModelSource, found: Track, line: Mode, tolerance: float) -> list[Critical]:
     """Return where a mode's real part changes its sign, each refined between two frames; not where it only touches 0.
 
     Args:
@@ -183,7 +183,7 @@ def critical_values(source: Source, found: Track, line: Mode, tolerance: float) 
     return criticals
 
 
-def _on_real_axis(source: Source, found: Track, step: int, number: int, tolerance: float) -> list[Critical]:
+def _on_real_axis(source: ModelSource, found: Track, step: int, number: int, tolerance: float) -> list[Critical]:
     """Return where a real pole changes its stability within the step in which its pair has split (or the reverse).
 
     Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed, as
@@ -219,7 +219,7 @@ def _accounted_for(found: Track, step: int) -> int:
     return int(np.sum(change[both & (growing[0] != growing[1])]))
 
 
-def _unstable(source: Source, value: float) -> int | None:
+def _unstable(source: ModelSource, value: float) -> int | None:
     """Return how many poles are unstable, those of a pair as two; None: there is no linear model."""
     poles = source(value)
     if poles is None:
@@ -228,7 +228,9 @@ def _unstable(source: Source, value: float) -> int | None:
     return int(np.sum(np.where(poles.real, 1, 2)[growing]))
 
 
-def _refined(source: Source, ends: tuple[Frame, Frame], number: int, tolerance: float, *, rising: bool) -> Critical:
+def _refined(
+    source: ModelSource, ends: tuple[Frame, Frame], number: int, tolerance: float, *, rising: bool
+) -> Critical:
     known: dict[float, Frame] = {f.value: f for f in ends}
 
     def pole(value: float) -> tuple[complex, float]:
@@ -248,7 +250,7 @@ def _refined(source: Source, ends: tuple[Frame, Frame], number: int, tolerance: 
     )
 
 
-def _between(source: Source, ends: tuple[Frame, Frame], value: float) -> Frame:
+def _between(source: ModelSource, ends: tuple[Frame, Frame], value: float) -> Frame:
     """Return the modes at a value between two frames, numbered as those of the nearer one."""
     near = min(ends, key=lambda f: abs(f.value - value))
     poles = source(value)

@@ -19,7 +19,7 @@ from workbench.model import Model
 from workbench.system.description import GainComponent
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Source", "Where", "check_parameter"]
+__all__ = ["ModelSource", "Where", "check_parameter"]
 
 # How accurate the entries of A are, relative to its size, by method; those not named: rounding.
 _ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
@@ -77,7 +77,7 @@ def _with_gain(model: Model, name: str, value: float) -> AbstractContextManager[
     return replace(recipe, system=replace(recipe.system, components=parts)).open()
 
 
-class Source:
+class ModelSource:
     """Linearises at each value that is asked for, once.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.core.record import Part
 from workbench.errors import SimulationError
-from workbench.session import Record, Session
+from workbench.session import Recorded, Session
 
 __all__ = ["ZeroInput", "doubt", "watch"]
 
@@ -78,7 +78,7 @@ def watch(session: Session, task: PointTask) -> ZeroInput:
     return replace(seen[-1], decays=last <= _DECAY * first, grows=last > _GROWTH * first)
 
 
-def _movement(record: Record, output: str) -> ZeroInput:
+def _movement(record: Recorded, output: str) -> ZeroInput:
     time, y = record.time - record.time[0], record.values[output]
     if not np.all(np.isfinite(y)):
         raise SimulationError(f"{output} is not finite", time=float(record.time[-1]))

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.core.record import Part
 from workbench.errors import InputError, SimulationError
 from workbench.model.base import Model
-from workbench.session.base import Floats, Record, Session
+from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Signal
 
 __all__ = ["Divergence", "DivergenceError", "divergence", "explained"]
@@ -84,10 +84,10 @@ class DivergenceError(SimulationError):
     """
 
     divergence: Divergence
-    followed: Record
+    followed: Recorded
 
     @classmethod
-    def of(cls, found: Divergence, cause: SimulationError, followed: Record) -> DivergenceError:
+    def of(cls, found: Divergence, cause: SimulationError, followed: Recorded) -> DivergenceError:
         """Return the error for a run that `cause` ended.
 
         Args:
@@ -252,9 +252,9 @@ def _points(start: float, end: float, session: Session) -> list[Floats]:
 
 def _followed(
     session: Session, chunks: Sequence[Floats], signals: Mapping[str, Signal], names: Sequence[str]
-) -> Record | None:
+) -> Recorded | None:
     """Advance as far as it goes; return what was recorded; None: nothing."""
-    records: list[Record] = []
+    records: list[Recorded] = []
     for chunk in chunks:
         try:
             records.append(session.advance(float(chunk[-1]), signals=signals, record=names, points=chunk))
@@ -262,7 +262,7 @@ def _followed(
             break
     if not records:
         return None
-    return Record(
+    return Recorded(
         time=np.concatenate([r.time for r in records]),
         values={n: np.concatenate([r.values[n] for r in records]) for n in names},
         inputs={n: np.concatenate([r.inputs[n] for r in records]) for n in signals},

@@ -20,7 +20,7 @@ from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
 from workbench.model.placing import standing, start_at
-from workbench.session.base import Floats, Record, Session
+from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
 from workbench.signals import Signal, signals_of
 
@@ -60,13 +60,13 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
             found = running.once(None)
         tell(stop)
     except StoppedError as error:
-        if isinstance(error.before, Record):
+        if isinstance(error.before, Recorded):
             ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
             job.partial = lambda: replace(ended, ended_at=float(ended.time[-1]))
         raise
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
-        if isinstance(error.before, Record):
+        if isinstance(error.before, Recorded):
             why.before = cut = running.result(_Once(error.before, None), told, failed=why)
             job.partial = lambda: cut
         if why is error:
@@ -118,7 +118,7 @@ def _usual_interval(model: Model, span: float) -> float | None:
     return step
 
 
-def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:
+def _growth(record: Recorded, units: Mapping[str, str | None]) -> tuple[str, ...]:
     """Return a note on what still grows without bound at the end, by more than a million times."""
     for name, values in record.values.items():
         found = divergence(record.time, values, variable=name, unit=units.get(name))
@@ -131,7 +131,7 @@ def _growth(record: Record, units: Mapping[str, str | None]) -> tuple[str, ...]:
 class _Once:
     """What one run gave: rows, communication step (None: model exchange), and how the FMU ended it if it did."""
 
-    record: Record
+    record: Recorded
     step: float | None
     ended: EndedError | None = None
 
@@ -163,7 +163,7 @@ class _Run:
                 record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
                 record = _with_end(session, record, self.inputs, self.names)
             except EndedError as error:
-                if not isinstance(error.before, Record):
+                if not isinstance(error.before, Recorded):
                     raise
                 record, ended = error.before, error
             return _Once(record, session.communication_step, ended)
@@ -212,7 +212,7 @@ class _Run:
         return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
 
 
-def _largest_change(coarse: Record, fine: Record) -> tuple[float, str]:
+def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:
     """Return the largest difference at common times relative to the signal's range, and its name."""
     worst, name = 0.0, ""
     for signal, values in coarse.values.items():
@@ -287,20 +287,20 @@ def _points(
     return np.append(at[at < stop - 1e-9 * interval], stop)
 
 
-def _with_end(session: Session, record: Record, inputs: Mapping[str, Signal], names: Sequence[str]) -> Record:
+def _with_end(session: Session, record: Recorded, inputs: Mapping[str, Signal], names: Sequence[str]) -> Recorded:
     """Append the right limit at the end if an event there changes something."""
     last = session.advance(session.time, signals=inputs, record=names)
     same = all(last.values[n][0] == record.values[n][-1] for n in record.values)
     if same and all(last.inputs[n][0] == record.inputs[n][-1] for n in record.inputs):
         return record
-    return Record(
+    return Recorded(
         time=np.append(record.time, last.time[:1]),
         values={n: np.append(v, last.values[n][:1]) for n, v in record.values.items()},
         inputs={n: np.append(v, last.inputs[n][:1]) for n, v in record.inputs.items()},
     )
 
 
-def _at_points(record: Record, start: float, points: Floats, end: Sequence[float] | Floats) -> Record:
+def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[float] | Floats) -> Recorded:
     """Keep the rows at the points (and the end) only; co-simulation records every communication point twice."""
     wanted = np.isin(record.time, np.concatenate([[start], points, end]))
     same_time = np.append(record.time[1:] == record.time[:-1], False)
@@ -308,19 +308,19 @@ def _at_points(record: Record, start: float, points: Floats, end: Sequence[float
     for column in record.values.values():
         repeats &= np.append(column[1:] == column[:-1], False)
     keep = wanted & ~repeats
-    return Record(
+    return Recorded(
         time=record.time[keep],
         values={n: v[keep] for n, v in record.values.items()},
         inputs={n: v[keep] for n, v in record.inputs.items()},
     )
 
 
-def _with_rows(record: Record, others: Record) -> Record:
+def _with_rows(record: Recorded, others: Recorded) -> Recorded:
     """Return a record with rows of another one between and after its own, in the order of time."""
     new = ~np.isin(others.time, record.time)
     time = np.append(record.time, others.time[new])
     order = np.argsort(time, kind="stable")  # two rows at one time are an event and keep their order
-    return Record(
+    return Recorded(
         time=time[order],
         values={n: np.append(v, others.values[n][new])[order] for n, v in record.values.items()},
         inputs={n: np.append(v, others.inputs[n][new])[order] for n, v in record.inputs.items()},

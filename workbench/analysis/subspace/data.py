@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Record", "prepare"]
+__all__ = ["ScaledData", "prepare"]
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class ScaledData:
     """A record whose channels are of size one.
 
     Attributes:
@@ -32,7 +32,7 @@ class Record:
     notes: tuple[str, ...]
 
 
-def prepare(u: ArrayLike, y: ArrayLike) -> Record:
+def prepare(u: ArrayLike, y: ArrayLike) -> ScaledData:
     """Return the record, checked and scaled.
 
     Args:
@@ -47,7 +47,7 @@ def prepare(u: ArrayLike, y: ArrayLike) -> Record:
         raise InputError(f"u has {len(inputs)} samples, y {len(outputs)}: the lengths must be equal")
     u_scale, y_scale = _scale(inputs, "u"), _scale(outputs, "y")
     notes = tuple(_offsets(inputs, "u") + _offsets(outputs, "y"))
-    return Record(inputs / u_scale, outputs / y_scale, u_scale, y_scale, notes)
+    return ScaledData(inputs / u_scale, outputs / y_scale, u_scale, y_scale, notes)
 
 
 def _columns(values: ArrayLike, what: str) -> Floats:

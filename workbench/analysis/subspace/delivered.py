@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.subspace.matrices import radius, shifted_observability
-from workbench.analysis.subspace.settings import Settings
+from workbench.analysis.subspace.settings import SubspaceSettings
 from workbench.analysis.subspace.simulated import InputFit, fit_inputs, residual
 from workbench.analysis.subspace.stability import stabilise
 from workbench.analysis.subspace.states import Noise, StateFit, fit_states, noise_of
-from workbench.analysis.subspace.trial import Trial
+from workbench.analysis.subspace.trial import HorizonView
 from workbench.session.base import Floats
 
 __all__ = ["Delivered", "cost", "deliver", "simulation_cost"]
@@ -42,7 +42,7 @@ class Delivered:
     error: Floats
 
 
-def deliver(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> Delivered:
+def deliver(record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings) -> Delivered:
     """Return the model of an order.
 
     An automatic order may not end in a model that cannot be simulated on its own data: where that of the order is
@@ -67,7 +67,7 @@ def deliver(record: tuple[Floats, Floats], trial: Trial, order: int, settings: S
     return min(found, _completed(record, (states, tame, C, moved), settings), key=lambda model: cost(model.error))
 
 
-def simulation_cost(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> float:
+def simulation_cost(record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings) -> float:
     """Return `cost` of the model that is handed out for an order.
 
     Args:
@@ -93,7 +93,7 @@ def cost(error: Floats) -> float:
 
 
 def _completed(
-    record: tuple[Floats, Floats], dynamics: tuple[StateFit, Floats, Floats, int], settings: Settings
+    record: tuple[Floats, Floats], dynamics: tuple[StateFit, Floats, Floats, int], settings: SubspaceSettings
 ) -> Delivered:
     states, A, C, moved = dynamics
     noise = noise_of(states, A, C)

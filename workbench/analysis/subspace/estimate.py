@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.subspace.data import Record, prepare
+from workbench.analysis.subspace.data import ScaledData, prepare
 from workbench.analysis.subspace.delays import advance, as_tuple, with_chains
 from workbench.analysis.subspace.delivered import Delivered, cost, deliver
 from workbench.analysis.subspace.horizon import candidates, largest_order
@@ -20,13 +20,13 @@ from workbench.analysis.subspace.result import SubspaceEstimate
 from workbench.analysis.subspace.settings import (
     DEFAULT_METHOD,
     DEFAULT_MOST,
-    Settings,
+    SubspaceSettings,
     check_interval,
     check_order_wish,
 )
 from workbench.analysis.subspace.simulated import InputFit
 from workbench.analysis.subspace.states import Noise
-from workbench.analysis.subspace.trial import Trial, first_trial, look
+from workbench.analysis.subspace.trial import HorizonView, first_trial, look
 from workbench.analysis.subspace.weightings import oblique_loss, principal_angles
 from workbench.core.blas import one_thread
 from workbench.origin import with_origin
@@ -96,7 +96,7 @@ def estimate(
         [[0.5]]
     """
     interval = check_interval(dt)
-    settings = Settings(
+    settings = SubspaceSettings(
         order=check_order_wish(order), method=method, basis=basis, horizon=horizon, most=max_order,
         feedthrough=feedthrough, biased=biased, stable=stable,
     )  # fmt: skip
@@ -133,14 +133,16 @@ def estimate(
     )
 
 
-def _order(data: tuple[Floats, Floats], first: Trial, settings: Settings) -> OrderChoice:
+def _order(data: tuple[Floats, Floats], first: HorizonView, settings: SubspaceSettings) -> OrderChoice:
     if settings.order is None:
         return choose_order(data, first, settings)
     check_order(settings.order, first.space)
     return OrderChoice(settings.order, "given", np.zeros(0))
 
 
-def _best_trial(record: tuple[Floats, Floats], first: Trial, order: int, settings: Settings) -> Trial:
+def _best_trial(
+    record: tuple[Floats, Floats], first: HorizonView, order: int, settings: SubspaceSettings
+) -> HorizonView:
     """Return the horizon whose model of the given order simulates the record best."""
     if first.fixed:
         return first
@@ -152,13 +154,15 @@ def _best_trial(record: tuple[Floats, Floats], first: Trial, order: int, setting
     return min(usable, key=lambda t: _merit(record, t, order, settings))
 
 
-def _merit(record: tuple[Floats, Floats], trial: Trial, order: int, settings: Settings) -> tuple[bool, float]:
+def _merit(
+    record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings
+) -> tuple[bool, float]:
     """Return what is smaller for the better horizon: one with a stable model before one without, then the error."""
     found = deliver(record, trial, order, settings)
     return found.moved > 0 or radius(found.A) >= 1.0, cost(found.error)
 
 
-def _oblique(trial: Trial, method: str) -> str:
+def _oblique(trial: HorizonView, method: str) -> str:
     loss = oblique_loss(trial.parts) if method == "n4sid" and trial.space.noisy else 1.0
     if loss < _LOSS:
         return ""
@@ -168,7 +172,7 @@ def _oblique(trial: Trial, method: str) -> str:
     )
 
 
-def _stability(found: Delivered, settings: Settings) -> str:
+def _stability(found: Delivered, settings: SubspaceSettings) -> str:
     if found.moved:
         why = "" if settings.stable else (
             ": the model as it was estimated does not follow its own data; if the system itself is unstable, give the "
@@ -185,7 +189,7 @@ def _stability(found: Delivered, settings: Settings) -> str:
 
 
 def model_of(
-    A: Floats, C: Floats, fit: InputFit, noise: Noise, *, record: Record, delays: tuple[int, ...], dt: float
+    A: Floats, C: Floats, fit: InputFit, noise: Noise, *, record: ScaledData, delays: tuple[int, ...], dt: float
 ) -> IdentifiedModel:
     """Return the identified model.
 

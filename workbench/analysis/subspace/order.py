@@ -19,8 +19,8 @@ import numpy as np
 
 from workbench.analysis.subspace.delivered import cost, deliver, simulation_cost
 from workbench.analysis.subspace.horizon import largest_order
-from workbench.analysis.subspace.settings import Settings
-from workbench.analysis.subspace.trial import Trial
+from workbench.analysis.subspace.settings import SubspaceSettings
+from workbench.analysis.subspace.trial import HorizonView
 from workbench.analysis.subspace.weightings import Subspace
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -48,7 +48,7 @@ class OrderChoice:
     notes: tuple[str, ...] = ()
 
 
-def choose_order(record: tuple[Floats, Floats], trial: Trial, settings: Settings) -> OrderChoice:
+def choose_order(record: tuple[Floats, Floats], trial: HorizonView, settings: SubspaceSettings) -> OrderChoice:
     """Return the automatic order.
 
     Args:

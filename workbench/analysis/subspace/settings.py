@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from workbench.analysis.subspace.weightings import basis_of
 from workbench.errors import InputError
 
-__all__ = ["DEFAULT_METHOD", "DEFAULT_MOST", "Settings", "check_interval", "check_order_wish"]
+__all__ = ["DEFAULT_METHOD", "DEFAULT_MOST", "SubspaceSettings", "check_interval", "check_order_wish"]
 
 # In trials (36 systems, eight kinds of input, 20 dB) as good as n4sid for white and coloured inputs and up to ten times
 # better for inputs without high frequencies, which make the oblique projection ill-conditioned (`oblique_loss`).
@@ -17,7 +17,7 @@ DEFAULT_MOST = 20  # largest order that the automatic choice considers
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class SubspaceSettings:
     """Options of an identification.
 
     Attributes:

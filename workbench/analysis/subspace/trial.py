@@ -12,16 +12,16 @@ from workbench.analysis.subspace.horizon import (
     largest_order,
     within_excitation,
 )
-from workbench.analysis.subspace.settings import Settings
+from workbench.analysis.subspace.settings import SubspaceSettings
 from workbench.analysis.subspace.weightings import Projection, Subspace, project, subspace
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Trial", "first_trial", "look"]
+__all__ = ["HorizonView", "first_trial", "look"]
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class HorizonView:
     """A record seen through one horizon.
 
     Attributes:
@@ -39,7 +39,7 @@ class Trial:
     note: str = ""
 
 
-def first_trial(record: tuple[Floats, Floats], settings: Settings) -> Trial:
+def first_trial(record: tuple[Floats, Floats], settings: SubspaceSettings) -> HorizonView:
     """Return the first look, with a shorter horizon where the input does not excite the usual one.
 
     Args:
@@ -65,7 +65,7 @@ def first_trial(record: tuple[Floats, Floats], settings: Settings) -> Trial:
     return replace(look(record, shorter, settings), fixed=True, note=note)
 
 
-def look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Trial:
+def look(record: tuple[Floats, Floats], horizon: int, settings: SubspaceSettings) -> HorizonView:
     """Return what the record shows at a horizon.
 
     Args:
@@ -75,7 +75,7 @@ def look(record: tuple[Floats, Floats], horizon: int, settings: Settings) -> Tri
     """
     factor = factorise(*record, horizon)
     parts = project(factor)
-    return Trial(factor, parts, subspace(parts, settings.method, settings.weighting))
+    return HorizonView(factor, parts, subspace(parts, settings.method, settings.weighting))
 
 
 def _size(record: tuple[Floats, Floats]) -> tuple[int, int, int]:

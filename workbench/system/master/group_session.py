@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
-from workbench.session.base import Floats, Record, Snapshot
+from workbench.session.base import Floats, Recorded, Snapshot
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.me import MeSession
 from workbench.signals import Signal
@@ -23,7 +23,7 @@ class GroupSession(MeSession):
         signals: Mapping[str, Signal],
         record: Sequence[str] = (),
         points: Floats | None = None,
-    ) -> Record:
+    ) -> Recorded:
         found = super().advance(until, signals=signals, record=record, points=points)
         del self._calls[:-1]  # replay begins with the master
         return found

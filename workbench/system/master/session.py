@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Record
+from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
 from workbench.session.fmu import Setup
 from workbench.session.pauses import pause
@@ -51,7 +51,7 @@ class MasterSession(CsSession):
         if self._tolerance is not None:
             self.master.watch()
 
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Record:
+    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         rows = UndoableRows(self.instance, variables, self.forcing)
         with rows.kept():
             self._run(until, targets.tolist(), rows, new=new)
