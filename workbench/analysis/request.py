@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -34,12 +35,13 @@ from workbench.core.option import (
     asked_of,
     documented,
     option,
+    options_of,
     parts_of,
     put_together,
     recast,
     with_options,
 )
-from workbench.errors import StoppedError
+from workbench.errors import StoppedError, WorkbenchError
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
@@ -252,10 +254,35 @@ def function(
     kind: Any = request
     name = kind.called or kind.command.replace("-", "_")
     subject = kind.subject
-    made = with_options(
+    made: Any = with_options(
         request, _run, name=name, first=subject.first, optional=subject.optional, returns=_record_of(kind)
     )
+    made.command_line = partial(_line_of, kind)
     return with_origin(*kind.parts)(made)
+
+
+def _line_of(kind: type[Request[Any, Any]], given: Mapping[str, Any]) -> str:
+    """Return the command line of a call in Python; empty: a shell cannot say the same."""
+    values = dict(given)
+    subject: Any = values.pop(kind.subject.name, None)
+    recipe = getattr(subject, "recipe", None)
+    if not isinstance(recipe, Loading) or recipe.hold_inputs or getattr(recipe, "at", None) is not None:
+        return ""
+    if any(values.get(d.name) is not None for d in options_of(kind) if d.option.python and d.name != "progress"):
+        return ""
+    from workbench.origin.models import facts_of  # noqa: PLC0415 - it knows models
+
+    source = facts_of(subject).source
+    commands = named("workbench.analysis.commands:REQUESTS")
+    known = kind.command in commands and commands[kind.command].endswith(f":{kind.__name__}")
+    if not source or not known:  # as lin_over, which is a part of the command lin
+        return ""
+    tolerance = recipe.tolerance if kind.usual_tolerance is None else recipe.tolerance or subject.rtol
+    loading = recast(Loading, recipe, tolerance=tolerance)
+    try:
+        return command_line_of(kind(**values), source, loading)
+    except (AttributeError, TypeError, ValueError, WorkbenchError):  # a value that has no words
+        return ""
 
 
 def _record_of(request: type[Request[Any, Any]]) -> str:

@@ -56,11 +56,16 @@ def origin_of_call(
     return Origin(
         command=function.__name__,
         call=_call(function, given, models),
+        line=getattr(function, "command_line", _no_line)(given),
         models=tuple(_different(facts)),
         files={**files, **_files(given)},
         seconds=round(seconds, 3),
         notes=tuple(dict.fromkeys(note for m in models for note in m.notes)),
     )
+
+
+def _no_line(_: Mapping[str, Any]) -> str:
+    return ""
 
 
 def _models_in(value: object) -> list[Model]:

@@ -70,6 +70,7 @@ class Origin:
     Attributes:
         command: name of the command or function.
         call: the command line that makes it again, or the call in Python.
+        line: the command line that does the same as a call in Python; empty: none is known.
         models: what it was made on.
         files: name → SHA-256 of other files that were read.
         seconds: that it took; None: not known.
@@ -79,6 +80,7 @@ class Origin:
 
     command: str = ""
     call: str = ""
+    line: str = ""
     models: tuple[ModelFacts, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     seconds: float | None = None

@@ -44,6 +44,8 @@ def finished(page: Page, origin: Origin) -> Page:
     """
     name = "command" if origin.call.startswith("workbench ") else "call"
     command = {name: origin.call} if origin.call else {}
+    if origin.line and name == "call":
+        command["command"] = origin.line
     facts = {**page.facts, **_models(origin.models), **_files(origin.files), **_run(origin), **command}
     notes = dict.fromkeys([*page.notes, *origin.notes])
     return replace(
