@@ -9,6 +9,7 @@ import contextlib
 import doctest
 import inspect
 import math
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -20,12 +21,24 @@ SIGNALS = {"Constant", "Prbs", "Sine", "Step", "Table"}
 FUNCTIONS = {name for name in wb.__all__ if inspect.isfunction(getattr(wb, name)) and name[0].islower()}
 
 
+METHODS = {
+    f"{name}.{method}"
+    for name in wb.__all__
+    if inspect.isclass(known := getattr(wb, name))
+    for method, _ in inspect.getmembers(known, inspect.isfunction)
+    if method in vars(known)
+}
+
+
 def example_of(name: str) -> doctest.DocTest:
     names = {"wb": wb, "math": math}
-    return doctest.DocTestParser().get_doctest(inspect.getdoc(getattr(wb, name)) or "", names, name, name, 0)
+    return doctest.DocTestParser().get_doctest(inspect.getdoc(attrgetter(name)(wb)) or "", names, name, name, 0)
 
 
-@pytest.mark.parametrize("name", [n for n in wb.__all__ if n in FUNCTIONS | SIGNALS or example_of(n).examples])
+@pytest.mark.parametrize(
+    "name",
+    [n for n in (*wb.__all__, *sorted(METHODS)) if n in FUNCTIONS | SIGNALS or example_of(n).examples],
+)
 def test_example_of_a_docstring(name: str, tmp_path: Path) -> None:
     example = example_of(name)
     assert any(line.want for line in example.examples), f"{name}: its docstring has no example that shows a result"

@@ -12,9 +12,10 @@ import pytest
 import workbench as wb
 from tests.loop_models import S, transfer, unity
 from workbench.analysis.loop.crossings import gain_crossings, real_crossings
-from workbench.analysis.loop.margins import Margins, margins_of, peak
+from workbench.analysis.loop.margins import margins_of, peak
 from workbench.analysis.loop.request import loop
 from workbench.analysis.trim.request import trim
+from workbench.core.margins import Margins
 from workbench.errors import InputError
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent

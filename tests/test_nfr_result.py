@@ -15,7 +15,7 @@ from tests.fakes import FakeModel, Rows, SampledSession, lag, linear
 from workbench.analysis.nfr.frequency_grid import frequency_grid, geometric_band
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
-from workbench.core.response import follow_phase
+from workbench.core.decibels import follow_phase
 from workbench.errors import InputError, SimulationError
 from workbench.plotting.figure import save
 from workbench.session.base import Floats

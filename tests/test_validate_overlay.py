@@ -14,8 +14,8 @@ from workbench.analysis.lin.result import Intersample, LinResult
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.validate import Overlay, overlay
 from workbench.analysis.validate.pole_zero import near_cancellations
+from workbench.core.decibels import follow_phase
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.response import follow_phase
 from workbench.errors import InputError
 from workbench.plotting.identify import plot_order, plot_poles
 from workbench.session.base import Floats

@@ -53,7 +53,6 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.state_space import LinearModel
     from workbench.analysis.lin.step_check import StepCheck, step_check
     from workbench.analysis.lin.sweep import LinGrid, LinPoint
-    from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.request import loop
     from workbench.analysis.loop.result import LoopResult
     from workbench.analysis.modes.request import modes
@@ -85,7 +84,9 @@ if TYPE_CHECKING:
     from workbench.analysis.validate.validate import validate
     from workbench.build.export import ExportResult
     from workbench.core.linear import Linear, LinearPart
+    from workbench.core.margins import Margins
     from workbench.core.operating_point import OperatingPoint
+    from workbench.core.response import Response, ResponseDifference
     from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
     from workbench.model import FmuModel, Model, Variable
     from workbench.model.described import DescribedModel
@@ -191,6 +192,8 @@ __all__ = [
     "Prbs",
     "PrbsDesign",
     "Recorded",
+    "Response",
+    "ResponseDifference",
     "Session",
     "SettlingStudy",
     "Signal",
@@ -278,9 +281,10 @@ _HOMES = {
     "workbench.analysis.limit_cycle.request": ("limit_cycle",),
     "workbench.analysis.limit_cycle.result": ("LimitCycle", "LimitCycleResult", "SimulatedCycle"),
     "workbench.core.linear": ("Linear", "LinearPart"),
+    "workbench.core.response": ("Response", "ResponseDifference"),
     "workbench.analysis.nyquist.nyquist": ("nyquist",),
     "workbench.analysis.nyquist.result": ("Crossing", "NyquistResult"),
-    "workbench.analysis.loop.margins": ("Margins",),
+    "workbench.core.margins": ("Margins",),
     "workbench.analysis.loop.request": ("loop",),
     "workbench.analysis.loop.result": ("LoopResult",),
     "workbench.build.export": ("ExportResult",),

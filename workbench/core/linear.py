@@ -9,13 +9,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.matrices import Complex, Floats, balance, held, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
 from workbench.core.record import Part, entry
-from workbench.errors import InputError, SimulationError
+from workbench.core.response import Response
+from workbench.errors import InputError, SimulationError, suggest
 
 if TYPE_CHECKING:
     from typing import Self
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Complex", "Floats", "Linear", "LinearPart"]
 
+_EPS = float(np.finfo(np.float64).eps)
+_ROUNDED = 100.0  # what is below so many times its rounding bound is no response
+_LOOKED_AT = 50  # frequencies that show whether an input has an effect
 _SINGULAR = 1e-12  # 1 − gain·D below this: the loop has no solution
 _ON_AXIS = 1e-7  # poles so near the imaginary axis, relative to their size (or to 1 rad/s), count as on it
 _INFINITE = 1e12  # generalised eigenvalues beyond the largest pole times this are none
@@ -173,6 +177,74 @@ class Linear(Part):
             found = self.C @ resolvent(self.A, self.B, self.at_frequency(np.where(np.isinf(f), 0.0, f))) + self.D
         found[np.isinf(f)] = self.D
         return np.asarray(found, dtype=np.complex128)
+
+    def rounding(self, frequency_hz: ArrayLike) -> Floats:
+        """Return how large rounding alone may make the response, shape (k, q, m).
+
+        The states X solve (sI − A) X = B but for a residual of ε(|s||X| + |A||X| + |B|), which reaches the outputs
+        through C (sI − A)⁻¹; forming C X + D adds ε(|C||X| + |D|). Entry by entry, so that units do not matter.
+
+        Args:
+            frequency_hz: shape (k,), or one [Hz].
+
+        Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 7.2.
+        """
+        s = self.at_frequency(frequency_hz)
+        states = np.abs(resolvent(self.A, self.B, s))
+        outputs = np.abs(resolvent(self.A.T, self.C.T, s)).swapaxes(1, 2)
+        residual = np.abs(s)[:, None, None] * states + np.abs(self.A) @ states + np.abs(self.B)
+        return np.asarray(_EPS * (outputs @ residual + np.abs(self.C) @ states + np.abs(self.D)))
+
+    def vanishes(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether the response is zero, but for rounding, shape as that of `response`; False on a pole.
+
+        Args:
+            frequency_hz: shape (k,), or one [Hz].
+        """
+        value = self.response(frequency_hz)
+        return np.asarray(np.abs(value) <= _ROUNDED * self.rounding(frequency_hz).reshape(value.shape))
+
+    @property
+    def without_effect(self) -> tuple[tuple[str, str], ...]:
+        """Inputs and outputs, by name, between which the response vanishes at all frequencies around the poles."""
+        sizes = np.abs(self.continuous_poles) / (2.0 * np.pi)
+        known = sizes[(sizes > 0.0) & np.isfinite(sizes)]
+        low, high = (known.min() / 10.0, known.max() * 10.0) if len(known) else (0.1, 10.0)
+        high = min(high, 0.99 * self.highest_hz)
+        looked_at = np.geomspace(min(low, high / 100.0), high, _LOOKED_AT)
+        outputs, inputs = np.nonzero(np.all(self.vanishes(looked_at).reshape(-1, *self.D.shape), axis=0))
+        return tuple((self.input_names[j], self.output_names[i]) for i, j in zip(outputs, inputs, strict=True))
+
+    def curve(self, input: int | str, output: int | str, frequencies: ArrayLike) -> Response:
+        """Return the frequency response from one input to one output with its names and units.
+
+        Where it is zero but for rounding it is 0.
+
+        Args:
+            input: name or number of the input.
+            output: name or number of the output.
+            frequencies: rising [Hz].
+
+        Raises:
+            InputError: no such input or output.
+
+        Example:
+        >>> import workbench as wb
+        >>> plant = wb.Linear(
+        ...     A=[[0.0, 1.0], [-4.0, -0.4]], B=[[0.0], [4.0]], C=[[1.0, 0.0]], D=[[0.0]],
+        ...     input_names=("force",), output_names=("position",),
+        ... )
+        >>> curve = plant.curve("force", "position", [2.0 / 6.283185307])
+        >>> curve.gain.round(3).tolist(), curve.phase_deg.round(3).tolist()
+        ([5.0], [-90.0])
+        """
+        j, i = (_number_of(k, given, self) for k, given in (("input", input), ("output", output)))
+        part, f = self.part(j, i), np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
+        (source,), (target,) = part.input_names or ("",), part.output_names or ("",)
+        return Response(
+            f, np.where(part.vanishes(f), 0.0, part.response(f)), input=source, output=target,
+            input_unit=self.units.get(source), output_unit=self.units.get(target),
+        )  # fmt: skip
 
     def part(self, input: int = 0, output: int = 0, *, sign: float = 1.0) -> LinearPart:
         """Return what leads from one input to one output.
@@ -482,6 +554,18 @@ def _shaped(value: ArrayLike, shape: tuple[int, int], name: str) -> Floats:
         had = " × ".join(map(str, found.shape)) or "a single number"
         raise InputError(f"matrix {name} must be {shape[0]} × {shape[1]}, not {had}")
     return found.reshape(shape)
+
+
+def _number_of(kind: str, given: int | str, model: Linear) -> int:
+    names: tuple[str, ...] = getattr(model, f"{kind}_names")
+    known = model.D.shape[kind == "input"]
+    if isinstance(given, str):
+        if given not in names:
+            raise InputError(f"the linear model has no {kind} '{given}'; {suggest(given, names)}")
+        return names.index(given)
+    if not 0 <= given < known:
+        raise InputError(f"the linear model has {known} {kind}s, numbered from 0; there is no number {given}")
+    return given
 
 
 def _realised(system: Any) -> Any:  # noqa: ANN401 - python-control has no types

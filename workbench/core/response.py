@@ -3,85 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.core.decibels import decibels, difference, follow_phase, known, unwrapped
+from workbench.core.margins import UNKNOWN, GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.core.matrices import Complex, Floats
+from workbench.errors import InputError
 
-__all__ = ["Response", "decibels", "degrees", "difference", "follow_phase", "unwrapped"]
+if TYPE_CHECKING:
+    from control import FrequencyResponseData
 
-# A jump of the phase by more than this upwards is a turn of −360° (1.74533 rad in the source report).
-_JUMP_DEG = 100.0
+__all__ = ["Response", "ResponseDifference"]
+
 _SAME = 1e-12  # log frequencies that differ by less are one
-
-
-def decibels(values: ArrayLike) -> Floats:
-    """Return 20·log10|v| [dB], same shape; −inf for 0.
-
-    Args:
-        values: real or complex, of any shape.
-    """
-    with np.errstate(divide="ignore"):
-        return np.asarray(20.0 * np.log10(np.abs(values)), dtype=np.float64)
-
-
-def degrees(values: ArrayLike) -> Floats:
-    """Return the angles in (−180°, 180°] [deg], same shape.
-
-    Args:
-        values: complex, of any shape.
-    """
-    return np.asarray(np.degrees(np.angle(np.asarray(values, dtype=np.complex128))), dtype=np.float64)
-
-
-def follow_phase(value: Complex) -> Floats:
-    """Return the phase followed along rising frequency [deg], shape (k,); NaN for NaN and 0, which are passed over.
-
-    Of all angles φ + n·360° the one in (last − 260°, last + 100°] is taken, last being the phase of the point before,
-    0 at first. That is the published rule, an upward jump of more than 100° means one turn down, carried on over
-    several turns and made single-valued in the other direction.
-
-    Args:
-        value: of the response, shape (k,).
-    """
-    return _phase(value, lambda a: a - 360.0 * np.cumsum(np.ceil((np.diff(a, prepend=0.0) - _JUMP_DEG) / 360.0)))
-
-
-def unwrapped(value: Complex) -> Floats:
-    """Return the phase without jumps of more than 180° [deg], shape (k,); NaN for NaN and 0, which are passed over.
-
-    For curves so dense that none of their steps is a turn.
-
-    Args:
-        value: of the response, shape (k,).
-    """
-    return _phase(value, lambda a: np.unwrap(a, period=360.0))
-
-
-def _phase(value: Complex, rule: Callable[[Floats], Floats]) -> Floats:
-    phase, known = np.full(np.shape(value), np.nan), _known(value)
-    phase[known] = rule(degrees(value[known]))
-    return phase
-
-
-def _known(value: Complex) -> NDArray[np.bool_]:
-    return np.asarray(np.isfinite(value) & (value != 0.0))
-
-
-def difference(one: ArrayLike, other: ArrayLike) -> tuple[Floats, Floats]:
-    """Return by how much gain [dB] and phase, within ±180 [deg], of two responses differ; NaN where one has none.
-
-    Args:
-        one: of any shape.
-        other: what is taken off, of the same shape.
-    """
-    with np.errstate(all="ignore"):
-        ratio = np.asarray(one, dtype=np.complex128) / np.asarray(other, dtype=np.complex128)
-    ratio = np.where(_known(ratio), ratio, np.nan)
-    return decibels(ratio), degrees(ratio)
+_COMMON = 1e-9  # relative: frequencies of two responses that are one, also after a file of 10 digits
+_FINE = 24  # looked at between two neighbouring frequencies
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +34,39 @@ class Response:
 
     Attributes:
         frequency_hz: rising, shape (k,) [Hz].
-        value: shape (k,); NaN where there is none.
+        value: output over input, shape (k,) [output_unit / input_unit]; NaN where there is none, 0 where the input
+            does not move the output.
+        error: of the value, relative to the true one, as a complex number's magnitude, with 95 % confidence, shape
+            (k,), NaN where it is not known; None: of a linear model, which is taken as exact.
+        input, output: names; "": not known.
+        input_unit, output_unit: units; None: not known.
+        amplitude: of the sine at which it was measured [input_unit]; None: it is linear.
+
+    Example:
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> integrator = wb.Linear(A=[[0.0]], B=[[1.0]], C=[[1.0]], D=[[0.0]])
+    >>> curve = integrator.curve(0, 0, np.array([0.5, 5.0]) / np.pi)
+    >>> curve.gain_db.round(3).tolist(), curve.phase_deg.round(3).tolist()
+    ([0.0, -20.0], [-90.0, -90.0])
+    >>> f"{curve.margins().phase_margin_deg:.1f}"
+    '90.0'
     """
 
     frequency_hz: Floats
     value: Complex
+    error: Floats | None = None
+    _: KW_ONLY
+    input: str = ""
+    output: str = ""
+    input_unit: str | None = None
+    output_unit: str | None = None
+    amplitude: float | None = None
+
+    @property
+    def gain(self) -> Floats:
+        """Magnitude, shape (k,) [output_unit / input_unit]."""
+        return np.abs(self.value)
 
     @property
     def gain_db(self) -> Floats:
@@ -106,15 +75,18 @@ class Response:
 
     @property
     def phase_deg(self) -> Floats:
-        """Phase followed along the frequency, shape (k,) [deg]."""
+        """Phase followed along the frequency, shape (k,) [deg]; it begins in (−260°, 100°], and NaN is where none is.
+
+        An upward jump of more than 100° between two frequencies is taken for a turn down.
+        """
         return follow_phase(self.value)
 
     @cached_property
     def _log(self) -> tuple[Floats, Complex]:
         """Log of the frequency, and of the values with their phase unwrapped, where they have any."""
-        known = _known(self.value)
-        phase = np.radians(unwrapped(self.value[known]))
-        return np.log(self.frequency_hz[known]), np.asarray(np.log(np.abs(self.value[known])) + 1j * phase)
+        has = known(self.value)
+        phase = np.radians(unwrapped(self.value[has]))
+        return np.log(self.frequency_hz[has]), np.asarray(np.log(np.abs(self.value[has])) + 1j * phase)
 
     def between(self, frequency_hz: ArrayLike) -> Complex:
         """Return the interpolated response, shape of the frequencies; NaN outside of the first and the last value.
@@ -134,16 +106,19 @@ class Response:
         return made
 
     def finer(self, times: int) -> Response:
-        """Return the interpolated response at further frequencies between neighbours.
+        """Return the interpolated response at further frequencies between neighbours, without errors.
 
         Args:
             times: into so many parts each interval is divided.
         """
         x, log = self._log
         if len(x) < 2:
-            return Response(np.exp(x), np.exp(log))
+            return self._with(np.exp(x), np.exp(log))
         fine = np.append((x[:-1, None] + np.diff(x)[:, None] * np.arange(times) / times).ravel(), x[-1])
-        return Response(np.exp(fine), self.between(np.exp(fine)))
+        return self._with(np.exp(fine), self.between(np.exp(fine)))
+
+    def _with(self, frequency_hz: Floats, value: Complex) -> Response:
+        return replace(self, frequency_hz=frequency_hz, value=value, error=None)
 
     def gain_crossings(self) -> list[float]:
         """Return the frequencies at which the interpolated gain is 1, rising [Hz]."""
@@ -164,6 +139,79 @@ class Response:
             found.append((f, bool(after < before)))  # seen from −180° a rising angle leads below the axis
         return sorted(found)
 
+    def margins(self) -> Margins:
+        """Return the margins of this loop transfer L, closed by negative feedback: 1/(1 + L).
+
+        Gain and phase are interpolated between the frequencies; only what lies between the lowest and the highest is
+        seen. Whether the closed loop is stable cannot be read off a curve: the verdict is "unknown".
+        """
+        grid, L = (finer := self.finer(_FINE)).frequency_hz, finer.value
+        s, difference, t = (np.abs(x) for x in (1.0 / (1.0 + L), (1.0 - L) / (1.0 + L), L / (1.0 + L)))
+        at = {name: _top(grid, x) for name, x in (("s", s), ("d", difference), ("t", t))}
+        return Margins(
+            verdict=UNKNOWN,
+            words="whether the closed loop is stable is not known from a curve alone",
+            phase_crossovers=tuple(
+                PhaseCrossover(f, 1.0 / abs(complex(self.between(f))), up) for f, up in self.phase_crossings()
+            ),
+            gain_crossovers=tuple(GainCrossover.of(f, complex(self.between(f))) for f in self.gain_crossings()),
+            disk=disk_of(*at["d"]) if len(grid) else None,
+            peak_sensitivity=at["s"][0],
+            peak_sensitivity_hz=at["s"][1],
+            peak_complementary=at["t"][0],
+            peak_complementary_hz=at["t"][1],
+            everywhere=False,
+        )
+
+    def difference(self, other: Response) -> ResponseDifference:
+        """Return by how much this response differs from another, at the frequencies that both have.
+
+        Args:
+            other: what is taken off.
+
+        Raises:
+            InputError: they have no frequency in common.
+
+        Example:
+        >>> import numpy as np
+        >>> import workbench as wb
+        >>> plant = wb.Linear(A=[[-1.0]], B=[[1.0]], C=[[1.0]], D=[[0.0]])
+        >>> found = wb.Response(np.array([0.1, 1.0]), 2.0 * plant.curve(0, 0, [0.1, 1.0]).value)
+        >>> found.difference(plant.curve(0, 0, [0.01, 0.1, 1.0])).gain_db.round(2).tolist()
+        [6.02, 6.02]
+        """
+        near = np.isclose(self.frequency_hz[:, None], other.frequency_hz, rtol=_COMMON, atol=0.0)
+        mine, its = np.nonzero(near)
+        if not len(mine):
+            raise InputError(
+                "the responses have no frequency in common; compute or measure one at the `frequency_hz` of the other"
+            )
+        gain, phase = difference(self.value[mine], other.value[its])
+        error = np.hypot(_error(self)[mine], _error(other)[its])
+        return ResponseDifference(self.frequency_hz[mine], gain, phase, error)
+
+    def to_frd(self, *, name: str | None = None) -> FrequencyResponseData:
+        """Return the response for python-control; points without a value are left out.
+
+        Args:
+            name: name of the system.
+
+        Raises:
+            InputError: no point has a value.
+        """
+        import control  # noqa: PLC0415 - slow to import, and needed here only
+
+        good = np.isfinite(self.value)
+        if not np.any(good):
+            measured = "" if self.amplitude is None else f" at amplitude {self.amplitude:g}"
+            why = "; the result's `failed` says why" if measured else ""
+            raise InputError(f"no point of the response{measured} has a value{why}")
+        omega_rad_s = 2.0 * np.pi * self.frequency_hz[good]
+        named = {"inputs": self.input, "outputs": self.output, "name": name}
+        given = {key: value for key, value in named.items() if value}
+        frd: FrequencyResponseData = control.frd(self.value[good], omega_rad_s, **given)
+        return frd
+
     def _roots(self, y: Floats, level: float) -> list[float]:
         x, v = self._log[0], y - level
         if len(x) < 2:
@@ -179,3 +227,43 @@ def _root(between: Callable[[ArrayLike], Floats], a: float, b: float) -> float:
 
     ends = [end for end in (a, b) if float(between(end)) == 0.0]
     return ends[0] if ends else float(brentq(lambda x: float(between(x)), a, b, xtol=1e-12))
+
+
+def _top(grid: Floats, values: Floats) -> tuple[float, float]:
+    if not len(grid):
+        return np.nan, np.nan
+    k = int(np.argmax(values))
+    return float(values[k]), float(grid[k])
+
+
+def _error(response: Response) -> Floats:
+    return np.zeros(len(response.value)) if response.error is None else response.error
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseDifference:
+    """One frequency response less another.
+
+    Attributes:
+        frequency_hz: frequencies that both have, shape (k,) [Hz].
+        gain_db: difference of the gains, shape (k,) [dB]; NaN where one of both has none.
+        phase_deg: difference of the phases, within ±180, shape (k,) [deg]; NaN where one of both has none.
+        error: of the quotient of both responses, relative, shape (k,): both errors, which are independent, as the
+            root of the sum of their squares; NaN where one is not known.
+    """
+
+    frequency_hz: Floats
+    gain_db: Floats
+    phase_deg: Floats
+    error: Floats
+
+    @property
+    def gain_error_db(self) -> Floats:
+        """How far the difference of the gains may be off, shape (k,) [dB]; infinite for errors of 1 and more."""
+        return -decibels(np.maximum(1.0 - self.error, 0.0))
+
+    @property
+    def phase_error_deg(self) -> Floats:
+        """How far the difference of the phases may be off, shape (k,) [deg]; 180 for errors of 1 and more."""
+        inside = np.degrees(np.arcsin(np.minimum(self.error, 1.0)))
+        return np.where(self.error >= 1.0, 180.0, inside)

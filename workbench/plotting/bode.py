@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
 
-from workbench.core.response import decibels
+from workbench.core.decibels import decibels
 from workbench.plotting.figure import COLOURS, LEGEND, label, rows
 from workbench.plotting.response import plain_decades
 from workbench.session.base import Floats

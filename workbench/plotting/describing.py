@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.core.response import degrees
+from workbench.core.decibels import degrees
 from workbench.plotting.figure import ABOVE, COLOURS, panels
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator
 
-from workbench.core.response import decibels, degrees, unwrapped
+from workbench.core.decibels import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, label, panels
 from workbench.plotting.response import plain_decades

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
-from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
@@ -33,7 +32,7 @@ def plot_lin(result: LinResult) -> Figure:
     """
     figure, axes = rows(3, title=f"{result.model}: linear model by {result.method}")
     frequency = frequency_band([result])
-    response = result.response(frequency)
+    nothing = set(result.without_effect)
     # The step response has an axis of its own.
     axes[2].remove()
     step = figure.add_subplot(3, 1, 3)
@@ -42,10 +41,10 @@ def plot_lin(result: LinResult) -> Figure:
     for j, source in enumerate(result.input_names):
         for i, target in enumerate(result.output_names):
             style = _style(i, j)
-            draw_response(axes[0], axes[1], Response(frequency, response[:, i, j]), **style)
+            draw_response(axes[0], axes[1], result.curve(j, i, frequency), **style)
             draw: Any = step.step if result.dt > 0.0 else step.plot
             extra = {"where": "post"} if result.dt > 0.0 else {}
-            draw(time, outputs[:, i, j], label=f"{source} → {target}", **style, **extra)
+            draw(time, outputs[:, i, j], label=_name(source, target, nothing), **style, **extra)
     _finish(axes, frequency)
     axes[1].tick_params(labelbottom=True)
     step.set_xlabel("time [s]")
@@ -67,7 +66,7 @@ def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:
     frequency = frequency_band(results)
     for number, (label, result) in enumerate(named):
         style = {**_style(number, number // len(COLOURS)), "label": label}
-        draw_response(axes[0], axes[1], Response(frequency, result.response(frequency)[:, 0, 0]), **style)
+        draw_response(axes[0], axes[1], result.curve(0, 0, frequency), **style)
     _finish(axes, frequency)
     if named:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
@@ -94,6 +93,10 @@ def _corners(result: LinResult) -> list[float]:
 
 def _style(i: int, j: int) -> dict[str, Any]:
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": _DASHES[j % len(_DASHES)], "linewidth": 1.3}
+
+
+def _name(source: str, target: str, without_effect: Container[tuple[str, str]]) -> str:
+    return f"{source} → {target}{': no effect' if (source, target) in without_effect else ''}"
 
 
 def _finish(axes: Sequence[Axes], frequency: Floats) -> None:

@@ -13,14 +13,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MultipleLocator, NullFormatter
 
-from workbench.core.response import Response, decibels
+from workbench.core.decibels import decibels
+from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, LEGEND, LINE, panels
 from workbench.plotting.response import draw_response, plain_decades
 
 if TYPE_CHECKING:
-    from workbench.analysis.loop.margins import Margins
     from workbench.analysis.loop.result import LoopResult
     from workbench.core.linear import Complex
+    from workbench.core.margins import Margins
     from workbench.session.base import Floats
 
 __all__ = ["plot_loop"]

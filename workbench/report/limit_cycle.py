@@ -9,7 +9,7 @@ from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.core.response import degrees
+from workbench.core.decibels import degrees
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number, sampled_rows
 from workbench.report.tones import Verdict

@@ -61,9 +61,11 @@ def _motion(result: LinResult) -> list[str]:
 
 def _facts(result: LinResult) -> dict[str, str]:
     calls = ", ".join(f"{n} {kind}" for kind, n in result.calls.items())
+    nothing = "; ".join(f"{source} → {target}" for source, target in result.without_effect)
     return {
         "inputs → outputs": f"{', '.join(result.input_names)} → {', '.join(result.output_names)}",
         "method": f"{result.method} ({result.why})",
+        **({"no effect": nothing} if nothing else {}),
         **({"model calls": calls} if calls else {}),
     }
 

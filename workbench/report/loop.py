@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.result import LoopResult
-from workbench.core.response import decibels, degrees
+from workbench.core.decibels import decibels, degrees
+from workbench.core.margins import Margins
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, number, pole_table
 from workbench.report.tones import Verdict

@@ -13,7 +13,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
-from workbench.core.response import decibels, degrees
+from workbench.core.decibels import decibels, degrees
 from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.plotting.response import plain_decades
 from workbench.plotting.time_history import time_history

@@ -9,7 +9,7 @@ from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
-from workbench.core.response import degrees
+from workbench.core.decibels import degrees
 from workbench.plotting.time_history import time_history
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction

@@ -19,7 +19,7 @@ from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
 from workbench.analysis.validate import Overlay, overlay
-from workbench.core.response import difference
+from workbench.core.decibels import difference
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction

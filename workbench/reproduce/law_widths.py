@@ -13,7 +13,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
-from workbench.core.response import degrees
+from workbench.core.decibels import degrees
 from workbench.model import Model
 from workbench.signals import Sine
 from workbench.system.load import load

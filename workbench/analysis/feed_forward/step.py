@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.core.decibels import difference
 from workbench.core.record import Part
-from workbench.core.response import difference
 
 __all__ = ["FilterStep", "Judge"]
 

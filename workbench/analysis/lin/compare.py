@@ -19,13 +19,13 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, make_task, open_base
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
+from workbench.core.decibels import difference
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part, Record, entry
-from workbench.core.response import difference
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats

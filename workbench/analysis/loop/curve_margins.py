@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from workbench.analysis.loop.margins import GainCrossover, Margins, PhaseCrossover, disk_of
-from workbench.analysis.loop.stability import BORDER, STABLE, UNKNOWN, UNSTABLE, Stability
+from workbench.analysis.loop.stability import Stability
 from workbench.core.linear import Complex
+from workbench.core.margins import BORDER, STABLE, UNKNOWN, UNSTABLE, Margins, PhaseCrossover
 from workbench.core.response import Response
 from workbench.session.base import Floats
 
 __all__ = ["curve_margins"]
-
-_FINE = 24  # looked at between two neighbouring frequencies
 
 
 def curve_margins(
@@ -30,32 +28,10 @@ def curve_margins(
         linear: margins of the linear loop at the operating point, if known.
         stability: of that loop.
     """
-    curve = Response(frequency_hz, value)
-    phase = tuple(PhaseCrossover(f, 1.0 / abs(complex(curve.between(f))), up) for f, up in curve.phase_crossings())
-    verdict, words = _verdict(phase, frequency_hz, linear, stability)
-    grid, fine = (finer := curve.finer(_FINE)).frequency_hz, finer.value
-    s, difference, t = (np.abs(x) for x in (1.0 / (1.0 + fine), (1.0 - fine) / (1.0 + fine), fine / (1.0 + fine)))
-    at = {name: _top(grid, x) for name, x in (("s", s), ("d", difference), ("t", t))}
-    stable = verdict in (STABLE, UNKNOWN) and len(grid) > 0
-    return Margins(
-        verdict=verdict,
-        words=words,
-        phase_crossovers=phase,
-        gain_crossovers=tuple(GainCrossover.of(f, complex(curve.between(f))) for f in curve.gain_crossings()),
-        disk=disk_of(*at["d"]) if stable else None,
-        peak_sensitivity=at["s"][0],
-        peak_sensitivity_hz=at["s"][1],
-        peak_complementary=at["t"][0],
-        peak_complementary_hz=at["t"][1],
-        everywhere=False,
-    )
-
-
-def _top(grid: Floats, values: Floats) -> tuple[float, float]:
-    if not len(grid):
-        return np.nan, np.nan
-    k = int(np.argmax(values))
-    return float(values[k]), float(grid[k])
+    found = Response(frequency_hz, value).margins()
+    verdict, words = _verdict(found.phase_crossovers, frequency_hz, linear, stability)
+    disk = found.disk if verdict in (STABLE, UNKNOWN) else None
+    return replace(found, verdict=verdict, words=words, disk=disk)
 
 
 def _verdict(

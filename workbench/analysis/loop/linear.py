@@ -12,12 +12,13 @@ from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
-from workbench.analysis.loop.margins import Margins, margins_of
+from workbench.analysis.loop.margins import margins_of
 from workbench.analysis.loop.stability import Stability, stability_of
+from workbench.core.decibels import unwrapped
 from workbench.core.linear import Complex, LinearPart
+from workbench.core.margins import Margins
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part, entry
-from workbench.core.response import unwrapped
 from workbench.session.base import Floats
 
 __all__ = ["MANY", "LinearLoop", "linear_loop"]

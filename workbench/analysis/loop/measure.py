@@ -14,11 +14,11 @@ from workbench.analysis.loop.curve_margins import curve_margins
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.analysis.loop.injecting import injected
 from workbench.analysis.loop.linear import LinearLoop
-from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.core.job import Job
+from workbench.core.margins import Margins
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers
 

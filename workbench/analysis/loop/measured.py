@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.analysis.loop.margins import Margins
+from workbench.core.decibels import degrees
 from workbench.core.linear import Complex
+from workbench.core.margins import Margins
 from workbench.core.record import Part
-from workbench.core.response import degrees
 from workbench.session.base import Floats
 
 __all__ = ["LoopCurve", "LoopPoint"]

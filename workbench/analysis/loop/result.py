@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.analysis.loop.linear import MANY, LinearLoop
-from workbench.analysis.loop.margins import Margins
 from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.place import Opening
+from workbench.core.decibels import decibels, degrees
+from workbench.core.margins import Margins
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, entry
-from workbench.core.response import decibels, degrees
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

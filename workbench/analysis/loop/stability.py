@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.linear import Complex, LinearPart
+from workbench.core.margins import BORDER, STABLE, UNSTABLE
 from workbench.core.poles import sides
 from workbench.core.record import Part, entry
 
 __all__ = ["Stability", "stability_of"]
-
-STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unknown"
 
 _RELATIVE = 1e-7  # of a pole's size (of 1 for sampled ones): what its distance from the border is known to
 _SAME = 1e-6  # an open and a closed pole as near as this, relative, are one

@@ -16,9 +16,10 @@ from workbench.analysis.nfr.jumps import jumps
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
 from workbench.analysis.nfr.zero_input import ZeroInput
+from workbench.core.decibels import decibels, follow_phase
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, drawn, entry, numbers
-from workbench.core.response import decibels, follow_phase
+from workbench.core.response import Response
 from workbench.errors import InputError
 from workbench.model import Model, Variable
 from workbench.session.base import Floats
@@ -203,16 +204,28 @@ class NfrResult(Record):
         Raises:
             InputError: this amplitude was not measured, or no point of it has a value.
         """
-        import control  # noqa: PLC0415 - slow to import, and needed here only
+        return self.curve(amplitude).to_frd(name=_identifier(self.model))
 
-        row = self.response[self._row(amplitude)]
-        good = np.isfinite(row)
-        if not np.any(good):
-            raise InputError(f"no point at amplitude {amplitude} has a value; see `failed`")
-        omega_rad_s = 2.0 * np.pi * self.frequency_hz[good]
-        names = {"inputs": [self.input], "outputs": [self.output], "name": _identifier(self.model)}
-        frd: FrequencyResponseData = control.frd(row[good], omega_rad_s, **names)
-        return frd
+    def curve(self, amplitude: float | None = None) -> Response:
+        """Return the response at one amplitude: gain, phase, errors, margins, differences.
+
+        Args:
+            amplitude: [unit of the input]; may be left out where there is only one.
+
+        Raises:
+            InputError: this amplitude was not measured.
+
+        Example:
+        >>> import workbench as wb
+        >>> found = wb.nfr(wb.load("fmu:Rudder"), "delC", "del", [1.0, 2.0], [1.0])
+        >>> found.curve(amplitude=1.0).gain_db.round(1).tolist()
+        [-0.3, -1.0]
+        """
+        row = self._row(amplitude)
+        return Response(
+            self.frequency_hz, self.response[row], self.error[row], input=self.input, output=self.output,
+            input_unit=self.input_unit, output_unit=self.output_unit, amplitude=float(self.amplitude[row]),
+        )  # fmt: skip
 
     def _row(self, amplitude: float | None) -> int:
         known = ", ".join(f"{a:g}" for a in self.amplitude)

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.analysis.harmonics import NOTHING
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
@@ -118,6 +117,7 @@ class Forced:
         response: output over input, complex.
         sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
             small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
+        vanishes: whether the response is zero, but for rounding.
         terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
         states: complex amplitudes X of the states, shape (n,).
         phi: e^(AT), shape (n, n).
@@ -127,6 +127,7 @@ class Forced:
 
     response: complex
     sensitivity: float
+    vanishes: bool
     terms: float
     states: Complex
     phi: Floats
@@ -139,10 +140,8 @@ class Forced:
         part, period = start.part, 1.0 / frequency
         n, at = len(part.A), part.at_frequency(frequency)
         if n == 0:
-            none = np.zeros(0)
-            return cls(
-                complex(part.d), 0.0, abs(part.d), none.astype(np.complex128), np.zeros((0, 0)), np.zeros((3, 0)), none
-            )
+            none, flat = np.zeros(0), (np.zeros((0, 0)), np.zeros((3, 0)))
+            return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none)
         forced = part.states_at(frequency)[0]
         twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
         response = complex(part.c @ forced) + part.d
@@ -152,12 +151,7 @@ class Forced:
         rows = np.array([part.c @ integral / period, first.real, first.imag])
         sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
-        return cls(response, sensitivity, terms, forced, phi, rows, start.rest)
-
-    @property
-    def vanishes(self) -> bool:
-        """Whether the response is zero, but for rounding."""
-        return abs(self.response) <= NOTHING * self.terms
+        return cls(response, sensitivity, bool(part.vanishes(frequency)[0]), terms, forced, phi, rows, start.rest)
 
 
 @dataclass(eq=False)

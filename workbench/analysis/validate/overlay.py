@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
+from workbench.core.decibels import decibels, degrees, difference
 from workbench.core.record import Record, entry
-from workbench.core.response import decibels, degrees, difference
 from workbench.errors import InputError, suggest
 from workbench.origin import with_origin
 from workbench.session.base import Floats

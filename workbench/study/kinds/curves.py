@@ -12,9 +12,9 @@ import numpy as np
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.validate.overlay import sine_response
+from workbench.core.decibels import decibels, unwrapped
 from workbench.core.matrices import Complex, Floats
 from workbench.core.poles import continuous, natural_frequency_hz, vanished
-from workbench.core.response import decibels, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.study.kinds.base import NotMeasured, Result
 
