@@ -177,6 +177,9 @@ NO_TABLE = {
     "NoDelays", "SubspaceEstimate", "SystemInfo",
 }  # fmt: skip
 
+# What a file does not hold: of each gain the curve that a picture shows, whose block is not in the file either.
+NOT_IN_FILES = {("CyclesLeft", "curve")}
+
 PARTS = all_parts()
 RECORDS = [kind for kind in PARTS if issubclass(kind, Record)]
 
@@ -190,7 +193,10 @@ def assert_same(found: Any, expected: Any, where: str) -> None:
     if is_dataclass(expected):
         assert type(found) is type(expected), where
         for declared in fields(expected):
-            assert_same(getattr(found, declared.name), getattr(expected, declared.name), f"{where}.{declared.name}")
+            held = getattr(expected, declared.name)
+            if (type(expected).__name__, declared.name) in NOT_IN_FILES:
+                held = declared.default
+            assert_same(getattr(found, declared.name), held, f"{where}.{declared.name}")
     elif isinstance(expected, np.ndarray):
         assert found.dtype == expected.dtype, where
         np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=where)

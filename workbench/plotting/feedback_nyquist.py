@@ -52,12 +52,15 @@ def plot_cycles(result: FeedbackResult) -> Figure:
     """
     if not result.cycles:
         raise InputError(f"{result.model}: no nonlinear block was analysed, so there are no cycles to draw")
+    if all(left.curve is None for left in result.cycles):
+        raise InputError(f"{result.model}: the file does not hold the curves of the cycles; run feedback again")
     title = f"{result.model}: what {result.block} sees, with feedback of {result.source}"
     figure, grid = panels(2, 2, title=title, width=10.0, height=3.6)
-    chosen = [result.cycles[i] for i in np.unique(np.linspace(0, len(result.cycles) - 1, _VIEWS).astype(int)).tolist()]
+    curves = [(left, left.curve) for left in result.cycles if left.curve is not None]
+    chosen = [curves[i] for i in np.unique(np.linspace(0, len(curves) - 1, _VIEWS).astype(int)).tolist()]
     axes = [ax for row in grid for ax in row]
-    for ax, left in zip(axes, chosen, strict=False):
-        draw_plane(ax, left.curve, reach=_reach(left.curve))
+    for ax, (left, curve) in zip(axes, chosen, strict=False):
+        draw_plane(ax, curve, reach=_reach(curve))
         ax.set_title(f"gain {left.gain:.4g}: {left.words}", loc="left", fontsize=9.0)
     axes[0].legend(**{**LEGEND, "loc": "best"})
     for ax in axes[len(chosen) :]:

@@ -93,11 +93,12 @@ def _cycles(result: FeedbackResult) -> list[Section]:
         gains = [c.gain for c in same]
         span = f"{gains[0]:.5g}" if len(gains) == 1 else f"{len(gains)}: {gains[0]:.5g} … {gains[-1]:.5g}"
         rows.append((span, str(small), str(large), words))
+    drawable = any(c.curve is not None for c in result.cycles)
     headings = ("gains", "unstable poles, small amplitude", "large amplitude", "remaining cycles")
     return [
         Section(
             f"Limit cycles that {result.block} leaves",
-            figures=[(result.plot_cycles, "Nyquist curves seen by the nonlinear block.")],
+            figures=[(result.plot_cycles, "Nyquist curves seen by the nonlinear block.")] if drawable else [],
             tables=[Table(headings, rows, right=(0, 1, 2))],
         )
     ]

@@ -13,7 +13,7 @@ from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
 from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
 from workbench.analysis.feedback.fixed import fixed_modes
 from workbench.analysis.feedback.gains import Interval, count_poles, crossings, intervals, stable_gains
-from workbench.analysis.feedback.locus import fastest, locus, shown_gains
+from workbench.analysis.feedback.locus import fastest
 from workbench.analysis.feedback.place import SEEN, FeedbackPath, find_place
 from workbench.analysis.feedback.request import Feedback, Range, quantity
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
@@ -127,7 +127,6 @@ class _Work:
         middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
         ends = [2.0 * c.gain for c in every] or [1.0, -1.0]
         stable = stable_gains(parts, self.limits)
-        low, high = shown_gains(stable, every, self.limits)
         frequency, response = curve(plant, [c.frequency_hz for c in every])
         model = self.place.model
         return FeedbackResult(
@@ -146,7 +145,6 @@ class _Work:
             unstable_open=count_poles(plant, 0.0)[0],
             fixed=fixed_modes(plant, [*middles, *ends]),
             fastest=tuple(fastest(plant, *_finite(pair)) for pair in stable),
-            locus=locus(plant, low, high, also=[c.gain for c in every]),
             frequency_hz=frequency,
             response=response,
             notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator), *_doubts(parts)])),

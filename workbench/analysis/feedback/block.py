@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,7 @@ from workbench.analysis.nyquist.nyquist import nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.analysis.opened import find_ports, without_block
 from workbench.core.linear import LinearPart
-from workbench.core.record import Part
+from workbench.core.record import Part, entry
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
@@ -38,14 +38,15 @@ class CyclesLeft(Part):
         cycles: crossings of the linear part with −1/N(A) to which an amplitude belongs, rising in frequency.
         unstable_small: poles in the right half-plane with the block's gain at the smallest amplitude looked at.
         unstable_large: the same at the largest.
-        curve: the Nyquist curve of the linear part, from the block's output to its input, the feedback closed.
+        curve: the Nyquist curve of the linear part, from the block's output to its input, the feedback closed; None:
+            read from a file, which does not hold it.
     """
 
     gain: float
     cycles: tuple[Crossing, ...]
     unstable_small: int
     unstable_large: int
-    curve: NyquistResult
+    curve: NyquistResult | None = field(default=None, metadata=entry(kept=False))
 
     @property
     def words(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
@@ -11,7 +11,6 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 from workbench.analysis.feedback.gains import Crossing
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.poles import continuous, damped_frequency_hz
-from workbench.core.record import entry
 from workbench.session.base import Floats
 
 __all__ = ["Fastest", "Locus", "fastest", "locus", "shown_gains"]
@@ -34,7 +33,7 @@ class Locus:
     """
 
     gains: Floats
-    poles: Complex = field(metadata=entry(dims=("gains", "pole")))
+    poles: Complex
     growth: Floats
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.feedback.block import CyclesLeft
 from workbench.analysis.feedback.gains import Crossing
-from workbench.analysis.feedback.locus import Fastest, Locus
+from workbench.analysis.feedback.locus import Fastest, Locus, locus, shown_gains
 from workbench.analysis.feedback.run import FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy
 from workbench.core.linear import Complex, LinearPart
@@ -48,7 +49,6 @@ class FeedbackResult(Record):
         fixed: poles that do not decay and that no gain moves, upper half-plane [1/s] (in z if sampled).
         fastest: for each stable interval the gain with which the slowest oscillation decays fastest; None: nothing
             oscillates.
-        locus: poles over a range of gains worth a picture.
         frequency_hz: frequency of the Nyquist curve, shape (k,) [Hz].
         response: G there, shape (k,), complex.
         block: component taken as the nonlinear block; None: there is none.
@@ -74,7 +74,6 @@ class FeedbackResult(Record):
     unstable_open: int
     fixed: tuple[complex, ...] = field(metadata=entry(key="fixed_poles"))
     fastest: tuple[Fastest | None, ...] = field(metadata=entry(key="fastest_decay"))
-    locus: Locus
     frequency_hz: Floats = field(metadata=entry(kept=False, dims=("frequency_hz",), unit="Hz"))
     response: Complex = field(metadata=entry(kept=False, dims=("frequency_hz",)))
     block: str | None = None
@@ -85,6 +84,12 @@ class FeedbackResult(Record):
     operating_point: OperatingPoint | None = None
 
     _WHAT, _COMMAND = "a feedback", "feedback"
+
+    @cached_property
+    def locus(self) -> Locus:
+        """The poles over a range of gains worth a picture."""
+        low, high = shown_gains(self.stable_gains, self.crossings, self.gains)
+        return locus(self.plant, low, high, also=[c.gain for c in self.crossings])
 
     @property
     def words(self) -> str:

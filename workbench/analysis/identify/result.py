@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,11 +39,11 @@ class IdentifyResult(Record):
     """
 
     data: Experiment = field(metadata=entry(key="experiment"))
-    advice: Advice
+    advice: Advice = field(metadata=entry(kept=False))
     estimate: SubspaceEstimate = field(metadata=entry(inline=True))
     detrend: str
     settle: float
-    own: Validation = field(metadata=entry(key="identification"))
+    own: Validation = field(metadata=entry(key="identification", kept=False))
     other: Validation | None = field(metadata=entry(key="validation"))
     overlay: Overlay | None = None
 
@@ -122,8 +122,10 @@ class IdentifyResult(Record):
         return self.model.to_ss()
 
     def derived(self) -> dict[str, Any]:
-        """Return what the parts say together."""
+        """Return what the parts say together, and those on the same data, which stand in the file once."""
         return {
+            "advice": _beside(self.advice, self.data),
+            "identification": _beside(self.own, self.data),
             "model": self.data.name,
             "warnings": self.warnings,
             "closed_loop": self.closed_loop,
@@ -134,6 +136,12 @@ class IdentifyResult(Record):
             "validated_on": "other data" if self.other is not None else "the data of the fit",
             "notes": self.notes,
         }
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the parts with the data that all are about."""
+        parts = {key: {"experiment": data["experiment"], **data[key]} for key in ("advice", "identification")}
+        return {**data, **parts}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Return measured, simulated and predicted outputs of the validation data."""
@@ -162,6 +170,12 @@ class IdentifyResult(Record):
             InputError: unknown suffix, file cannot be written.
         """
         return self.estimate.plot(path)
+
+
+def _beside(part: Advice | Validation, data: Experiment) -> dict[str, Any]:
+    """Return the keys of a part, without its data where they are those that stand beside it."""
+    known = data.to_dict()
+    return {key: value for key, value in part.to_dict().items() if key != "experiment" or value != known}
 
 
 def _mean(values: dict[str, float]) -> float:
