@@ -145,12 +145,8 @@ class Request(Options, Generic[_Subject, _Record]):
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
-        record = self._run(subject, job)
-        job.ended(self.command, record)
-        return record
-
-    def _run(self, subject: _Subject, job: Job) -> _Record:
         record: _Record = named(self.algorithm)(subject, self, job)
+        job.ended(self.command, record)
         return record
 
     @classmethod

@@ -325,7 +325,7 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
             if self.snapshot is not None and getattr(self, name):
                 raise InputError(f"--snapshot: the simulation sets the point; leave --{name} out")
 
-    def _run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
+    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
         """Run the request that is meant.
 
         Args:
