@@ -78,7 +78,7 @@ GIVEN: dict[str, dict[str, Any]] = {
         "stable": np.array([[1.0, 0.0], [np.nan, 1.0]]),
     },
     "Optimum": {"threshold": 0.5},
-    "Settings": {"threshold": 0.5},
+    "SettlingSettings": {"threshold": 0.5},
     "Outcome": {"target": Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1)},
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
