@@ -7,7 +7,7 @@ import pytest
 
 from tests.identification_data import DT
 from workbench.analysis.advice import advise
-from workbench.analysis.advice.shift_register import from_shift_register, linear_complexity
+from workbench.analysis.advice.feedback import from_shift_register, linear_complexity
 from workbench.analysis.experiment.experiment import make_experiment
 from workbench.signals import Prbs
 

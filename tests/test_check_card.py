@@ -18,7 +18,7 @@ from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
-from workbench.analysis.check.validation import structured_name
+from workbench.analysis.check.run import structured_name
 from workbench.cli.app import run
 from workbench.workers import Workers
 

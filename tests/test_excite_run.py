@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import expm
 
 from tests.hybrid_fmus import Hybrid, open_fake
-from workbench.analysis.excite import sampling as sampling_module
+from workbench.analysis.excite import playing as sampling_module
 from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.request import Excite, excite

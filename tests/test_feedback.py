@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from tests.random_systems import pole_error
-from workbench.analysis.feedback.fixed import fixed_modes
-from workbench.analysis.feedback.gains import Crossing, crossings, intervals, stable_gains
+from workbench.analysis.feedback.gains import Crossing, crossings, fixed_modes, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest, locus
 from workbench.analysis.feedback.optimum import optimum_of
 from workbench.analysis.feedback.settling import GainRun

@@ -14,9 +14,9 @@ import pytest
 from workbench.analysis.describing.base import Block
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
-from workbench.analysis.limit_cycle.peaks import told_mean
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycleResult
+from workbench.analysis.passes import told_mean
 from workbench.build import build_fmu
 from workbench.core.linear import LinearPart
 from workbench.fmi.platforms import host

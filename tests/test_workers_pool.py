@@ -18,9 +18,8 @@ from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.workers.child import READY
 from workbench.workers.limits import memory_limit_works
-from workbench.workers.pool import Pool
+from workbench.workers.pool import Pool, died
 from workbench.workers.process import WorkerProcess
-from workbench.workers.reasons import died
 from workbench.workers.runner import Lost, Reply
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -20,9 +20,8 @@ from workbench.model.base import Model
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
 from workbench.session.point import FmuPoint
-from workbench.session.probe import why_state_fails
+from workbench.session.probe import begins_at_zero, why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
-from workbench.session.start_probe import begins_at_zero
 from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
 

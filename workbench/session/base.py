@@ -33,6 +33,18 @@ class Recorded:
     values: dict[str, Floats]
     inputs: dict[str, Floats]
 
+    def right_limits(self, points: Floats | None = None) -> Recorded:
+        """Return the last row of each time.
+
+        Args:
+            points: of these times only [s]; None: of all.
+        """
+        keep = np.append(self.time[1:] > self.time[:-1], True)
+        if points is not None:
+            keep &= np.isin(self.time, points)
+        rows = ({n: v[keep] for n, v in columns.items()} for columns in (self.values, self.inputs))
+        return Recorded(self.time[keep], *rows)
+
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:

@@ -6,6 +6,8 @@ time limit for a task that runs; both are what third-party FMUs ask for.
 
 from __future__ import annotations
 
+import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -15,12 +17,11 @@ from typing import Any
 from workbench.core.where import Limits
 from workbench.errors import WorkbenchError
 from workbench.model.recipe import Recipe
-from workbench.workers import reasons
 from workbench.workers.child import BUG, DONE, ERROR, ITEM, MEMORY, READY, TOLD, Task
 from workbench.workers.process import WorkerProcess
 from workbench.workers.runner import Lost, Reply, Runner
 
-__all__ = ["Pool"]
+__all__ = ["Pool", "died", "out_of_memory", "timed_out"]
 
 # So often is looked whether somebody wants to stop [s].
 _PATIENCE = 0.1
@@ -100,7 +101,7 @@ class Pool(Runner):
         """Take one message of a worker."""
         message = worker.receive()
         if message is None:
-            yield from self._lose(worker, reasons.died(self._bury(worker), self._limits))
+            yield from self._lose(worker, died(self._bury(worker), self._limits))
             return
         kind, content = message
         if kind == READY:
@@ -117,7 +118,7 @@ class Pool(Runner):
             # What the failed allocation left behind is unknown: a new process is safer.
             worker.kill()
             self._workers.remove(worker)
-            yield from self._lose(worker, reasons.out_of_memory(self._limits))
+            yield from self._lose(worker, out_of_memory(self._limits))
         elif kind == ERROR:
             raise content
         elif kind == BUG:
@@ -130,7 +131,7 @@ class Pool(Runner):
             if worker.deadline is not None and now > worker.deadline and not worker.pipe.poll():
                 worker.kill()
                 self._workers.remove(worker)
-                yield from self._lose(worker, reasons.timed_out(self._limits), late=True)
+                yield from self._lose(worker, timed_out(self._limits), late=True)
 
     def _bury(self, worker: WorkerProcess) -> int | None:
         self._workers.remove(worker)
@@ -144,3 +145,63 @@ class Pool(Runner):
         if worker.index is None:
             raise WorkbenchError(f"a worker process ended before it began: {reason}")
         yield Lost(self._in_work.pop(worker.index), reason, late)
+
+
+# -- why a worker ended ------------------------------------------------------------------------
+
+_SIGNALS = {
+    "SIGSEGV": "the FMU crashed: segmentation fault (SIGSEGV)",
+    "SIGBUS": "the FMU crashed: bus error (SIGBUS)",
+    "SIGILL": "the FMU crashed: illegal instruction (SIGILL)",
+    "SIGFPE": "the FMU crashed: arithmetic exception (SIGFPE)",
+    "SIGABRT": "the FMU aborted its process (SIGABRT)",
+    "SIGKILL": "the worker was killed (SIGKILL), perhaps by the system because memory ran out",
+}
+
+# Exit codes by which Windows tells of a crash.
+_WINDOWS = {
+    0xC0000005: "the FMU crashed: access violation",
+    0xC0000094: "the FMU crashed: integer division by zero",
+    0xC00000FD: "the FMU crashed: stack overflow",
+    0xC0000374: "the FMU crashed: heap corruption",
+    0xC0000409: "the FMU aborted its process (fail fast)",
+}
+
+
+def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> str:
+    """Return why a worker ended by itself.
+
+    Args:
+        code: its exit code, −n for signal n.
+        limits: what it was allowed.
+        platform: as in `sys.platform`.
+    """
+    if platform == "win32" and (code or 0) & 0xFFFFFFFF in _WINDOWS:
+        text = _WINDOWS[(code or 0) & 0xFFFFFFFF]
+    elif code is not None and code < 0:
+        name = _signal(-code)
+        text = _SIGNALS.get(name, f"the FMU's process was ended by a signal ({name})")
+    else:
+        return f"the FMU ended its process (exit code {code})"
+    # An allocation that was refused seldom ends otherwise, but nobody can tell afterwards.
+    hint = "" if limits.memory is None else f", perhaps by the memory limit of {limits.memory:g} MB"
+    return text + hint
+
+
+def _signal(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+def timed_out(limits: Limits) -> str:
+    """Return the reason for a point that took too long."""
+    return f"time limit: not finished after {limits.timeout:g} s; --timeout sets it"
+
+
+def out_of_memory(limits: Limits) -> str:
+    """Return the reason for a point that ran out of memory without crashing."""
+    if limits.memory is None:
+        return "out of memory"
+    return f"memory limit: more than {limits.memory:g} MB needed; --memory-limit sets it"

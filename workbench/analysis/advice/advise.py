@@ -8,15 +8,19 @@ from workbench.analysis.advice.delay import judge_delay
 from workbench.analysis.advice.disturbance import judge_disturbance
 from workbench.analysis.advice.excitation import excited_orders, is_single_sine, judge_excitation
 from workbench.analysis.advice.feedback import judge_feedback
-from workbench.analysis.advice.length import judge_length
 from workbench.analysis.advice.linearity import judge_linearity
 from workbench.analysis.advice.noise import judge_noise
-from workbench.analysis.advice.recording import judge_outliers, judge_quantisation, judge_settling
+from workbench.analysis.advice.recording import (
+    judge_length,
+    judge_outliers,
+    judge_quantisation,
+    judge_settling,
+    judge_trend,
+)
 from workbench.analysis.advice.result import Advice, Finding
 from workbench.analysis.advice.sampling import judge_sampling
 from workbench.analysis.advice.saturation import judge_saturation
 from workbench.analysis.advice.study import DataStudy
-from workbench.analysis.advice.trend import judge_trend
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.core.blas import one_thread
 from workbench.errors import InputError, suggest

@@ -11,10 +11,9 @@ from workbench.analysis.check.inputs import inputs
 from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.memory import memory
 from workbench.analysis.check.nominals import nominals
-from workbench.analysis.check.repeatability import determinism, instances, reset
+from workbench.analysis.check.repeatability import determinism, instances, reset, snapshots
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.runs import drift, runs
-from workbench.analysis.check.snapshots import snapshots
 from workbench.analysis.check.start_time import start_time
 from workbench.analysis.check.step import step
 from workbench.analysis.check.subject import CheckedFmu

@@ -16,7 +16,8 @@ from workbench.analysis.feed_forward.request import FeedForward
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
-from workbench.analysis.feed_forward.wiring import Loops, ends_of_actuator, variable_of
+from workbench.analysis.feed_forward.wiring import Loops, variable_of
+from workbench.analysis.feedback.actuator import ends_of
 from workbench.analysis.opened import find_ports
 from workbench.analysis.reduction.band_error import dense_grid
 from workbench.analysis.reduction.factored import right_of_axis
@@ -94,7 +95,7 @@ def _loops(model: DescribedModel, asked: FeedForward) -> Loops:
     ports = find_ports(model, asked.block)
     variable_of(model, asked.target, "target")
     if asked.actuator is not None:
-        ends_of_actuator(asked.actuator)  # said also where nothing is simulated with it
+        ends_of(asked.actuator)  # said also where nothing is simulated with it
     if asked.feedback is None:
         return Loops(ports=ports, target=asked.target, actuator=asked.actuator)
     source, gain = asked.feedback

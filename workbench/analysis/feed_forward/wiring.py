@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.analysis.feedback.actuator import ends_of
 from workbench.analysis.opened import Ports, recipe_of, system_of, without_block
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
@@ -23,7 +24,7 @@ from workbench.system.description import (
     SystemDescription,
 )
 
-__all__ = ["Loops", "closed", "ends_of_actuator", "opened", "reopen", "variable_of"]
+__all__ = ["Loops", "closed", "opened", "reopen", "variable_of"]
 
 OPENED, COMMAND = "opened", "commanded"
 _NEEDS = "feed-forward needs"
@@ -157,26 +158,10 @@ def _drive(loops: Loops, made: list[Component], ends: _Ends) -> None:
     if loops.actuator is None:
         ends.join("command.y", loops.target, late=True)
         return
-    into, out = ends_of_actuator(loops.actuator)
+    into, out, _ = ends_of(loops.actuator)
     made.append(FmuComponent(name="actuator", file=loops.actuator))
     ends.join("command.y", f"actuator.{into}", late=True)
     ends.join(f"actuator.{out}", loops.target)
-
-
-def ends_of_actuator(file: str) -> tuple[str, str]:
-    """Return the names of an actuator's one input and one output.
-
-    Raises:
-        InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
-    """
-    from workbench.model.load import load  # noqa: PLC0415  only where there is an actuator
-
-    with load(file) as model:
-        found = [v.name for v in model.inputs], [v.name for v in model.outputs]
-    for what, names in zip(("input", "output"), found, strict=True):
-        if len(names) != 1:
-            raise InputError(f"the actuator {file} has {len(names)} {what}s ({', '.join(names) or 'none'}), not one")
-    return found[0][0], found[1][0]
 
 
 def _filter(part: LinearPart, units: Mapping[str, str]) -> LinearComponent:

@@ -12,7 +12,7 @@ from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
 from workbench.system.load import load
 
-__all__ = ["Actuator", "limited", "wrapped"]
+__all__ = ["Actuator", "ends_of", "limited", "wrapped"]
 
 _LIMITER = "fmu:LimitedActuator"
 _FASTEST = 100.0  # largest rate limit of that model [1/s], against a deflection limit of 1
@@ -81,14 +81,28 @@ def wrapped(name: str) -> Actuator:
     Raises:
         InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
     """
+    into, out, starts = ends_of(name)
+    component = FmuComponent(name="feedback_actuator", file=name)
+    if not {"upper", "lower", "rateLimit"} <= set(starts):
+        return Actuator(component, into, out)
+    upper, lower, rate = (float(starts[n] or 0.0) for n in ("upper", "lower", "rateLimit"))
+    return Actuator(component, into, out, min(upper, -lower), rate)
+
+
+def ends_of(name: str) -> tuple[str, str, dict[str, Value | None]]:
+    """Return an actuator's one real input, its one real output, and the start values of its parameters.
+
+    Args:
+        name: file, or `fmu:NAME`.
+
+    Raises:
+        InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
+    """
     with load(name) as model:
         ends = [[v.name for v in group if v.type in FLOAT_TYPES] for group in (model.inputs, model.outputs)]
         starts = {v.name: v.start for v in model.parameters}
     for what, found in zip(("input", "output"), ends, strict=True):
         if len(found) != 1:
-            raise InputError(f"actuator {name}: it has {len(found)} real {what}s, and must have one")
-    component = FmuComponent(name="feedback_actuator", file=name)
-    if not {"upper", "lower", "rateLimit"} <= set(starts):
-        return Actuator(component, ends[0][0], ends[1][0])
-    upper, lower, rate = (float(starts[n] or 0.0) for n in ("upper", "lower", "rateLimit"))
-    return Actuator(component, ends[0][0], ends[1][0], min(upper, -lower), rate)
+            listed = f" ({', '.join(found)})" if found else ""
+            raise InputError(f"actuator {name}: it has {len(found)} real {what}s{listed}, and must have one")
+    return ends[0][0], ends[1][0], starts

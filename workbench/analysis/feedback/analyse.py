@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.analysis.feedback.actuator import Actuator, limited, wrapped
 from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
-from workbench.analysis.feedback.fixed import fixed_modes
-from workbench.analysis.feedback.gains import Interval, count_poles, crossings, intervals, stable_gains
+from workbench.analysis.feedback.gains import Interval, count_poles, crossings, fixed_modes, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest
 from workbench.analysis.feedback.place import SEEN, FeedbackPath, find_place
 from workbench.analysis.feedback.request import Feedback, Range, quantity
@@ -34,7 +33,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.signals import Signal, signals_of
+from workbench.signals import signals_of
 from workbench.system.units import conversion, known_unit
 
 __all__ = ["curve", "run"]
@@ -58,18 +57,18 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         between = _actuator(system, asked)
         found = linear(place, where, time=time, actuator=between, method=asked.method)
         seen = found.operating_point.y.get(SEEN, 0.0)
-        work = _Work(place, where, seen, between, time, settings, asked.gains, asked.count, keep)
+        work = _Work(place, where, seen, between, time, settings, asked, keep)
         result = work.linear_result(found)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
-        chosen = work.study_gains(result, asked.settle_gains) if asked.settle else ()
-        two = work.two_ports(asked.block)
-        result = work.with_cycles(result, two, asked.band or BAND, asked.amplitudes or AMPLITUDES)
+        chosen = work.study_gains(result) if asked.settle else ()
+        two = work.two_ports()
+        result = work.with_cycles(result, two)
         told = _told(system, where.point, time)
-        result = _changed(result, notes=(*remarks, *result.notes), operating_point=told)
+        result = replace(result, notes=(*remarks, *result.notes), operating_point=told)
         if asked.settle or asked.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
-            start = work.start(two, first, signals_of(asked.signals or {}), asked.start_after)
-            result = work.with_run(result, start, asked.gain, watch=first, stop=asked.stop, outputs=asked.outputs)
+            start = work.start(two, first)
+            result = work.with_run(result, start, first)
             result = work.with_study(result, start, chosen, first, job)
     return result
 
@@ -116,8 +115,7 @@ class _Work:
     actuator: Actuator | None
     time: float
     settings: SettlingSettings
-    limits: Range
-    count: int
+    asked: Feedback
     keep: ExitStack
 
     def linear_result(self, found: LinResult) -> FeedbackResult:
@@ -126,7 +124,7 @@ class _Work:
         parts = intervals(plant, [c.gain for c in every])
         middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
         ends = [2.0 * c.gain for c in every] or [1.0, -1.0]
-        stable = stable_gains(parts, self.limits)
+        stable = stable_gains(parts, self.asked.gains)
         frequency, response = curve(plant, [c.frequency_hz for c in every])
         model = self.place.model
         return FeedbackResult(
@@ -137,7 +135,7 @@ class _Work:
             target=self.place.shown[1],
             source_unit=self.place.source_unit,
             target_unit=self.place.target_unit,
-            gains=self.limits,
+            gains=self.asked.gains,
             plant=plant,
             lin_method=found.method,
             stable_gains=stable,
@@ -150,53 +148,50 @@ class _Work:
             notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator), *_doubts(parts)])),
         )
 
-    def two_ports(self, block: str | None) -> TwoPorts | None:
-        name, _ = (block, "") if block is not None else find_block(self.place.model)
+    def two_ports(self) -> TwoPorts | None:
+        block = self.asked.block
+        name = block if block is not None else find_block(self.place.model)[0]
         if name is None:
             return None
         try:
-            two = cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep)
+            return cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep)
         except WorkbenchError:
             if block is not None:
                 raise
             return None
-        return two
 
-    def with_cycles(
-        self, result: FeedbackResult, two: TwoPorts | None, band: Range, amplitudes: Range
-    ) -> FeedbackResult:
+    def with_cycles(self, result: FeedbackResult, two: TwoPorts | None) -> FeedbackResult:
         if two is None:
-            why = find_block(self.place.model)[1]
-            return _noted(result, why)
+            return _noted(result, find_block(self.place.model)[1])
         name = two.loop.ports.component
-        result = _changed(result, block=name)
+        result = replace(result, block=name)
         if two.block is None:
             return _noted(result, f"{name} has a memory of its own: the remaining cycles are not predicted")
-        gains = [g for pair in result.stable_gains for g in _spread(_finite(pair), self.count)]
+        gains = [g for pair in result.stable_gains for g in _spread(_finite(pair), self.asked.count)]
+        band, amplitudes = self.asked.band or BAND, self.asked.amplitudes or AMPLITUDES
         cycles = tuple(two.left(g, band=band, amplitudes=amplitudes) for g in gains)
-        return _changed(result, cycles=cycles)
+        return replace(result, cycles=cycles)
 
-    def study_gains(self, result: FeedbackResult, wanted: Range | None) -> tuple[float, ...]:
+    def study_gains(self, result: FeedbackResult) -> tuple[float, ...]:
+        wanted = self.asked.settle_gains
         if wanted is not None:
             if not (wanted[0] < wanted[1] and all(map(math.isfinite, wanted))):
                 raise InputError(f"settle_gains: {wanted[0]:g} … {wanted[1]:g} must rise and be finite")
-            return tuple(np.linspace(*wanted, self.count).tolist())
+            return tuple(np.linspace(*wanted, self.asked.count).tolist())
         if not result.stable_gains:
             raise InputError(
                 f"{result.model}: {result.words}; there is no gain to settle with (without settle the crossings are "
                 "shown)"
             )
         nearest = min(result.stable_gains, key=lambda p: 0.0 if p[0] <= 0.0 <= p[1] else min(abs(p[0]), abs(p[1])))
-        return _spread(_finite(nearest), self.count)
+        return _spread(_finite(nearest), self.asked.count)
 
-    def start(
-        self, two: TwoPorts | None, watch: str, signals: Mapping[str, Signal], start_after: float | None
-    ) -> Start:
+    def start(self, two: TwoPorts | None, watch: str) -> Start:
         tolerance, centre = self.settings.tolerance, self._centre(watch)
-        if start_after is not None:
+        if self.asked.start_after is not None:
             return from_signals(
-                self.place, self.where, watch, centre=centre, signals=signals, time=self.time,
-                start_after=start_after, tolerance=tolerance,
+                self.place, self.where, watch, centre=centre, signals=signals_of(self.asked.signals or {}),
+                time=self.time, start_after=self.asked.start_after, tolerance=tolerance,
             )  # fmt: skip
         if two is None:
             raise InputError(
@@ -217,12 +212,7 @@ class _Work:
             return session.values([watch])[watch]
 
     def with_study(
-        self,
-        result: FeedbackResult,
-        start: Start,
-        gains: Sequence[float],
-        watch: str,
-        job: Job,
+        self, result: FeedbackResult, start: Start, gains: Sequence[float], watch: str, job: Job
     ) -> FeedbackResult:
         if not gains:
             return result
@@ -230,36 +220,23 @@ class _Work:
             self.place, start, gains, watch=watch, y0=self.y0, actuator=self.actuator, settings=self.settings,
             job=job,
         )  # fmt: skip
-        result = _changed(result, settling=study)
+        result = replace(result, settling=study)
         for note in _study_notes(study):
             result = _noted(result, note)
         return result
 
-    def with_run(
-        self,
-        result: FeedbackResult,
-        start: Start,
-        gain: float | None,
-        *,
-        watch: str,
-        stop: float | None,
-        outputs: Sequence[str],
-    ) -> FeedbackResult:
-        if gain is None:
+    def with_run(self, result: FeedbackResult, start: Start, watch: str) -> FeedbackResult:
+        if self.asked.gain is None:
             return result
         run: FeedbackRun = feedback_run(
-            self.place, start, gain, begin=self.time, watch=watch, y0=self.y0, actuator=self.actuator,
-            outputs=outputs, stop=stop,
+            self.place, start, self.asked.gain, begin=self.time, watch=watch, y0=self.y0, actuator=self.actuator,
+            outputs=self.asked.outputs, stop=self.asked.stop,
         )  # fmt: skip
-        return _changed(result, run=run)
-
-
-def _changed(result: FeedbackResult, **fields: object) -> FeedbackResult:
-    return FeedbackResult(**{**vars(result), **fields})
+        return replace(result, run=run)
 
 
 def _noted(result: FeedbackResult, note: str) -> FeedbackResult:
-    return _changed(result, notes=tuple(dict.fromkeys([*result.notes, note]))) if note else result
+    return replace(result, notes=tuple(dict.fromkeys([*result.notes, note]))) if note else result
 
 
 def _finite(pair: Range) -> Range:

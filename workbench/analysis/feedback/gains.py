@@ -1,4 +1,4 @@
-"""The gains at which a pole reaches the border of stability, all of them, and the intervals between."""
+"""The gains at which a pole reaches the border of stability, the intervals between, and poles that no gain moves."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from workbench.analysis.loop.crossings import real_crossings
 from workbench.core.linear import LinearPart
 from workbench.core.modal import poles_of
-from workbench.core.poles import sides
+from workbench.core.poles import growth_rates, sides
 from workbench.core.record import Part, entry
 from workbench.session.base import Floats
 
-__all__ = ["Crossing", "Interval", "count_poles", "crossings", "intervals", "stable_gains"]
+__all__ = ["Crossing", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
 
 _ON_BORDER = 1e-8  # a pole so near the border, relative to its size (to 1 where sampled), counts as on it
 _SAME = 1e-9  # relative difference of two gains that are one
@@ -264,3 +264,36 @@ def stable_gains(found: Sequence[Interval], limits: tuple[float, float]) -> tupl
     """
     inside = [(max(i.low, limits[0]), min(i.high, limits[1])) for i in found if i.stable]
     return tuple((low, high) for low, high in inside if low < high)
+
+
+# -- poles that no gain moves ------------------------------------------------------------------
+
+_STAYS = 1e-7  # relative movement over the gains that counts as none
+_BORDER = 1e-8
+
+
+def fixed_modes(plant: LinearPart, gains: Sequence[float]) -> tuple[complex, ...]:
+    """Return the open-loop poles that do not decay and that no gain moves [1/s] (in z if sampled); upper half-plane.
+
+    With one of them no gain stabilises the system. Poles that move by less than 1e-7 of their size count as fixed: so
+    weakly coupled a pole asks for gains that nobody would use.
+
+    Args:
+        plant: G.
+        gains: some, from all intervals between crossings.
+    """
+    open_loop = plant.poles
+    size = np.ones(len(open_loop)) if plant.dt > 0.0 else np.maximum(np.abs(open_loop), 1e-6)
+    border = _BORDER / plant.dt if plant.dt > 0.0 else _BORDER * size
+    candidates = [
+        (complex(p), float(s))
+        for p, s, rate, near in zip(
+            open_loop, size, growth_rates(open_loop, plant.dt), np.broadcast_to(border, size.shape), strict=True
+        )
+        if p.imag >= 0.0 and rate > -near
+    ]
+    if not candidates:
+        return ()
+    moved = [plant.poles_at(g) for g in gains if plant.solvable(g) and g != 0.0]
+    fixed = [p for p, s in candidates if all(np.abs(m - p).min() < _STAYS * s for m in moved)]
+    return tuple(sorted(fixed, key=lambda p: (p.imag, p.real)))

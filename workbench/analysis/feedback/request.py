@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
+from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Form, Names, Numbers, two_numbers
 from workbench.core.operating_point import AtPoint
@@ -153,10 +154,7 @@ class Feedback(AtPoint, Analysis["FeedbackResult"]):
         default=None,
     )
     method: str = option(
-        "Method of linearisation; auto chooses.",
-        choices=("auto", "exact", "difference", "kalman-bertram", "response"),
-        group=_ANALYSIS,
-        default="auto",
+        "Method of linearisation; auto chooses.", choices=METHOD_NAMES, group=_ANALYSIS, default="auto"
     )
     count: int = option(
         "Number of gains for which remaining cycles are predicted and settling times measured.",

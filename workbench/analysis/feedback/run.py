@@ -135,9 +135,9 @@ def feedback_run(
             record = session.advance(
                 stop, signals=place.inputs(start.signals), record=[*shown.values(), command, handed], points=points
             )
-    keep = np.append(record.time[1:] > record.time[:-1], True)
+    record = record.right_limits()
     known = {v.name: v.unit for v in place.model.description.variables}
-    signals = {n: record.values[full][keep] for n, full in shown.items()}
+    signals = {n: record.values[full] for n, full in shown.items()}
     units = {n: known.get(n) or None for n in shown}
     return FeedbackRun(
         model=place.model.name,
@@ -147,8 +147,8 @@ def feedback_run(
         watch=watch,
         closes_at=closes,
         frequency_hz=start.frequency,
-        time=record.time[keep],
-        signals={**signals, HANDED: scale * record.values[handed][keep]},
+        time=record.time,
+        signals={**signals, HANDED: scale * record.values[handed]},
         units={**units, HANDED: place.target_unit},
         limit=None if actuator is None else actuator.limit,
         rate_limit=None if actuator is None else actuator.rate_limit,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from workbench.analysis.feedback.block import TwoPorts
 from workbench.analysis.feedback.place import FeedbackPath
 from workbench.analysis.feedback.standing import Standing
 from workbench.analysis.limit_cycle.harmonic_balance import balance, states_of
-from workbench.analysis.passes import rising_passes
+from workbench.analysis.passes import pass_rate, rising_passes
 from workbench.core.record import entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -81,7 +81,7 @@ def from_cycle(
         place, where, watch, centre=centre, values=values, signals={}, begin=time, closes=time + length,
         guess=frequency, tolerance=tolerance,
     )  # fmt: skip
-    return Start(**{**vars(start), "how": f"starting from the predicted limit cycle, simulated for {_PERIODS} periods"})
+    return replace(start, how=f"starting from the predicted limit cycle, simulated for {_PERIODS} periods")
 
 
 def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], float]:
@@ -140,7 +140,7 @@ def from_signals(
         place, where, watch, centre=centre, values=values, signals=signals, begin=time, closes=time + start_after,
         guess=None, tolerance=tolerance,
     )  # fmt: skip
-    return Start(**{**vars(start), "how": f"after {start_after:g} s under {', '.join(signals) or 'no signal'}"})
+    return replace(start, how=f"after {start_after:g} s under {', '.join(signals) or 'no signal'}")
 
 
 def _simulated(
@@ -167,10 +167,9 @@ def _simulated(
                 f"{model.name}: its sessions cannot start at a given point, so a predicted cycle cannot be started; "
                 "excite a motion (pulse, start_after)"
             )
-        record = session.advance(closes, signals=signals, record=[watch], points=points)
+        record = session.advance(closes, signals=signals, record=[watch], points=points).right_limits()
         end = {} if where.hidden else session.values([v.name for v in (*model.states, *model.inputs) if v.is_number])
-    keep = np.append(record.time[1:] > record.time[:-1], True)
-    time, motion = record.time[keep], record.values[watch][keep]
+    time, motion = record.time, record.values[watch]
     frequency = _frequency(time, motion - centre, guess)
     if frequency is None:
         raise InputError(f"{model.name}: {watch} does not oscillate before the feedback closes at {closes:g} s")
@@ -200,8 +199,7 @@ def _frequency(time: Floats, x: Floats, guess: float | None) -> float | None:
     at = rising_passes(time, x)[-_PASSES:]
     if len(at) < 3:
         return guess
-    found = float((len(at) - 1) / (at[-1] - at[0]))
-    return found if guess is None or found < 1.5 * guess else guess
+    return pass_rate(at, guess)
 
 
 def mean_magnitude(time: Floats, x: Floats, period: float) -> Floats:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.analysis.identified.march import march, march_one
-from workbench.analysis.identified.numden import NumDen, numden
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, unheld
 from workbench.core.poles import pole_keys
@@ -20,7 +19,7 @@ from workbench.session.base import Floats
 if TYPE_CHECKING:
     import control
 
-__all__ = ["IdentifiedModel"]
+__all__ = ["IdentifiedModel", "NumDen", "numden"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -239,3 +238,42 @@ def _columns(given: Floats, wanted: int, what: str) -> Floats:
     if columns.ndim != 2 or columns.shape[1] != wanted:
         raise InputError(f"{what} must have shape (N, {wanted}), not {given.shape}")
     return columns
+
+
+# -- numerator and denominator --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class NumDen:
+    """A transfer matrix with a common denominator, coefficients of falling powers.
+
+    Attributes:
+        num: shape (p, m, n + 1).
+        den: shape (n + 1,), first coefficient 1.
+    """
+
+    num: Floats
+    den: Floats
+
+
+def numden(A: Floats, B: Floats, C: Floats, D: Floats) -> NumDen:
+    """Return numerators and denominator.
+
+    The numerator is the product of the denominator and the series of Markov parameters D, C B, C A B, …, which
+    breaks off after n + 1 coefficients (Kailath 1980, section 2.3).
+
+    Args:
+        A: shape (n, n).
+        B: shape (n, m).
+        C: shape (p, n).
+        D: shape (p, m).
+    """
+    n = len(A)
+    den = np.real(np.poly(A)) if n else np.ones(1)
+    markov, reach = [D], B
+    for _ in range(n):
+        markov.append(C @ reach)
+        reach = A @ reach
+    h = np.array(markov)
+    num = np.array([np.tensordot(den[: k + 1], h[k::-1], 1) for k in range(n + 1)])
+    return NumDen(np.moveaxis(num, 0, -1), den)

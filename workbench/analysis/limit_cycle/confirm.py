@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.limit_cycle.peaks import half_range
-from workbench.analysis.passes import rising_passes
+from workbench.analysis.passes import half_range, pass_rate, rising_passes
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 
@@ -96,8 +95,8 @@ def confirm(
             except SimulationError as error:
                 return f"the simulation failed: {error}"
             run += count
-            keep = np.isin(record.time, points) & np.append(record.time[1:] > record.time[:-1], True)
-            at, values = record.time[keep], {n: v[keep] for n, v in record.values.items()}
+            last_rows = record.right_limits(points)
+            at, values = last_rows.time, last_rows.values
             f = _frequency(at, values[watch], f)
             size = _fundamental(at, values[watch], f)
             steady, last = abs(size - last) < _STEADY * size, size
@@ -105,21 +104,17 @@ def confirm(
                 return f"the motion dies out: {watch} has fallen to {size:.2g} after {run} periods"
     note = "" if steady else f"not steady after {run} periods"
     shown = {n: values[n] for n in names}
-    found = _measured(at, shown, f, steady=steady, run=run, note=note)
-    states_end, sizes = ({n: float(of(values[n])) for n in end} for of in (lambda x: x[-1], np.ptp))
-    return replace(found, states=states_end, sizes=sizes)
-
-
-def _measured(at: Floats, values: Mapping[str, Floats], f: float, *, steady: bool, run: int, note: str) -> Simulated:
     return Simulated(
         frequency=f,
-        amplitude={n: half_range(v) for n, v in values.items()},
-        fundamental={n: _fundamental(at, v, f) for n, v in values.items()},
-        mean={n: float(np.mean(v)) for n, v in values.items()},
+        amplitude={n: half_range(v) for n, v in shown.items()},
+        fundamental={n: _fundamental(at, v, f) for n, v in shown.items()},
+        mean={n: float(np.mean(v)) for n, v in shown.items()},
         steady=steady,
         periods=run,
         time=at,
-        values=values,
+        values=shown,
+        states={n: float(values[n][-1]) for n in end},
+        sizes={n: float(np.ptp(values[n])) for n in end},
         note=note,
     )
 
@@ -130,19 +125,13 @@ def _frequency(at: Floats, v: Floats, guess: float) -> float:
     passes = rising_passes(at, x)
     if len(passes) < 3:
         return guess
-    f = _rate(passes, guess)
+    f = pass_rate(passes, guess)
     for _ in range(3):
         half = int(len(at) / 2)
         early, late = (_phasor(at[s], v[s], f) for s in (slice(0, half), slice(half, None)))
         apart = float(np.mean(at[half:]) - np.mean(at[:half]))
         f += float(np.angle(late / early)) / (2.0 * np.pi * apart)
     return f
-
-
-def _rate(passes: Floats, guess: float) -> float:
-    """Return passes per time; where harmonics pass the mean more than once a period, the predicted rate counts."""
-    found = float((len(passes) - 1) / (passes[-1] - passes[0]))
-    return found if found < 1.5 * guess else guess
 
 
 def _phasor(at: Floats, v: Floats, f: float) -> complex:

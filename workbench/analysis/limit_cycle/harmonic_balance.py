@@ -9,7 +9,7 @@ from scipy.optimize import root
 
 from workbench.analysis.describing.base import HARMONICS, Block, Complex, Floats
 from workbench.analysis.describing.fourier import series
-from workbench.analysis.limit_cycle.peaks import told_mean
+from workbench.analysis.passes import told_mean
 from workbench.core.linear import LinearPart
 
 __all__ = ["Cycle", "HarmonicBalance", "balance", "states_of"]

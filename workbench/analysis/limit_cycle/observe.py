@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.analysis.describing.base import Floats
-from workbench.analysis.passes import rising_passes
+from workbench.analysis.passes import pass_rate, rising_passes
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
@@ -116,5 +116,5 @@ def _outcome(at: Floats, v: Floats, first: float, before: float) -> tuple[str, f
         return "rest", None
     passes = rising_passes(at, v - 0.5 * (float(v.max()) + float(v.min())))
     if len(passes) > _PERIODS and abs(swing - before) < _SAME * swing:
-        return "oscillation", float((len(passes) - 1) / (passes[-1] - passes[0]))
+        return "oscillation", pass_rate(passes)
     return "", None

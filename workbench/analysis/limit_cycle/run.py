@@ -47,7 +47,6 @@ from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.model.placing import named, start_at
 from workbench.signals import Signal, signals_of
-from workbench.workers import Workers
 
 __all__ = ["run"]
 
@@ -69,18 +68,15 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
     steps = 3 + len(asked.vary)
     with ExitStack() as keep, one_thread():
         loop = cut(system, asked.block, at=system.at, time=time, keep=keep)
-        curve = _crossings(system, loop, asked.band, asked.amplitudes, asked.workers)
+        curve = _crossings(system, loop, asked)
         job.done("crossings", 1, steps)
-        work = _Work(
-            system, loop, curve, names, asked.harmonics, tuple(asked.methods), asked.periods, time, keep, asked.band,
-            asked.amplitudes,
-        )  # fmt: skip
+        work = _Work(system, loop, curve, names, asked, time, keep)
         result = work.run()
         job.partial = lambda: result
         job.done("limit cycles", 2, steps)
         branches: list[Branch] = []
         for count, (name, limits) in enumerate(asked.vary.items(), start=3):
-            branches += work.followed(name, limits, keep)
+            branches += work.followed(name, limits)
             job.done(f"cycles over {name}", count, steps)
         units = {v.name: v.unit for v in system.description.variables if v.name in asked.vary}
         run_freely = None if asked.run_until is None else work.run_freely(asked.run_until, signals_of(asked.inputs))
@@ -103,14 +99,8 @@ def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str
     return tuple(outputs) if outputs is not None else tuple(v.name for v in system.outputs if v.is_number)
 
 
-def _crossings(
-    system: DescribedModel,
-    loop: SplitLoop,
-    band: tuple[float, float],
-    amplitudes: tuple[float, float] | None,
-    workers: Workers | None,
-) -> NyquistResult:
-    name = f"{system.name}: loop through {loop.ports.component}"
+def _crossings(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> NyquistResult:
+    name, band, amplitudes = f"{system.name}: loop through {loop.ports.component}", asked.band, asked.amplitudes
     if loop.block is not None:
         return nyquist(loop.part, loop.block, band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
     if amplitudes is None:
@@ -120,7 +110,7 @@ def _crossings(
         )
     with only_block(system, loop.ports, centre=loop.centre) as alone:
         return measured_crossings(
-            alone, loop.part, amplitudes=amplitudes, band=band, name=loop.ports.component, workers=workers
+            alone, loop.part, amplitudes=amplitudes, band=band, name=loop.ports.component, workers=asked.workers
         )
 
 
@@ -132,13 +122,9 @@ class _Work:
     loop: SplitLoop
     curve: NyquistResult
     outputs: tuple[str, ...]
-    harmonics: int
-    methods: tuple[str, ...]
-    periods: int
+    asked: LimitCycles
     time: float
     keep: ExitStack
-    band: tuple[float, float]
-    amplitudes: tuple[float, float] | None
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
@@ -151,7 +137,7 @@ class _Work:
         for number, crossing in enumerate(self.curve.crossings):
             if crossing.amplitude is not None:
                 self._refine(number, crossing, crossing.amplitude)
-        if not self.found and SIMULATION in self.methods:
+        if not self.found and SIMULATION in self.asked.methods:
             self._observe()
         self.notes += contradictions(self.found, self.loop.ports.v)
         model, ports = self.system, self.loop.ports
@@ -164,7 +150,7 @@ class _Work:
             output=ports.w,
             input_unit=next((v.unit for v in model.description.variables if v.name == ports.v), None),
             nyquist=self.curve,
-            limit_cycles=tuple(sorted((c for c in self.found if c.method in self.methods), key=_place)),
+            limit_cycles=tuple(sorted((c for c in self.found if c.method in self.asked.methods), key=_place)),
             simulated=self.simulated,
             observed=tuple(self.observed),
             notes=tuple(dict.fromkeys(self.notes)),
@@ -196,7 +182,7 @@ class _Work:
         failed = self.notes[before:]
         last = self.found[-1]
         stable = c.stable if last.stable is None else last.stable
-        if SIMULATION not in self.methods or stable is False:
+        if SIMULATION not in self.asked.methods or stable is False:
             return
         run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
         if run is None or not run.steady or not shootable or shot:
@@ -210,13 +196,13 @@ class _Work:
         """Run the system from its disturbed operating point: what keeps oscillating is a cycle not predicted."""
         part, rest = self.loop.part, self.loop.rest
         size = next((v.nominal for v in self.system.description.variables if v.name == self.loop.ports.v), None) or 1.0
-        low, high = self.amplitudes or (_SMALL_PUSH * size, _LARGE_PUSH * size)
+        low, high = self.asked.amplitudes or (_SMALL_PUSH * size, _LARGE_PUSH * size)
         speeds = np.abs(part.poles)
         slowest = float(speeds[speeds > 0.0].min(initial=np.inf))
-        seconds = _TIME_CONSTANTS / slowest if np.isfinite(slowest) else 1.0 / self.band[0]
+        seconds = _TIME_CONSTANTS / slowest if np.isfinite(slowest) else 1.0 / self.asked.band[0]
         for push in (float(np.sqrt(low * high)), high):
             moved = self._pushed(push)
-            values = {**self._inputs(), **rest.operating_point.x, **moved}
+            values = {**self.loop.point.u, **rest.operating_point.x, **moved}
             try:
                 seen = observe(
                     self.system, values=values, states=list(rest.state_names), watch=self.loop.ports.v, push=push,
@@ -246,14 +232,16 @@ class _Work:
 
     def _driven(self, number: int) -> DrivenBlock | None:
         """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
-        if set(self.methods) <= {DESCRIBING_FUNCTION}:
+        if set(self.asked.methods) <= {DESCRIBING_FUNCTION}:
             return None
         if self.driven is None:
             loop = self.loop
-            alone = self.keep.enter_context(driven_block(self.system, loop.ports, self.harmonics, centre=loop.centre))
+            alone = self.keep.enter_context(
+                driven_block(self.system, loop.ports, self.asked.harmonics, centre=loop.centre)
+            )
             name = self.loop.ports.component
             self.driven = DrivenBlock(
-                alone, count=self.harmonics, name=name, time=self.time, centre=loop.centre, rest=loop.output
+                alone, count=self.asked.harmonics, name=name, time=self.time, centre=loop.centre, rest=loop.output
             )
             self.keep.callback(self.driven.close)
         return self.driven
@@ -264,13 +252,13 @@ class _Work:
         fastest = max(found) if found else _FASTEST
         return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
 
-    def followed(self, name: str, limits: tuple[float, float], keep: ExitStack) -> list[Branch]:
+    def followed(self, name: str, limits: tuple[float, float]) -> list[Branch]:
         """Return the branches over a parameter through the cycles of harmonic balance, each once."""
         block = self.loop.block
         if block is None:
             self.notes.append(f"{name}: a measured block cannot be followed")
             return []
-        family, start = self._family(name, block, limits, keep)
+        family, start = self._family(name, block, limits)
         if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
         found: list[Branch] = []
@@ -279,10 +267,10 @@ class _Work:
                 found.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
         return found
 
-    def _family(self, name: str, block: Block, limits: tuple[float, float], keep: ExitStack) -> tuple[Family, float]:
+    def _family(self, name: str, block: Block, limits: tuple[float, float]) -> tuple[Family, float]:
         if name == GAIN:
             return (lambda value: gain_family(self.loop.part, block, value)), 1.0
-        family = SystemFamily(self.system, self.loop, name, time=self.time, keep=keep)
+        family = SystemFamily(self.system, self.loop, name, time=self.time, keep=self.keep)
         family.prepare(*limits)
         with self.system.open_session(start_time=self.time) as session:
             return family, session.values([name])[name]
@@ -295,11 +283,13 @@ class _Work:
 
     def _balanced(self, number: int, first: LimitCycle, block: Block) -> Cycle | None:
         part = self.loop.part
-        cycle = balance(part, block, frequency=first.frequency_hz, amplitude=first.amplitude, count=self.harmonics)
+        cycle = balance(
+            part, block, frequency=first.frequency_hz, amplitude=first.amplitude, count=self.asked.harmonics
+        )
         if cycle is None:
             self.notes.append(f"crossing {number + 1}: harmonic balance finds no cycle near it")
             return self._sine(first)
-        if not self.band[0] / _OUTSIDE <= cycle.frequency <= self.band[1] * _OUTSIDE:
+        if not self.asked.band[0] / _OUTSIDE <= cycle.frequency <= self.asked.band[1] * _OUTSIDE:
             self.notes.append(
                 f"crossing {number + 1}: harmonic balance leads out of the band, to {cycle.frequency:.3g} Hz; "
                 "that is not accepted as a cycle"
@@ -324,7 +314,7 @@ class _Work:
         floquet, doubt = (None, 0.0) if driven else others(multipliers(part, block, cycle))
         if floquet is None and not driven:
             self.notes.append(
-                f"crossing {number + 1}: harmonic balance with {self.harmonics} harmonics does not give the "
+                f"crossing {number + 1}: harmonic balance with {self.asked.harmonics} harmonics does not give the "
                 "multiplier 1 that every cycle has; its stability is not known (more harmonics, or shooting)"
             )
         self.found.append(
@@ -351,9 +341,6 @@ class _Work:
         states = {n: rest[n] + x for n, x in zip(names, along[0].tolist(), strict=True)}
         return states, dict(zip(names, np.ptp(along, axis=0).tolist(), strict=True))
 
-    def _inputs(self) -> dict[str, float]:
-        return dict(self.loop.point.u)
-
     def _shot(
         self,
         number: int | None,
@@ -363,10 +350,10 @@ class _Work:
         amplitude: float,
     ) -> bool:
         """Look for the closed orbit near a motion; whether there is one."""
-        if SHOOTING not in self.methods:
+        if SHOOTING not in self.asked.methods:
             return False
         orbit = shoot(
-            self.system, states=states, sizes=sizes, frequency=frequency, inputs=self._inputs(),
+            self.system, states=states, sizes=sizes, frequency=frequency, inputs=self.loop.point.u,
             watch=self.loop.ports.v, time=self.time,
         )  # fmt: skip
         if not isinstance(orbit, str) and orbit.amplitude < _VANISHED * amplitude:
@@ -384,14 +371,14 @@ class _Work:
         run = confirm(
             self.system,
             states=states,
-            inputs=self._inputs(),
+            inputs=self.loop.point.u,
             frequency=frequency,
             amplitude=amplitude,
             watch=self.loop.ports.v,
             outputs=self.outputs,
             end=[v.name for v in self.system.states],
             time=self.time,
-            periods=self.periods,
+            periods=self.asked.periods,
         )
         if isinstance(run, str):
             self.notes.append(f"{_named(number)}: {run}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.limit_cycle.peaks import half_range, told_mean
+from workbench.analysis.passes import half_range, told_mean
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 
@@ -176,8 +176,7 @@ class _Shooting:
         points = self._time + period * np.arange(1, _SAMPLES + 1) / _SAMPLES
         with self._model.open_at(time=self._time, values=self._values(x), tolerance=_TOLERANCE) as session:
             record = session.advance(float(points[-1]), signals={}, record=[self._watch], points=points)
-        keep = np.isin(record.time, points) & np.append(record.time[1:] > record.time[:-1], True)
-        return np.asarray(record.values[self._watch][keep], dtype=np.float64)
+        return record.right_limits(points).values[self._watch]
 
     def _direction(self, x: Floats) -> Floats:
         """Return dx/dt in units of the sizes."""

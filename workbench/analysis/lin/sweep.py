@@ -14,15 +14,14 @@ from workbench import __version__
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinAlong, LinOver
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import make_task
+from workbench.analysis.lin.task import make_task, point_in_full
 from workbench.core.forms import several
 from workbench.core.job import Job
-from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
 from workbench.core.record import Part, Record, drawn, entry
 from workbench.errors import InputError, SimulationError, suggest
+from workbench.fmi.variable import Value
 from workbench.model import DescribedModel, Model
-from workbench.model.placing import find_point
 from workbench.signals import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -122,16 +121,7 @@ def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
     """Linearise at every combination; see `LinOver`."""
     grid = {name: several(values) for name, values in asked.over.items()}
     _check(model, grid)
-    begin = find_point(model, asked.at)[0] or OperatingPoint(x={}, u={}, time=model.start_time)
-    common = recast(
-        Lin,
-        asked,
-        at=None,
-        x0={**begin.x, **begin.discrete, **(asked.x0 or {})},
-        u0={**begin.u, **(asked.u0 or {})},
-        time=begin.time if asked.time is None else asked.time,
-        progress=None,
-    )
+    common = recast(Lin, asked, at=None, progress=None, **point_in_full(model, asked)[0])
     todo = [_job(model, dict(zip(grid, values, strict=True)), common) for values in itertools.product(*grid.values())]
     found: dict[str, LinPoint] = {}
 
@@ -201,7 +191,7 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
             yield LinPoint(job.varied, None, str(error))
 
 
-def with_parameters(model: Model, parameters: Mapping[str, float]) -> AbstractContextManager[Model]:
+def with_parameters(model: Model, parameters: Mapping[str, Value]) -> AbstractContextManager[Model]:
     """Return the model with other parameters, a new one if there are any.
 
     Raises:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from workbench.analysis.lin.request import Lin
+from workbench.analysis.lin.request import Lin, PointOptions
 from workbench.core.forms import Widths, several
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
@@ -84,6 +85,22 @@ def make_task(model: Model, asked: Lin) -> LinTask:
         continuous=asked.continuous,
         notes=(*notes, *_moved(where, {**x0, **u0})),
     )
+
+
+def point_in_full(model: Model, asked: PointOptions) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return x0, u0 and time of a request that names a point besides, and remarks on that point.
+
+    Raises:
+        InputError: a point of another model.
+    """
+    found, notes = find_point(model, asked.at)
+    where = found or OperatingPoint(x={}, u={}, time=model.start_time)
+    full = {
+        "x0": {**where.x, **where.discrete, **(asked.x0 or {})},
+        "u0": {**where.u, **(asked.u0 or {})},
+        "time": where.time if asked.time is None else asked.time,
+    }
+    return full, notes
 
 
 def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]:

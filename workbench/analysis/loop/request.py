@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.request import Analysis, function
 from workbench.core.forms import FILE, Band, Form, Numbers
 from workbench.core.operating_point import At
@@ -131,11 +132,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         default=None,
     )
     trim: bool = option("Trim the closed loop first, and open it at that point.", default=False)
-    method: str = option(
-        "Method of linearisation; auto chooses.",
-        choices=("auto", "exact", "difference", "kalman-bertram", "response"),
-        default="auto",
-    )
+    method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
     dx: Width = option("Total width of the perturbation of the states, as in `lin`.", python=True, default=None)
     du: float | None = option(
         "Total width of the perturbation of the signal at the opened connection, as in `lin`.",

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 
+from workbench.analysis.lin.request import Lin
+from workbench.analysis.lin.sweep import with_parameters
+from workbench.analysis.lin.task import point_in_full
 from workbench.analysis.modes.match import match
 from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
-from workbench.analysis.modes.source import ModelSource, Where, check_parameter
+from workbench.analysis.modes.source import ModelSource, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
 from workbench.core.forms import number, several, varied
 from workbench.core.job import Job
@@ -22,7 +25,6 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.placing import find_point
 
 __all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 
@@ -40,24 +42,19 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     against = list(asked.against)
     grid = _values(asked, limits)
     check_parameter(model, vary)
-    point, remarks = find_point(model, asked.at)
-    begin = point or OperatingPoint(x={}, u={}, time=model.start_time)
-    where = Where(
-        x0={**begin.x, **begin.discrete, **(asked.x0 or {})},
-        u0={**begin.u, **(asked.u0 or {})},
-        time=begin.time if asked.time is None else asked.time,
-        trimmed=asked.trimmed,
-        method=asked.method,
-    )
+    begin, remarks = point_in_full(model, asked)
+    how = Lin(**begin, method=asked.method, inputs=(), outputs=())
     width = _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
     found, common = [], dict(asked.set or {})
     first: OperatingPoint | None = None
     with ExitStack() as stack:
-        configured = [_configured(model, {**common, **settings}, stack) for settings in ({}, *against)]
+        configured = [
+            stack.enter_context(with_parameters(model, {**common, **settings})) for settings in ({}, *against)
+        ]
         for number, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
             job.stage(number, len(configured))
             label = _label(settings or _own(model, common, against))
-            source = ModelSource(opened, vary, where)
+            source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
             source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
             found.append(_one_set(source, grid, label, dict(settings), width))
             first = first or next(
@@ -108,13 +105,6 @@ def _values(asked: Modes, limits: str) -> list[float]:
     if len(found) < 2 or not np.isfinite(found).all() or np.any(np.diff(found) <= 0.0):
         raise InputError("modes: two or more rising values are needed")
     return found
-
-
-def _configured(model: DescribedModel, settings: Settings, stack: ExitStack) -> DescribedModel:
-    if not settings:
-        return model
-    starts = {**model.recipe.start_values, **settings}
-    return stack.enter_context(replace(model.recipe, start_values=starts).open())
 
 
 def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, tolerance: float) -> ModeSet:

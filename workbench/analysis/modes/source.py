@@ -4,42 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from workbench.analysis.lin.linearise import run
-from workbench.analysis.lin.request import Lin, lin_over
+from workbench.analysis.lin.request import Lin, LinOver
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinPoint, with_parameters
+from workbench.analysis.lin.sweep import LinPoint, over, with_parameters
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.trim.request import trim
+from workbench.core.job import Job
 from workbench.core.modal import Poles, poles_of
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.option import recast
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model
 from workbench.system.description import GainComponent
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["ModelSource", "Where", "check_parameter"]
+__all__ = ["ModelSource", "check_parameter"]
 
 # How accurate the entries of A are, relative to its size, by method; those not named: rounding.
 _ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Where:
-    """The operating point of every model of a family.
-
-    Attributes:
-        x0, u0, time: see `lin`; with `trimmed` where the search begins.
-        trimmed: find the equilibrium at each value.
-        method: of the linearisation.
-    """
-
-    x0: dict[str, float] = field(default_factory=dict)
-    u0: dict[str, float] = field(default_factory=dict)
-    time: float = 0.0
-    trimmed: bool = False
-    method: str = "auto"
 
 
 def check_parameter(model: Model, name: str) -> None:
@@ -83,18 +68,19 @@ class ModelSource:
     Args:
         model: stays open.
         vary: parameter, input or state.
-        where: the operating point.
+        lin: how, and about which operating point.
+        trimmed: find the equilibrium at each value; the search begins at that point.
 
     Attributes:
         results: value → linear model.
         failed: value → reason.
     """
 
-    def __init__(self, model: Model, vary: str, where: Where) -> None:
-        self._model, self._vary, self._where = model, vary, where
+    def __init__(self, model: Model, vary: str, lin: Lin, *, trimmed: bool) -> None:
+        self._model, self._vary, self._lin, self._trimmed = model, vary, lin, trimmed
         self._is_parameter = vary in {v.name for v in model.parameters}
         self._is_gain = vary in _gains(model)
-        self._one_by_one = where.trimmed or self._is_gain
+        self._one_by_one = trimmed or self._is_gain
         self.results: dict[float, LinResult] = {}
         self.failed: dict[float, str] = {}
         self._poles: dict[float, Poles] = {}
@@ -145,22 +131,17 @@ class ModelSource:
     def _over(
         self, values: Sequence[float], jobs: int, progress: Callable[[LinPoint, int, int], None] | None
     ) -> tuple[LinPoint, ...]:
-        w = self._where
-        return lin_over(
-            self._model, {self._vary: values}, x0=w.x0, u0=w.u0, time=w.time, method=w.method,
-            inputs=(), outputs=(), jobs=jobs, progress=progress,
-        ).points  # fmt: skip
+        asked = recast(LinOver, self._lin, over={self._vary: values}, jobs=jobs)
+        return over(self._model, asked, Job(progress)).points
 
     def _single(self, value: float) -> LinPoint:
         """Linearise at one value what `lin_over` does not: about an equilibrium of its own, with another gain."""
-        varied, w = {self._vary: value}, self._where
+        varied = {self._vary: value}
         try:
             with self._set(value) as model:
-                point = self._point(model, value) if w.trimmed else None
-                x0 = w.x0 if point is None else {**point.x, **point.discrete}
-                u0 = w.u0 if point is None else point.u
-                task = make_task(model, Lin(x0=x0, u0=u0, inputs=(), outputs=(), time=w.time))
-                return LinPoint(varied, run(task, w.method))
+                point = self._point(model, value) if self._trimmed else None
+                asked = self._lin if point is None else replace(self._lin, x0={**point.x, **point.discrete}, u0=point.u)
+                return LinPoint(varied, run(make_task(model, asked), asked.method))
         except SimulationError as error:
             return LinPoint(varied, None, str(error))
 
@@ -170,11 +151,12 @@ class ModelSource:
         return with_parameters(self._model, {self._vary: value} if self._is_parameter else {})
 
     def _point(self, model: Model, value: float) -> OperatingPoint:
-        w, states = self._where, {v.name for v in model.states}
+        x0, u0, states = self._lin.x0 or {}, self._lin.u0 or {}, {v.name for v in model.states}
         held = {} if self._is_parameter or self._is_gain else {self._vary: value}
         fixed = {n: v for n, v in held.items() if n in states}
-        forced = {**w.u0, **{n: v for n, v in held.items() if n not in states}}
-        found = trim(model, x0={n: v for n, v in w.x0.items() if n in states}, u0=forced, fix=fixed, time=w.time)
+        forced = {**u0, **{n: v for n, v in held.items() if n not in states}}
+        begin = {n: v for n, v in x0.items() if n in states}
+        found = trim(model, x0=begin, u0=forced, fix=fixed, time=self._lin.time)
         if not found.converged:
             raise SimulationError("no equilibrium was found there")
         return found.operating_point

@@ -11,9 +11,8 @@ from scipy.optimize import brentq
 from workbench.analysis.describing.base import HARMONICS, Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.lin.state_space import LinearModel
-from workbench.analysis.nyquist.axis import AxisCrossing, axis_crossings
+from workbench.analysis.nyquist.crossings import AxisCrossing, axis_crossings, intersections
 from workbench.analysis.nyquist.grid import adaptive_grid
-from workbench.analysis.nyquist.intersections import intersections
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.blas import one_thread
 from workbench.core.linear import Linear, LinearPart

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.subspace.matrices import radius, shifted_observability
+from workbench.analysis.subspace.matrices import radius, shifted_observability, stabilise
 from workbench.analysis.subspace.settings import SubspaceSettings
 from workbench.analysis.subspace.simulated import InputFit, fit_inputs, residual
-from workbench.analysis.subspace.stability import stabilise
 from workbench.analysis.subspace.states import Noise, StateFit, fit_states, noise_of
 from workbench.analysis.subspace.trial import HorizonView
 from workbench.session.base import Floats

@@ -170,34 +170,22 @@ def bootstrap_poles(
     _check(model, data, replicates, block, confidence)
     length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
     poles = _without_delays(model.poles, sum(model.delay))
-    if not len(poles):
-        none = np.empty((0, 0), dtype=np.complex128)
-        return PoleBootstrap(
-            regions=(),
-            replicates=none,
-            confidence=confidence,
-            joint=joint,
-            block=length,
-            failed=0,
-            dt=model.dt,
-            seed=seed,
-        )
-    found = []
+    found: list[Complex] = []
     with one_thread():
-        for y in _records(model, data, replicates, length, np.random.default_rng(seed)):
+        for y in _records(model, data, replicates, length, np.random.default_rng(seed)) if len(poles) else ():
             one = _estimated(estimator, data.u - model.u0, y, model)
             if one is not None:
                 found.append(one)
-    if len(found) < max(LEAST, replicates // 2):
+    if len(poles) and len(found) < max(LEAST, replicates // 2):
         raise InputError(f"only {len(found)} of {replicates} bootstrap replicates gave a model of order {len(poles)}")
-    matched = match_clouds(poles, np.array(found))
+    matched = match_clouds(poles, np.array(found)) if len(poles) else np.empty((0, 0), dtype=np.complex128)
     return PoleBootstrap(
-        regions=pole_regions(poles, matched, confidence=confidence, joint=joint),
+        regions=pole_regions(poles, matched, confidence=confidence, joint=joint) if len(poles) else (),
         replicates=matched,
         confidence=confidence,
         joint=joint,
         block=length,
-        failed=replicates - len(found),
+        failed=replicates - len(found) if len(poles) else 0,
         dt=model.dt,
         seed=seed,
     )
