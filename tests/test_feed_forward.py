@@ -275,9 +275,9 @@ def test_results_are_written(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ({"block": "blok"}, "did you mean block"),
-        ({"target": "plant.v"}, "'plant.v' is no variable of a component; did you mean .*plant.u"),
+        ({"target": "plant.v"}, "'plant.v' is not a variable of a component; did you mean .*plant.u"),
         ({"target": "plant.w"}, "plant.w is driven by block.y"),
-        ({"feedback": ("plant.z", -1.0)}, "feedback 'plant.z' is no variable"),
+        ({"feedback": ("plant.z", -1.0)}, "feedback 'plant.z' is not a variable"),
         ({"feedback": ("plant.y", math.inf)}, "finite number"),
         ({"orders": (9, 1)}, "between 1 and 4"),
         ({"hankel": 2.0}, "between 0 and 1"),
@@ -290,7 +290,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"inputs": {}}, "stop is missing"),
         ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
         ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),
-        ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "not one"),
+        ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "4 real inputs .* must have one"),
         ({"actuator": "fmu:LimitdActuator"}, "did you mean LimitedActuator"),
     ],
 )
