@@ -112,7 +112,7 @@ class Request(Options, Generic[_Subject, _Record]):
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
-        unwritten: files that its record has not: "csv_path", "plot".
+        unwritten: files that its record has not: "csv", "plot".
     """
 
     command: ClassVar[str]

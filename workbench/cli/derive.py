@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from workbench.analysis.request import Request, asked_options, function
-from workbench.cli.options import Csv, Json, Plot, Report
+from workbench.core.forms import File
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, Options, asked_in_json, parts_of, put_together, values_of
+from workbench.core.option import Declared, Options, asked_in_json, option, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.report.extras import EXTRAS, Written
@@ -28,8 +28,14 @@ if TYPE_CHECKING:
 
 __all__ = ["command", "request_from"]
 
-_OUTPUT = {"json_path": (Json, None), "csv_path": (Csv, None), "plot": (Plot, None), "report": (Report, None)}
+_OUTPUT = ("json", "csv", "plot", "report")
 _NOT_WELL = 1  # exit code of a record that says so
+
+
+class _Json(Options):
+    """The file that every record has; a study writes it by itself."""
+
+    json: File | None = option("Write the result as JSON; - is standard output.", default=None)
 
 
 def command(request: type[Request[Any, Any]], before: Before | None = None) -> Callable[..., int]:
@@ -47,7 +53,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
 
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
         asked, loading = request_from(request, given)
-        written = put_together(kind, {**_values(_drawn(kind), given), "plot": given.get("plot")})
+        written = put_together(kind, _values(_files(request, kind), given))
         written.check(asked)
         asked = asked if out.report is None else asked.for_page()
         if before is not None:
@@ -156,7 +162,7 @@ def _show(record: Any, asked: Options, out: Output, written: Written, origin: Or
 def _signature(request: type[Request[Any, Any]], written: type[Written]) -> inspect.Signature:
     """Return the options of the request, then those by which models are opened, then the files."""
     subject = request.subject
-    own = {**asked_options(request), **_drawn(written)}
+    own = {**asked_options(request), **_files(request, written)}
     typed: Any = list[str] if subject.several else str
     typed = typed | None if subject.optional else typed
     argument = Annotated[typed, typer.Argument(metavar=subject.metavar, help=subject.words)]
@@ -164,8 +170,6 @@ def _signature(request: type[Request[Any, Any]], written: type[Written]) -> insp
     parameters += [
         _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
     ]
-    files = {name: found for name, found in _OUTPUT.items() if name not in request.unwritten}
-    parameters += [_parameter(name, kind, default) for name, (kind, default) in files.items()]
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
 
 
@@ -229,9 +233,11 @@ def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> 
     return put_together(request, values), request.loading(values)
 
 
-def _drawn(written: type[Written]) -> dict[str, tuple[Declared, str]]:
-    """Return the options of a command's pictures and files besides those that every command has."""
-    return {d.name: (d, group) for d, group in parts_of(written) if d.name not in ("csv", "plot", "report")}
+def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[Declared, str]]:
+    """Return the options of a command's pictures and files, those that every command has last."""
+    every = {d.name: (d, group) for kind in (_Json, written) for d, group in parts_of(kind)}
+    known = (name for name in every if name not in request.unwritten)
+    return {name: every[name] for name in sorted(known, key=lambda n: _OUTPUT.index(n) if n in _OUTPUT else -1)}
 
 
 def _values(options: Mapping[str, tuple[Declared, str]], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,8 +40,8 @@ class Output:
 
     Args:
         command: its name.
-        json_path: of the JSON, "-" for standard output, None for none.
-        csv_path: of the CSV, likewise.
+        json: path of the JSON, "-" for standard output, None for none.
+        csv: of the CSV, likewise.
         plot: of the picture, or None.
         report: of the page, or None.
 
@@ -53,24 +53,25 @@ class Output:
         self,
         command: str,
         *,
-        json_path: str | None = None,
-        csv_path: str | None = None,
-        plot: Path | None = None,
-        report: Path | None = None,
+        json: str | None = None,
+        csv: str | None = None,
+        plot: str | None = None,
+        report: str | None = None,
     ) -> None:
         self.command = command
-        self.json_path, self.csv_path, self.plot, self.report = json_path, csv_path, plot, report
+        self.json_path, self.csv_path = json, csv
+        self.plot, self.report = (None if path is None else Path(path) for path in (plot, report))
         self._begin = time.monotonic()
-        if json_path == csv_path == "-":
+        if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
-        for option, path in (("--json", json_path), ("--csv", csv_path), ("--plot", plot), ("--report", report)):
+        for option, path in (("--json", json), ("--csv", csv), ("--plot", plot), ("--report", report)):
             if path is not None and path != "-":
                 file_to_write(path, option=option)
-        check_kind("--json", json_path, _JSON)
-        check_kind("--csv", csv_path, _CSV)
-        if plot is not None and plot.suffix.lower() not in _PICTURES:
+        check_kind("--json", json, _JSON)
+        check_kind("--csv", csv, _CSV)
+        if self.plot is not None and self.plot.suffix.lower() not in _PICTURES:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
-        if report is not None and report.suffix.lower() not in _PAGES:
+        if self.report is not None and self.report.suffix.lower() not in _PAGES:
             raise InputError(f"--report: '{report}' must end in {_PAGES[0]}")
 
     @property

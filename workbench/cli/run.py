@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
-from workbench.cli.options import Csv, Jobs, Json, Report, Timeout, workers
+from workbench.core.where import DEFAULT_TIMEOUT, Workers
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 
@@ -41,15 +41,27 @@ def run(
     ] = None,
     no_store: Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what is in the store.")] = False,
-    jobs: Jobs = None,
-    timeout: Timeout = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", help="Number of worker processes; by default one per core.")
+    ] = None,
+    timeout: Annotated[
+        float,
+        typer.Option(
+            "--timeout", metavar="S", help="Time limit for one result [s]; 3600 by default, inf for no limit."
+        ),
+    ] = DEFAULT_TIMEOUT,
     example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
-    json_path: Json = None,
-    csv_path: Csv = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
+    ] = None,
+    csv: Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")] = None,
     junit: Annotated[
         Path | None, typer.Option("--junit", metavar="PATH", help="Write the requirements as JUnit XML, for CI.")
     ] = None,
-    report: Report = None,
+    report: Annotated[
+        str | None,
+        typer.Option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data."),
+    ] = None,
 ) -> int:
     """Run a study: analyses over a grid of parameters, compared with requirements. Exit code 1: one is not met.
 
@@ -70,7 +82,7 @@ def run(
         )
     if no_store and (store is not None or fresh):
         raise InputError("--no-store and --store or --fresh: only one of them")
-    out = Output("run", json_path=json_path, csv_path=csv_path, report=report)
+    out = Output("run", json=json, csv=csv, report=report)
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
     prepared = StudyRun(study, store=folder, fresh=fresh)
@@ -101,7 +113,7 @@ def _check_junit(path: Path | None) -> None:
         file_to_write(path, option="--junit")
 
 
-def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> StudyResult:
+def _run(prepared: StudyRun, *, jobs: int | None, timeout: float) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays."""
     from workbench.cli.asked import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
@@ -109,7 +121,7 @@ def _run(prepared: StudyRun, *, jobs: int | None, timeout: float | None) -> Stud
 
     with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
         result = prepared.run(
-            lambda: workers(jobs=jobs, timeout=timeout), progress=progress.update, command=command_line()
+            lambda: Workers(jobs=jobs, timeout=timeout), progress=progress.update, command=command_line()
         )
     for text in result.notes:
         note(text)

@@ -20,7 +20,6 @@ __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"
 COMMANDS = tuple(REQUESTS)
 _MODEL = "model"
 _ON_MODELS = (_MODEL, "systems")
-_UNWRITTEN = {"csv": "csv_path"}
 _KINDS = {float: "a number", int: "a whole number", str: "text"}
 
 
@@ -194,7 +193,7 @@ def command(name: str) -> Command:
     subject = _MODEL if request.subject.metavar == _MODEL.upper() else request.subject.spelt
     written = EXTRAS.get(name, Written)
     every = {n: d for n, (d, _) in asked_options(request).items()}
-    every |= {d.name: d for d, _ in parts_of(written) if _UNWRITTEN.get(d.name, d.name) not in request.unwritten}
+    every |= {d.name: d for d, _ in parts_of(written) if d.name not in request.unwritten}
     options = {f.lstrip("-"): (n, d) for n, d in every.items() for f in (d.flag, d.option.also) if f}
     return Command(name=name, subject=subject, request=request, options=options, written=written)
 

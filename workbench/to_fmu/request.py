@@ -39,7 +39,7 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
         several=True,
     )
     counts = "models"
-    unwritten = ("csv_path", "plot")
+    unwritten = ("csv", "plot")
 
     out: File = option(
         "FMU to write, or a folder: then every model is built into FOLDER/fmi2/ and FOLDER/fmi3/.",
@@ -100,7 +100,7 @@ class Export(Request[object, "ExportResult | ContainerResult"]):
         metavar="MODEL",
         words="Linear model: the JSON of workbench identify or lin. Or a system: .toml, .ssp, system:NAME.",
     )
-    unwritten = ("csv_path", "plot")
+    unwritten = ("csv", "plot")
 
     out: File = option("FMU to write.", metavar="X.fmu")
     _: KW_ONLY

@@ -43,7 +43,7 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
     algorithm = "workbench.analysis.delays.run:run"
     example = "workbench delays system:rudder_loop --stop 2 --input reference=1 --step 0.01"
     withheld = ("step",)
-    unwritten = ("csv_path", "plot")
+    unwritten = ("csv", "plot")
 
     _: KW_ONLY
     stop: float | None = option(

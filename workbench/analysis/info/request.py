@@ -37,7 +37,7 @@ class Info(Request[str | Path, "FmuInfo | SystemInfo"]):
     algorithm = "workbench.analysis.info.run:run"
     example = "workbench info fmu:Rudder"
     subject = MODEL_FILE
-    unwritten = ("csv_path", "plot")
+    unwritten = ("csv", "plot")
 
     _: KW_ONLY
     probe: bool = option("Try in a worker process whether the FMU's saved state works.", default=True)
