@@ -12,7 +12,7 @@ from pathlib import Path
 import fmpy
 
 from workbench.build.fmu import Sources, generate
-from workbench.build.pack import pack
+from workbench.core.files import pack
 from workbench.toolchain import compile_all, host_only
 
 HERE = Path(__file__).parent

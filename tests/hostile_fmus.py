@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.stub_fmus import stub_library
-from workbench.build.pack import pack
+from workbench.core.files import pack
 from workbench.toolchain import host_only
 from workbench.workers import pool
 

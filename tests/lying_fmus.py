@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.build.pack import pack
+from workbench.core.files import pack
 from workbench.toolchain import host_only
 
 

@@ -79,12 +79,7 @@ def model_description_2(description: Description) -> bytes:
         files = ET.SubElement(interface, "SourceFiles")
         for name in description.sources:
             ET.SubElement(files, "File", {"name": name})
-    _definitions(root, model)
-    _default_experiment(root, description.experiment)
-    variables = ET.SubElement(root, "ModelVariables")
-    remember = remembering(model)
-    for reference, variable in enumerate(model.variables):
-        _variable_2(variables, model, reference, variable, remembers=reference in remember)
+    _variables(root, description, fmi=2)
     _structure_2(root, description)
     return _bytes(root)
 
@@ -113,12 +108,7 @@ def model_description_3(description: Description) -> bytes:
             "hasEventMode": "true",
         },
     )
-    _definitions(root, model)
-    _default_experiment(root, description.experiment)
-    variables = ET.SubElement(root, "ModelVariables")
-    remember = remembering(model)
-    for reference, variable in enumerate(model.variables):
-        _variable_3(variables, model, reference, variable, remembers=reference in remember)
+    variables = _variables(root, description, fmi=3)
     _indicators_3(variables, model)
     _structure_3(root, description)
     return _bytes(root)
@@ -235,28 +225,43 @@ def _initial_unknowns(model: ScalarModel) -> list[int]:
     ]
 
 
-# FMI 2.0
+def _variables(root: ET.Element, description: Description, *, fmi: int) -> ET.Element:
+    """Add definitions, default experiment and variables; return the element of the last."""
+    model = description.model
+    _definitions(root, model)
+    _default_experiment(root, description.experiment)
+    variables = ET.SubElement(root, "ModelVariables")
+    remember = remembering(model)
+    for reference, variable in enumerate(model.variables):
+        _variable(variables, model, reference, variable, remembers=reference in remember, fmi=fmi)
+    return variables
 
 
-def _variable_2(
-    parent: ET.Element, model: ScalarModel, reference: int, variable: ScalarVariable, *, remembers: bool
+def _variable(
+    parent: ET.Element, model: ScalarModel, reference: int, variable: ScalarVariable, *, remembers: bool, fmi: int
 ) -> None:
-    attributes = {"name": variable.name, "valueReference": str(reference)}
+    head = {"name": variable.name, "valueReference": str(reference)}
     if variable.description:
-        attributes["description"] = variable.description
+        head["description"] = variable.description
     kind = initial(model, variable, remembers=remembers)
-    attributes |= {"causality": _causality(variable), "variability": variability(variable)}
+    head |= {"causality": _causality(variable), "variability": variability(variable)}
     if kind != "none":
-        attributes["initial"] = kind
-    element = ET.SubElement(parent, "ScalarVariable", attributes)
+        head["initial"] = kind
+    declared = {"declaredType": _enumeration_name(model, variable)} if variable.type == "enumeration" else {}
     typed = _facts(variable) | _start(model, variable, kind)
-    if variable.type == "enumeration":
-        typed["declaredType"] = _enumeration_name(model, variable)
+    last = {}
     if variable.derivative_of is not None:
-        typed["derivative"] = str(variable.derivative_of + 1)
+        last["derivative"] = str(variable.derivative_of + (1 if fmi == 2 else 0))
     if variable.kind == "state" and _reinitialised(model, reference):
-        typed["reinit"] = "true"
-    ET.SubElement(element, _FMI2_TYPES[variable.type], typed)
+        last["reinit"] = "true"
+    if fmi == 2:
+        element = ET.SubElement(parent, "ScalarVariable", head)
+        ET.SubElement(element, _FMI2_TYPES[variable.type], typed | declared | last)
+    else:
+        ET.SubElement(parent, _FMI3_TYPES[variable.type], head | declared | typed | last)
+
+
+# FMI 2.0
 
 
 def _structure_2(root: ET.Element, description: Description) -> None:
@@ -282,26 +287,6 @@ def _structure_2(root: ET.Element, description: Description) -> None:
 
 
 # FMI 3.0
-
-
-def _variable_3(
-    parent: ET.Element, model: ScalarModel, reference: int, variable: ScalarVariable, *, remembers: bool
-) -> None:
-    attributes = {"name": variable.name, "valueReference": str(reference)}
-    if variable.description:
-        attributes["description"] = variable.description
-    kind = initial(model, variable, remembers=remembers)
-    attributes |= {"causality": _causality(variable), "variability": variability(variable)}
-    if kind != "none":
-        attributes["initial"] = kind
-    if variable.type == "enumeration":
-        attributes["declaredType"] = _enumeration_name(model, variable)
-    attributes |= _facts(variable) | _start(model, variable, kind)
-    if variable.derivative_of is not None:
-        attributes["derivative"] = str(variable.derivative_of)
-    if variable.kind == "state" and _reinitialised(model, reference):
-        attributes["reinit"] = "true"
-    ET.SubElement(parent, _FMI3_TYPES[variable.type], attributes)
 
 
 def _indicators_3(parent: ET.Element, model: ScalarModel) -> None:

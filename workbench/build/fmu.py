@@ -22,10 +22,10 @@ from workbench.build.describe import (
 )
 from workbench.build.emit_c import emit_equations, emit_model
 from workbench.build.frontend import Checked, check, models_in
-from workbench.build.pack import pack
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
+from workbench.core.files import pack
 from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest

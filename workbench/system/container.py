@@ -8,7 +8,6 @@ import hashlib
 import math
 import shutil
 import tempfile
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 
 from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, ModelVariable, Unknown
 
-from workbench.core.files import file_to_write
+from workbench.core.files import file_to_write, pack
 from workbench.core.record import Record
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
@@ -33,8 +32,6 @@ from workbench.system.recipe import SystemRecipe
 __all__ = ["ContainerResult", "export_container"]
 
 FMI_VERSIONS = (2, 3)
-_DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows: the bytes depend on the contents only
-_FILE_MODE = 0o100644 << 16
 
 
 @dataclass(frozen=True)
@@ -294,18 +291,10 @@ def _token(plan: _Plan) -> str:
 
 
 def _pack(folder: Path, target: Path) -> None:
-    """Write an unpacked FMU as a file, beside its place first: an interruption leaves the old one whole."""
-    partial = target.with_name(target.name + ".part")
-    files = {str(f.relative_to(folder).as_posix()): f for f in folder.rglob("*") if f.is_file()}
+    """Write an unpacked FMU as a file."""
     try:
-        with zipfile.ZipFile(partial, "w") as archive:
-            for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
-                entry = zipfile.ZipInfo(name, _DATE)
-                entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, _FILE_MODE
-                archive.writestr(entry, files[name].read_bytes())
-        partial.replace(target)
+        pack(target, {f.relative_to(folder).as_posix(): f.read_bytes() for f in folder.rglob("*") if f.is_file()})
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise InputError(f"'{target}' cannot be written: {error.strerror}") from None
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from workbench.errors import InputError
 from workbench.system.description import Connection, GainComponent
 from workbench.system.ssp_tree import Hop, Key, Node
-from workbench.system.units import Unit, conversion, is_same_unit, known_unit
+from workbench.system.units import Unit, is_same_unit, known_unit, named_conversion
 
 __all__ = ["Chain", "Flat", "Flattener", "full_name"]
 
@@ -131,8 +131,9 @@ class Flattener:
         return flat
 
     def _note_unused(self, flat: Flat) -> None:
+        by_kind: Mapping[str, Mapping[str, object]] = {"input": flat.inputs, "output": flat.outputs}
         for name, connector in self.root.connectors.items():
-            known = _by_kind(flat).get(connector.kind or "")
+            known = by_kind.get(connector.kind or "")
             if known is not None and name not in known:
                 self.notes.append(f"{connector.kind} '{name}' of the system is connected to nothing; left out")
 
@@ -193,25 +194,16 @@ class Flattener:
         if chain.is_plain:
             return Connection(source=source, destination=destination)
         times = [h.closes_at for h in chain.hops if h.closes_at is not None]
-        closes_at = max(times) if times else None
-        if len(chain.hops) == 1:
-            hop = chain.hops[0]
-            return Connection(
-                source=source,
-                destination=destination,
-                gain=hop.gain,
-                offset=hop.offset,
-                convert=hop.convert,
-                closes_at=closes_at,
-            )
-        gain, offset = self._numbers(chain)
+        last = chain.hops[-1]
+        is_single = len(chain.hops) == 1
+        gain, offset = (last.gain, last.offset) if is_single else self._numbers(chain)
         return Connection(
             source=source,
             destination=destination,
             gain=gain,
             offset=offset,
-            convert=False,
-            closes_at=closes_at,
+            convert=is_single and last.convert,
+            closes_at=max(times, default=None),
         )
 
     def _numbers(self, chain: Chain) -> tuple[float, float]:
@@ -228,15 +220,10 @@ class Flattener:
     def _convert(self, hop: Hop, unit: str | None, following: str | None) -> tuple[float, float]:
         if unit is None or following is None or unit == following:
             return 1.0, 0.0
-        left, right = known_unit(unit, self.units), known_unit(following, self.units)
-        found = None if left is None or right is None else conversion(left, right)
+        found = named_conversion(unit, following, self.units)
         if found is None:
             raise InputError(
                 f"connection {full_name(hop.start)} → {full_name(hop.end)}: {unit} cannot be converted to {following}; "
                 "define both in the SSD's Units or set suppressUnitConversion"
             )
         return found
-
-
-def _by_kind(flat: Flat) -> Mapping[str, Mapping[str, object]]:
-    return {"input": flat.inputs, "output": flat.outputs}

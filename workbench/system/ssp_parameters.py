@@ -9,7 +9,7 @@ from pathlib import Path
 from workbench.errors import InputError
 from workbench.system.fmu_facts import read_units
 from workbench.system.ssp_tree import Key, Node
-from workbench.system.ssp_xml import Element, boolean, children, descend, number, package_file, parse, tag
+from workbench.system.ssp_xml import Element, boolean, children, descend, linear, number, package_file, parse, tag
 from workbench.system.units import Unit
 
 __all__ = ["Package", "Parameter", "bound_parameters"]
@@ -187,8 +187,6 @@ def _mapped(name: str, parameter: Parameter, entries: list[Element]) -> Iterator
         for transformation in entry:
             if tag(transformation) not in ("LinearTransformation", "Annotations"):
                 raise InputError(f"{where}: {tag(transformation)} is not read; only LinearTransformation is")
-        linear = descend(entry, "LinearTransformation")
-        factor = 1.0 if linear is None else number(linear, "factor", 1.0, where)
-        offset = 0.0 if linear is None else number(linear, "offset", 0.0, where)
+        factor, offset = linear(entry, where)
         convert = not boolean(entry, "suppressUnitConversion")
         yield target, replace(parameter, factor=factor, offset=offset, convert=convert)

@@ -18,9 +18,9 @@ from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
 from workbench.system.ssp_blocks import BLOCK_TYPE
 from workbench.system.ssp_flatten import Flat, Flattener, full_name
 from workbench.system.ssp_parameters import Package, Parameter, bound_parameters
-from workbench.system.ssp_tree import ANNOTATION, Key, Node, read_tree
+from workbench.system.ssp_tree import ANNOTATION, Key, Node, own_annotation, read_tree
 from workbench.system.ssp_values import values_for
-from workbench.system.ssp_xml import Element, children, descend, number, package_file, parse, tag
+from workbench.system.ssp_xml import Element, descend, number, package_file, parse, tag
 from workbench.system.toml_components import read_component
 from workbench.system.units import Unit, known_unit
 
@@ -150,7 +150,7 @@ class _Reader:
         path = package_file(source, self.package.folder, where, confined=self.package.confined)
         if kind == BLOCK_TYPE:
             return _block(node.name, path)
-        own = _own(element, "Component")
+        own = own_annotation(element, "Component")
         component = FmuComponent(
             name=node.name,
             file=str(path),
@@ -255,14 +255,6 @@ def _interface(implementation: str, where: str) -> str:
     return _INTERFACES[implementation]
 
 
-def _own(element: Element | None, name: str) -> Element | None:
-    """Return what the workbench's own annotation of an element holds; None: there is none."""
-    for annotation in children(element, "Annotations", "Annotation"):
-        if annotation.get("type") == ANNOTATION:
-            return descend(annotation, name)
-    return None
-
-
 def _optional(element: Element | None, attribute: str) -> float | None:
     if element is None or element.get(attribute) is None:
         return None
@@ -278,7 +270,7 @@ def _block(name: str, path: Path) -> Component:
 
 
 def _experiment(element: Element | None) -> DefaultExperiment:
-    own = _own(element, "Experiment")
+    own = own_annotation(element, "Experiment")
     return DefaultExperiment(
         _optional(element, "startTime"),
         _optional(element, "stopTime"),

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from workbench.errors import InputError, suggest
-from workbench.system.ssp_xml import Element, boolean, children, descend, number, tag
+from workbench.system.ssp_xml import Element, boolean, children, descend, linear, number, tag
 
-__all__ = ["ANNOTATION", "Connector", "Hop", "Key", "Node", "read_tree"]
+__all__ = ["ANNOTATION", "Connector", "Hop", "Key", "Node", "own_annotation", "read_tree"]
 
 # Type of the annotations in which the workbench keeps what SSP has no place for.
 ANNOTATION = "fmi-workbench"
@@ -145,15 +145,11 @@ def _hop(element: Element, system: Node) -> Hop:
         raise InputError(f"{where}: connects two {what}; a connection leads from an output to an input")
     if roles in (["sink", "source"], ["sink", None], [None, "source"]):
         ends.reverse()  # start and end do not say which way values go, the kinds of the connectors do
-    transformation = _transformation(element, where)
-    return Hop(
-        ends[0][0],
-        ends[1][0],
-        transformation[0],
-        transformation[1],
-        convert=not boolean(element, "suppressUnitConversion"),
-        closes_at=_closes_at(element, where),
-    )
+    gain, offset = _transformation(element, where)
+    own = own_annotation(element, "Connection")
+    convert = not boolean(element, "suppressUnitConversion")
+    closes_at = None if own is None else number(own, "closesAt", 0.0, where)
+    return Hop(ends[0][0], ends[1][0], gain, offset, convert=convert, closes_at=closes_at)
 
 
 def _end(element: Element, side: str, system: Node) -> tuple[Key, str]:
@@ -191,15 +187,12 @@ def _transformation(element: Element, where: str) -> tuple[float, float]:
     for name in _TRANSFORMATIONS:
         if descend(element, name) is not None:
             raise InputError(f"{where}: {name} is not read; only LinearTransformation is")
-    linear = descend(element, "LinearTransformation")
-    if linear is None:
-        return 1.0, 0.0
-    return number(linear, "factor", 1.0, where), number(linear, "offset", 0.0, where)
+    return linear(element, where)
 
 
-def _closes_at(element: Element, where: str) -> float | None:
+def own_annotation(element: Element | None, name: str) -> Element | None:
+    """Return what the workbench's own annotation of an element holds under a name; None: there is none."""
     for annotation in children(element, "Annotations", "Annotation"):
-        inner = descend(annotation, "Connection")
-        if annotation.get("type") == ANNOTATION and inner is not None:
-            return number(inner, "closesAt", 0.0, where)
+        if annotation.get("type") == ANNOTATION:
+            return descend(annotation, name)
     return None

@@ -9,7 +9,7 @@ from workbench.errors import InputError, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.system.fmu_facts import FmuFacts
 from workbench.system.ssp_parameters import Parameter
-from workbench.system.units import Unit, conversion, known_unit
+from workbench.system.units import Unit, named_conversion
 
 __all__ = ["values_for"]
 
@@ -102,9 +102,7 @@ def _conversion(
     given = parameter.unit
     if not parameter.convert or given is None or unit is None or given == unit:
         return 1.0, 0.0
-    source = known_unit(given, parameter.units)
-    target = known_unit(unit, {**parameter.units, **definitions})
-    found = None if source is None or target is None else conversion(source, target)
+    found = named_conversion(given, unit, parameter.units, {**parameter.units, **definitions})
     if found is None:
         raise InputError(
             f"{parameter.where}: {variable.name}: the value is in {given}, the variable in {unit}, which cannot be "

@@ -11,7 +11,18 @@ from lxml import etree
 
 from workbench.errors import InputError
 
-__all__ = ["NAMESPACES", "Element", "boolean", "children", "descend", "number", "package_file", "parse", "tag"]
+__all__ = [
+    "NAMESPACES",
+    "Element",
+    "boolean",
+    "children",
+    "descend",
+    "linear",
+    "number",
+    "package_file",
+    "parse",
+    "tag",
+]
 
 Element: TypeAlias = etree._Element  # noqa: SLF001 - lxml has no public name for it
 
@@ -85,6 +96,18 @@ def number(element: Element, attribute: str, default: float, where: str) -> floa
 def boolean(element: Element, attribute: str) -> bool:
     """Return an attribute of type xs:boolean, False where it is absent."""
     return (element.get(attribute) or "").strip() in ("true", "1")
+
+
+def linear(element: Element, where: str) -> tuple[float, float]:
+    """Return factor and offset of the LinearTransformation in an element; 1 and 0 where there is none.
+
+    Raises:
+        InputError: one of them is not a number.
+    """
+    found = descend(element, "LinearTransformation")
+    if found is None:
+        return 1.0, 0.0
+    return number(found, "factor", 1.0, where), number(found, "offset", 0.0, where)
 
 
 def package_file(source: str, folder: Path, where: str, *, confined: bool) -> Path:

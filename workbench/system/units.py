@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from workbench.core.names import plain_unit
 
-__all__ = ["BASE_UNITS", "Unit", "conversion", "is_same_unit", "known_unit"]
+__all__ = ["BASE_UNITS", "Unit", "conversion", "is_same_unit", "known_unit", "named_conversion"]
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NONE = (0,) * len(BASE_UNITS)
@@ -39,6 +39,25 @@ def conversion(source: Unit, target: Unit) -> tuple[float, float] | None:
     if source.exponents != target.exponents and not _are_plain_numbers(source, target):
         return None
     return source.factor / target.factor, (source.offset - target.offset) / target.factor
+
+
+def named_conversion(
+    source: str,
+    target: str,
+    definitions: Mapping[str, Unit] | None = None,
+    target_definitions: Mapping[str, Unit] | None = None,
+) -> tuple[float, float] | None:
+    """Return the `conversion` between units by name; None: one is not known, or they are not comparable.
+
+    Args:
+        source: name of the unit that is converted.
+        target: name of the unit that is wanted.
+        definitions: what `known_unit` looks into first.
+        target_definitions: the same for the target; None: those of the source.
+    """
+    left = known_unit(source, definitions)
+    right = known_unit(target, definitions if target_definitions is None else target_definitions)
+    return None if left is None or right is None else conversion(left, right)
 
 
 def is_same_unit(source: Unit, target: Unit) -> bool:

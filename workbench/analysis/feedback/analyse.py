@@ -34,7 +34,7 @@ from workbench.model import placing
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.signals import signals_of
-from workbench.system.units import conversion, known_unit
+from workbench.system.units import named_conversion
 
 __all__ = ["curve", "run"]
 
@@ -98,8 +98,7 @@ def _size(option: str, size: float | str | None, target: str, own: str | None, *
     value, unit = quantity(size)
     if not unit:
         return value
-    given, wanted = known_unit(unit), known_unit(f"{own}{per}") if own else None
-    factor = conversion(given, wanted) if given is not None and wanted is not None else None
+    factor = named_conversion(unit, f"{own}{per}") if own else None
     if factor is None:
         raise InputError(f"{option}: '{unit}' cannot be converted to {own or 'no unit'}{per}, that of {target}")
     return factor[0] * value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.system.units import conversion, known_unit
+from workbench.system.units import named_conversion
 
 __all__ = ["Shown", "shown_unit"]
 
@@ -33,12 +33,9 @@ def shown_unit(own: str | None, wanted: str | None) -> Shown:
     """
     if own is None or wanted is None:
         return Shown(own)
-    source = known_unit(own)
-    if wanted == "g":  # never grams: the standard gravity
-        target, share = known_unit("m/s2"), 1.0 / STANDARD_GRAVITY
-    else:
-        target, share = known_unit(wanted), 1.0
-    found = conversion(source, target) if source is not None and target is not None else None
+    # g is never grams, but the standard gravity.
+    target, share = ("m/s2", 1.0 / STANDARD_GRAVITY) if wanted == "g" else (wanted, 1.0)
+    found = named_conversion(own, target)
     if found is None or found[1]:
         return Shown(own)
     return Shown(wanted, found[0] * share)
