@@ -207,22 +207,15 @@ class _Writer:
             self._wire(connections, wire)
         for name, ports in self.resolved.inputs.items():
             for port in ports:
-                ends = {"endElement": self._name(port), "endConnector": port.variable.name}
-                element("ssd:Connection", connections, {"startConnector": name, **ends})
+                element("ssd:Connection", connections, {"startConnector": name, **self._end("end", port)})
         for name, port in self.resolved.outputs.items():
-            starts = {"startElement": self._name(port), "startConnector": port.variable.name}
-            element("ssd:Connection", connections, {**starts, "endConnector": name})
+            element("ssd:Connection", connections, {**self._end("start", port), "endConnector": name})
         if not len(connections):
             system.remove(connections)
 
     def _wire(self, parent: Element, wire: Wire) -> None:
         source, target = Port(wire.from_component, wire.source), Port(wire.to_component, wire.destination)
-        ends = {
-            "startElement": self._name(source),
-            "startConnector": wire.source.name,
-            "endElement": self._name(target),
-            "endConnector": wire.destination.name,
-        }
+        ends = {**self._end("start", source), **self._end("end", target)}
         # Where units differ, the wire's numbers hold the conversion already: no tool shall convert again.
         units = [declared_unit(self.parts[p.component].component, p.variable) for p in (source, target)]
         if None not in units and units[0] != units[1]:
@@ -236,8 +229,10 @@ class _Writer:
                 f"connection {wire.label} closes at {wire.closes_at:g} s: for other tools it is closed from the start"
             )
 
-    def _name(self, port: Port) -> str:
-        return self.description.components[port.component].name
+    def _end(self, side: str, port: Port) -> dict[str, str]:
+        """Return the attributes of a connection that name a component's variable at its start or end."""
+        component = self.description.components[port.component].name
+        return {f"{side}Element": component, f"{side}Connector": port.variable.name}
 
 
 def _part(component: Component) -> _Part:
