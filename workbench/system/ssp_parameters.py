@@ -4,30 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from workbench.errors import InputError
 from workbench.system.fmu_facts import read_units
 from workbench.system.ssp_tree import Key, Node
-from workbench.system.ssp_xml import Element, boolean, children, descend, linear, number, package_file, parse, tag
+from workbench.system.ssp_xml import Element, Package, boolean, children, descend, linear, number, parse, tag
 from workbench.system.units import Unit
 
-__all__ = ["Package", "Parameter", "bound_parameters"]
+__all__ = ["Parameter", "bound_parameters"]
 
 _SET, _MAPPING = "application/x-ssp-parameter-set", "application/x-ssp-parameter-mapping"
-
-
-@dataclass(frozen=True)
-class Package:
-    """Where files are looked for.
-
-    Attributes:
-        folder: of the SSD.
-        confined: whether nothing outside of it may be read (an unpacked archive).
-    """
-
-    folder: Path
-    confined: bool
 
 
 @dataclass(frozen=True)
@@ -124,7 +110,7 @@ def _check_type(element: Element, expected: str, where: str) -> None:
 def _sets(binding: Element, where: str, package: Package) -> Iterator[tuple[Element, str]]:
     source = binding.get("source")
     if source:
-        path = package_file(source, package.folder, where, confined=package.confined)
+        path = package.file(source, where)
         yield parse(path, "ParameterSet"), path.name
     for inline in children(binding, "ParameterValues", "ParameterSet"):
         yield inline, where
@@ -172,7 +158,7 @@ def _mapping(binding: Element, where: str, package: Package) -> list[Element] | 
     _check_type(element, _MAPPING, where)
     source = element.get("source")
     if source:
-        path = package_file(source, package.folder, where, confined=package.confined)
+        path = package.file(source, where)
         return list(children(parse(path, "ParameterMapping"), "MappingEntry"))
     inline = descend(element, "ParameterMapping")
     return list(children(element if inline is None else inline, "MappingEntry"))

@@ -17,10 +17,10 @@ from workbench.system.description import Component, FmuComponent, SystemDescript
 from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
 from workbench.system.ssp_blocks import BLOCK_TYPE
 from workbench.system.ssp_flatten import Flat, Flattener, full_name
-from workbench.system.ssp_parameters import Package, Parameter, bound_parameters
+from workbench.system.ssp_parameters import Parameter, bound_parameters
 from workbench.system.ssp_tree import ANNOTATION, Key, Node, own_annotation, read_tree
 from workbench.system.ssp_values import values_for
-from workbench.system.ssp_xml import Element, descend, number, package_file, parse, tag
+from workbench.system.ssp_xml import Element, Package, descend, number, parse, tag
 from workbench.system.toml_components import read_component
 from workbench.system.units import Unit, known_unit
 
@@ -147,7 +147,7 @@ class _Reader:
             raise InputError(f"{where}: type '{kind}' is not read; only FMUs ({_DEFAULT_TYPE}) are")
         if not source:
             raise InputError(f"{where}: names no source file")
-        path = package_file(source, self.package.folder, where, confined=self.package.confined)
+        path = self.package.file(source, where)
         if kind == BLOCK_TYPE:
             return _block(node.name, path)
         own = own_annotation(element, "Component")

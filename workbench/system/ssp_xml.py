@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TypeAlias
 from urllib.parse import unquote, urlsplit
@@ -14,12 +15,12 @@ from workbench.errors import InputError
 __all__ = [
     "NAMESPACES",
     "Element",
+    "Package",
     "boolean",
     "children",
     "descend",
     "linear",
     "number",
-    "package_file",
     "parse",
     "tag",
 ]
@@ -110,25 +111,36 @@ def linear(element: Element, where: str) -> tuple[float, float]:
     return number(found, "factor", 1.0, where), number(found, "offset", 0.0, where)
 
 
-def package_file(source: str, folder: Path, where: str, *, confined: bool) -> Path:
-    """Return the file that a relative URI names.
+@dataclass(frozen=True)
+class Package:
+    """Where files are looked for.
 
-    Args:
-        source: the URI.
-        folder: that it is relative to.
-        where: for messages.
-        confined: refuse files outside `folder` (an unpacked archive).
-
-    Raises:
-        InputError: not relative, outside of the package, or no such file.
+    Attributes:
+        folder: of the SSD.
+        confined: whether nothing outside of it may be read (an unpacked archive).
     """
-    uri = urlsplit(source)
-    if uri.scheme or uri.netloc:
-        raise InputError(f"{where}: source '{source}' is not a file in the package; only relative paths are read")
-    inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
-    path = (folder / inside).resolve()
-    if confined and not path.is_relative_to(folder.resolve()):
-        raise InputError(f"{where}: source '{source}' leads out of the package; refused")
-    if not path.exists():
-        raise InputError(f"{where}: the file '{source}' is missing in {'the package' if confined else folder}")
-    return path
+
+    folder: Path
+    confined: bool
+
+    def file(self, source: str, where: str) -> Path:
+        """Return the file that a relative URI names.
+
+        Args:
+            source: the URI.
+            where: for messages.
+
+        Raises:
+            InputError: not relative, outside of the package, or no such file.
+        """
+        uri = urlsplit(source)
+        if uri.scheme or uri.netloc:
+            raise InputError(f"{where}: source '{source}' is not a file in the package; only relative paths are read")
+        inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
+        path = (self.folder / inside).resolve()
+        if self.confined and not path.is_relative_to(self.folder.resolve()):
+            raise InputError(f"{where}: source '{source}' leads out of the package; refused")
+        if not path.exists():
+            place = "the package" if self.confined else self.folder
+            raise InputError(f"{where}: the file '{source}' is missing in {place}")
+        return path
