@@ -273,10 +273,9 @@ def _line_of(kind: type[Request[Any, Any]], given: Mapping[str, Any]) -> str:
     known = kind.command in commands and commands[kind.command].endswith(f":{kind.__name__}")
     if not source or not known:  # as lin_over, which is a part of the command lin
         return ""
-    tolerance = recipe.tolerance if kind.usual_tolerance is None else recipe.tolerance or subject.rtol
-    loading = recast(Loading, recipe, tolerance=tolerance)
+    tolerance = recipe.tolerance if kind.usual_tolerance is None else recipe.tolerance or subject.rtol or None
     try:
-        return command_line_of(kind(**values), source, loading)
+        return command_line_of(kind(**values), source, recast(Loading, recipe, tolerance=tolerance))
     except (AttributeError, TypeError, ValueError, WorkbenchError):  # a value that has no words
         return ""
 

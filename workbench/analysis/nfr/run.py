@@ -41,6 +41,7 @@ def run(model: Model, asked: Nfr, job: telling.Job) -> NfrResult:
     with job.ended_by(sweep.stop), sweep.under_way() as points:
         for point in points:
             job.done(point, sweep.done, sweep.total)
+    job.reached = sweep.done, sweep.total  # those from the store are not told
     return sweep.result()
 
 
