@@ -14,6 +14,8 @@ from scipy import signal
 import workbench as wb
 from tests.random_systems import Plant
 from workbench.analysis.subspace import METHODS, SubspaceEstimate, estimate
+from workbench.analysis.subspace.delivered import cost
+from workbench.analysis.subspace.simulated import fit_inputs
 from workbench.cli.app import run
 
 Floats = NDArray[np.float64]
@@ -255,3 +257,21 @@ def test_an_order_at_the_limit_is_a_doubt() -> None:
     assert (few.order, enough.order) == (2, 3)
     assert "order 2 is the largest considered: allow more, or check the data" in few.notes
     assert not any("largest considered" in note for note in enough.notes)
+
+
+def test_a_model_that_overflows_on_its_own_data_is_no_candidate(tmp_path: Path) -> None:
+    """A step of 0.02 s in a record of 5 s: high orders fit rounding, and one of them grew beyond all numbers."""
+    path = tmp_path / "step.csv"
+    with wb.load("fmu:Rudder") as rudder:
+        wb.simulate(rudder, stop=1.0, inputs={"delC": "step:time=0.1,value=2"}, outputs=["del"]).to_csv(path)
+    assert run(["identify", str(path), "--input", "delC", "--output", "del", "--json", str(tmp_path / "x.json")]) == 0
+    found = np.array(json.loads((tmp_path / "x.json").read_text())["A"])
+    assert np.all(np.isfinite(found))
+    assert np.abs(np.linalg.eigvals(found)).max() < 1.0 + 1e-6
+
+
+def test_what_grows_beyond_all_numbers_fits_nothing() -> None:
+    u = np.sin(np.arange(500.0))[:, None]
+    found = fit_inputs(u, u, np.array([[10.0]]), np.array([[1.0]]), feedthrough=True)
+    assert np.all(np.isnan(found.B))
+    assert cost(np.full((500, 1), np.nan)) == np.inf

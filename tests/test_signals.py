@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import workbench as wb
 from workbench.errors import InputError
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, parse_signal, signals_of
 
 
 def test_sine_counts_its_phase_from_start() -> None:
@@ -112,3 +114,14 @@ def test_parse_refuses_in_one_line(text: str, words: str) -> None:
 def test_table_refuses(times: list[float], values: list[float], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Table(times, values)
+
+
+@pytest.mark.parametrize("wrong", [lambda t: t, [1.0, 2.0], None])
+def test_what_is_no_signal_is_refused_in_one_line(wrong: object) -> None:
+    with pytest.raises(wb.InputError, match=r"input u: a \w+ is not a signal; give a number"):
+        signals_of({"u": cast("Any", wrong)})
+
+
+def test_a_model_that_is_not_open_is_refused_in_one_line() -> None:
+    with pytest.raises(wb.InputError, match=r"'fmu:Rudder' is not open; write with wb\.load"):
+        wb.simulate(cast("Any", "fmu:Rudder"), stop=1.0)

@@ -94,18 +94,21 @@ def article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
+_SUGGESTED = 8  # names at most
+
+
 def close_names(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names that one may be a misspelling of, the closest first."""
     folded = {n.casefold(): n for n in known}
     return [folded[n] for n in difflib.get_close_matches(name.casefold(), list(folded), n=3, cutoff=0.6)]
 
 
-def suggest(name: str, known: Iterable[str], *, limit: int = 8) -> str:
+def suggest(name: str, known: Iterable[str]) -> str:
     """Return the tail of an "unknown name" message: close names, else the first known ones."""
     names = sorted(set(known))
     if not names:
         return "there are none"
     if close := close_names(name, names):
         return "did you mean " + ", ".join(close) + "?"
-    more = f", … ({len(names)} in all)" if len(names) > limit else ""
-    return "known: " + ", ".join(names[:limit]) + more
+    more = f", … ({len(names)} in all)" if len(names) > _SUGGESTED else ""
+    return "known: " + ", ".join(names[:_SUGGESTED]) + more

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, pairwise
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -533,7 +534,7 @@ def signals_of(given: Mapping[str, Signal | float | str]) -> dict[str, Signal]:
         given: name → a signal, a number, or what `parse_signal` reads.
 
     Raises:
-        InputError: a text that `parse_signal` refuses.
+        InputError: a text that `parse_signal` refuses, or something else.
     """
     return {name: _signal(name, value) for name, value in given.items()}
 
@@ -544,7 +545,14 @@ def _signal(name: str, value: Signal | float | str) -> Signal:
             return parse_signal(value)
         except InputError as error:
             raise InputError(f"input {name}: {error}") from None
-    return Constant(float(value)) if isinstance(value, int | float) else value
+    if isinstance(value, Real):
+        return Constant(float(value))
+    if not isinstance(value, Signal):
+        raise InputError(
+            f"input {name}: a {type(value).__name__} is not a signal; give a number, a text such as "
+            "'step:time=1,value=2', a Table of times and values, or another Signal"
+        )
+    return value
 
 
 _SIGNALS = Form(

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
+from os import PathLike
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -41,7 +42,7 @@ from workbench.core.option import (
     recast,
     with_options,
 )
-from workbench.errors import StoppedError, WorkbenchError
+from workbench.errors import InputError, StoppedError, WorkbenchError
 from workbench.origin import with_origin
 
 if TYPE_CHECKING:
@@ -288,6 +289,9 @@ def _record_of(request: type[Request[Any, Any]]) -> str:
 
 
 def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
+    if asked.subject.opened and isinstance(subject, str | PathLike):
+        words = f"model: {str(subject)!r} is not open; write with wb.load({str(subject)!r}) as model: … and give model"
+        raise InputError(words)
     if asked.progress is not None or "IPython" not in sys.modules:
         return _stoppable(subject, asked, Job(asked.progress))
     from workbench.core.progress import Bar, in_notebook  # noqa: PLC0415 - seldom needed

@@ -14,18 +14,15 @@ import typer
 import typer.core
 
 from workbench import __version__
-from workbench.analysis.commands import request_of
+from workbench.analysis.commands import REQUESTS, request_of
 from workbench.core.named import named
 from workbench.errors import one_line
 
 __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run"}
-# In the order of a working day: requests, and functions that typer calls.
-COMMANDS = (
-    "info", "simulate", "nfr", "trim", "lin", "loop", "delays", "limit-cycle", "feedback", "feed-forward", "modes",
-    "compare", "check", "excite", "identify", "run", "reproduce", "build", "export",
-)  # fmt: skip
+# Of requests, and of functions that typer calls.
+COMMANDS = tuple(name for one in REQUESTS for name in (("run", one) if one == "reproduce" else (one,)))
 
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses

@@ -73,12 +73,12 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
 
 
 def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
-    """Return two numbers.
+    """Return two numbers, or read "LO:HI".
 
     Raises:
         ValueError: there are not two, or one is not a number.
     """
-    found = several(value)
+    found = tuple(map(number, value.split(":"))) if isinstance(value, str) else several(value)
     if len(found) != 2:
         raise ValueError(f"takes two numbers, not {len(found)}")
     return found[0], found[1]

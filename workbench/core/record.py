@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
@@ -33,7 +34,18 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-__all__ = ["Part", "Record", "Reportable", "complex_of", "drawn", "entry", "numbers", "plain", "read_json"]
+__all__ = [
+    "Part",
+    "Record",
+    "Reportable",
+    "complex_of",
+    "drawn",
+    "entry",
+    "numbers",
+    "plain",
+    "read_json",
+    "read_toml_table",
+]
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
 _SHOWS = "workbench.report.results"
@@ -326,6 +338,26 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
+
+
+def read_toml_table(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds.
+
+    Args:
+        path: path of the file.
+
+    Raises:
+        InputError: no such file, or not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
+    except tomllib.TOMLDecodeError as error:
+        twice = "; a key appears twice" if "overwrite" in str(error) else ""
+        raise InputError(f"{path}: is not TOML: {error}{twice}") from None
 
 
 # -- writing -----------------------------------------------------------------------------------

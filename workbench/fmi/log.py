@@ -17,6 +17,7 @@ __all__ = ["InstanceLog", "callbacks1", "callbacks2", "log_callback3", "open_log
 
 _LEVELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _KEPT = 200
+_SHOWN = 3  # in a message
 
 
 class InstanceLog:
@@ -36,10 +37,10 @@ class InstanceLog:
         text = one_line((message or b"").decode("utf-8", "replace"))
         self.lines.append(f"{level}: {text}")
 
-    def tail(self, *, limit: int = 3) -> str:
+    def tail(self) -> str:
         """Return the last lines of weight as the end of a message; empty if there are none."""
         heavy = [line for line in self.lines if not line.startswith("ok")]
-        chosen = list(dict.fromkeys(heavy or self.lines))[-limit:]
+        chosen = list(dict.fromkeys(heavy or self.lines))[-_SHOWN:]
         return "; its log: " + " | ".join(chosen) if chosen else ""
 
 

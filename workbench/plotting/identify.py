@@ -15,6 +15,7 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from workbench.analysis.validate.pole_zero import in_words
 from workbench.core.poles import pole_rows
 from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, LINE, panels
 from workbench.session.base import Floats
@@ -126,7 +127,7 @@ def plot_poles(
     _zooms(figure, cells, bootstrap)
     far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
     if far:
-        outside = f"zeros outside the picture: {', '.join(_text(z) for z in far)}"
+        outside = f"zeros outside the picture: {', '.join(in_words(z) for z in far)}"
         figure.supxlabel(outside, x=0.01, ha="left", fontsize=8.5)
     return figure
 
@@ -210,7 +211,7 @@ def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | None) -> 
         ax.tick_params(labelsize=7.5)
         ax.set_xlabel("real part [1]", fontsize=8.0)
         ax.locator_params(nbins=4)
-        ax.set_title(f"magnified: {_text(region.pole)}", fontsize=8.5, loc="left")
+        ax.set_title(f"magnified: {in_words(region.pole)}", fontsize=8.5, loc="left")
 
 
 def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
@@ -243,7 +244,7 @@ def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None)
     head = ["pole", "natural\n[Hz]", "damping\nratio"]
     head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
     upper = sorted((p for p in poles.tolist() if p.imag >= 0.0), key=lambda p: -abs(p))
-    rows = [[_text(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
+    rows = [[in_words(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
     if not rows:
         ax.text(0.0, 0.9, "no poles: a gain alone")
         return
@@ -272,7 +273,3 @@ def _size(pole: complex, bootstrap: PoleBootstrap | None) -> list[str]:
         return ["not determined"]
     long, short = region.half_axes
     return [f"± {long:.2g}" if region.on_axis else f"{long:.2g}, {short:.2g}"]
-
-
-def _text(z: complex) -> str:
-    return f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g} ± {abs(z.imag):.4g}i"

@@ -11,7 +11,7 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.decibels import degrees
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import behind, bracketed, counted, number, sampled_rows
+from workbench.report.tables import behind, bracketed, counted, number, sampled_rows, sentence
 from workbench.report.tones import Verdict
 
 __all__ = ["branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
@@ -48,7 +48,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
 def _lead(result: LimitCycleResult) -> str:
     none = result.none_predicted()
     if none:
-        return f"{none[:1].upper()}{none[1:]}."
+        return sentence(none)
     stable = [c for c in result.limit_cycles if c.stable]
     if not stable:
         return f"{counted(len(result.crossings), 'crossing')}, and none of them is a stable limit cycle."
@@ -80,7 +80,7 @@ def _crossings(result: NyquistResult) -> Section:
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
     table = Table(headings, rows, right=range(8))
-    return Section("Crossings", paragraphs=[f"{result.criterion[:1].upper()}{result.criterion[1:]}."], tables=[table])
+    return Section("Crossings", paragraphs=[sentence(result.criterion)], tables=[table])
 
 
 def _crossing(i: int, c: Crossing) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import math
 
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import behind, bracketed, counted, number
+from workbench.report.tables import behind, bracketed, counted, number, sentence
 from workbench.report.tones import Verdict
 
 __all__ = ["modes_page"]
@@ -30,17 +30,13 @@ def modes_page(result: ModesResult) -> Page:
             "critical values": f"to {result.tolerance:.2g}{behind(result.unit)}",
         },
         sections=[
-            Section("Diagram", paragraphs=[_sentence(result.criterion)], figures=[(result.plot, words)]),
+            Section("Diagram", paragraphs=[sentence(result.criterion)], figures=[(result.plot, words)]),
             *(_configuration(result, s, parameter) for s in result.sets),
         ],
         summary=[v for s in result.sets for v in _verdicts(result, s)],
         notes=result.notes,
         kind="modes",
     )
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _name(modes: ModeSet) -> str:

@@ -21,6 +21,7 @@ __all__ = [
     "number",
     "pole_table",
     "sampled_rows",
+    "sentence",
 ]
 
 MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
@@ -35,6 +36,11 @@ def number(value: float | None, form: str = ".5g") -> str:
 def bracketed(name: str, unit: str | None) -> str:
     """Return "name [unit]", or the name alone where there is no unit."""
     return f"{name} [{unit}]" if unit and unit != "1" else name
+
+
+def sentence(text: str) -> str:
+    """Return words as a sentence: with a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def behind(unit: str | None) -> str:

@@ -71,17 +71,14 @@ def limited(failed: float, seed: int) -> float:
     return float(advise(data.identification).finding("saturation").verdict != "good")
 
 
-def rudder(seed: int, *, amplitude: float = 2.0) -> ExciteResult:
-    """Record the rudder under a binary sequence of its command.
+def rudder(seed: int) -> ExciteResult:
+    """Record the rudder under a binary sequence of its command of ±2°.
 
     Args:
         seed: of the sequence.
-        amplitude: of the command [deg].
     """
     with load("fmu:Rudder", "me", tolerance=1e-8) as model:
-        return excite(
-            model, ["delC"], ["del"], signal=PrbsDesign(amplitude=amplitude, seed=seed), dt=0.01, samples=SAMPLES
-        )
+        return excite(model, ["delC"], ["del"], signal=PrbsDesign(amplitude=2.0, seed=seed), dt=0.01, samples=SAMPLES)
 
 
 def first_order(data: ExciteResult) -> IdentifyResult:

@@ -9,7 +9,7 @@ from typing import IO, TYPE_CHECKING, cast
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import counted
+from workbench.report.tables import counted, sentence
 from workbench.report.tones import Verdict
 from workbench.reproduce.targets import MISSED, NOT_REACHABLE, Target
 
@@ -41,7 +41,7 @@ def reproduce_page(result: ReproduceResult) -> Page:
     chapters = sorted({_chapter(o.target.chapter) for o in result.outcomes})
     return Page(
         title="The source report, measured now",
-        lead=f"{result.words[:1].upper()}{result.words[1:]}.",
+        lead=sentence(result.words),
         facts={"asked for": ", ".join(result.selection) or "everything"},
         summary=[Verdict(o.verdict, _line(o)) for o in result.outcomes if not o.passed],
         sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_fmus(), _of_time(result)],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,6 @@ class Execution:
     Attributes:
         outcomes: of the runs that are done.
         measured: how many were run now.
-        interrupted: whether `stop` ended it.
     """
 
     def __init__(self, plan: Plan, *, finished: Finished, folder: Path) -> None:
@@ -46,7 +46,6 @@ class Execution:
         self._stopped = False
         self.outcomes: dict[Run, Outcome] = {}
         self.measured = 0
-        self.interrupted = False
         self._reuse()
 
     def _reuse(self) -> None:
@@ -86,10 +85,8 @@ class Execution:
         with Pool(NoRecipe(), jobs=self._jobs, limits=workers.limits) as self._runner:
             if self._stopped:
                 self._runner.stop()
-            try:
+            with suppress(KeyboardInterrupt):  # what is missing tells
                 self._drive(self._runner, progress)
-            except KeyboardInterrupt:
-                self.interrupted = True
 
     def _drive(self, runner: Runner, progress: Progress) -> None:
         from workbench.study.worker import perform  # noqa: PLC0415

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
 from workbench.report.page import Page, Section, Table
+from workbench.report.tables import sentence
 from workbench.report.tones import Verdict
 from workbench.study.kinds.base import Compliance, Result
 from workbench.study.kinds.response import UNITS, Mask
@@ -34,17 +35,13 @@ def study_page(result: StudyResult) -> Page:
     sections = [*_violations(result), *_requirements(result), *_pictures(result), *_grid(result), _analyses(result)]
     return Page(
         title=result.study.name,
-        lead=f"{_sentence(result.words)} {result.study.description}".strip(),
+        lead=f"{sentence(result.words)} {result.study.description}".strip(),
         facts=_facts(result),
         summary=[Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.shown],
         notes=result.notes,
         sections=sections,
         data=result.to_dict(),
     )
-
-
-def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}."
 
 
 def _facts(result: StudyResult) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -10,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from workbench.bundled import bundled_files, find_bundled
+from workbench.core.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, command
 from workbench.study.description import Analysis, Change, Study
@@ -45,15 +45,16 @@ class AnalysisTable(Table):
 
 
 class ChangeTable(Table):
-    """What a configuration changes of a model. Steps in [s]."""
+    """What a configuration changes of a model. Times in [s]."""
 
     model: str | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)
     bias: dict[str, float] = Field(default_factory=dict)
     interface: Literal["auto", "me", "cs"] | None = None
-    solver: Literal["auto", "vkm", "gear"] | None = None
+    solver: Literal["auto", "vkm", "gear", "none", "fmu"] | None = None
     step: float | None = Field(default=None, gt=0.0)
     tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
+    start: float | None = None
 
 
 class ModelTable(ChangeTable):
@@ -104,7 +105,7 @@ def read_study(name: str | Path) -> Study:
             requirement without a limit or for another kind of analysis.
     """
     path = locate_study(name)
-    data = _load(path)
+    data = read_toml_table(path)
     try:
         study = _study(path, data)
         _check_references(study)
@@ -145,17 +146,6 @@ def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
         raise InputError(f"[analyses.{name}]: needs its own result, by way of {', '.join(before)}")
     for reference in study.analyses[name].references:
         _check_circle(reference.analysis, study, (*before, name))
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not TOML: {error}") from None
 
 
 def _study(path: Path, data: Mapping[str, Any]) -> Study:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from workbench.core.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.description import DefaultExperiment
 from workbench.system.description import Component, Connection, FmuComponent, SystemDescription
@@ -29,23 +29,11 @@ def read_toml(path: Path, parents: tuple[Path, ...] = ()) -> SystemDescription:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown
             (near names in the message) or missing, a value of the wrong type, an FMU that is not there.
     """
-    data = _load(path)
+    data = read_toml_table(path)
     try:
         return _description(path, data, (*parents, path.resolve()))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
-    except tomllib.TOMLDecodeError as error:
-        twice = "; a key appears twice: an input takes one source" if "overwrite" in str(error) else ""
-        raise InputError(f"{path}: is not TOML: {error}{twice}") from None
 
 
 def _description(path: Path, data: Mapping[str, Any], parents: tuple[Path, ...]) -> SystemDescription:

@@ -125,15 +125,13 @@ class FeedbackPath:
     def _input(self, name: str) -> str:
         return _OTHER if name == self.target else name
 
-    def opened(self, system: SystemDescription | None = None, *, tolerance: float | None = None) -> DescribedModel:
+    def opened(self, system: SystemDescription | None = None) -> DescribedModel:
         """Open the system; the caller closes it before `model`.
 
         Args:
             system: a changed one; None: as it is.
-            tolerance: of the integration, in place of the model's.
         """
-        recipe = replace(self.recipe, bias=self.inputs(self.recipe.bias)).changed(system or self.system)
-        return (recipe if tolerance is None else replace(recipe, tolerance=tolerance)).open()
+        return replace(self.recipe, bias=self.inputs(self.recipe.bias)).changed(system or self.system).open()
 
     def driven(self, system: SystemDescription | None = None, *, actuator: Actuator | None = None) -> SystemDescription:
         """Return the system with the target also driven by an input `DRIVE`, and the source shown as `SEEN`.

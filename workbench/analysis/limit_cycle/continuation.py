@@ -18,6 +18,7 @@ __all__ = ["Family", "follow"]
 
 Family = Callable[[float], tuple[LinearPart, Block]]
 
+_MOST = 400  # points in each direction
 _CLOSE = 1e-8
 _NEWTON = 8
 _FIRST, _SHORTEST, _LONGEST = 0.02, 1e-5, 0.08  # steps along the branch; the range of the parameter is 1
@@ -45,8 +46,6 @@ def follow(
     start: float,
     limits: tuple[float, float],
     cycle: Cycle,
-    most: int = 400,
-    stability: bool = True,
 ) -> Branch:
     """Return the branch of limit cycles through a known one, followed in both directions.
 
@@ -56,8 +55,6 @@ def follow(
         start: its value at the known cycle.
         limits: lowest and highest value.
         cycle: the known cycle, by harmonic balance.
-        most: points in each direction.
-        stability: compute Floquet multipliers at each point.
 
     Source: Seydel, Practical Bifurcation and Stability Analysis, chapter 4.
     """
@@ -66,10 +63,10 @@ def follow(
     if first is None:
         why = "harmonic balance has no solution at the start"
         return Branch(parameter=parameter, points=(), folds=(), ends=(why, why))
-    backward, folds_back, why_back = track.walk(_Iterate(first.y, -first.direction), most)
-    forward, folds, why = track.walk(first, most)
+    backward, folds_back, why_back = track.walk(_Iterate(first.y, -first.direction), _MOST)
+    forward, folds, why = track.walk(first, _MOST)
     places = [*reversed(backward), first.y, *forward]
-    blocks = stability and not _has_memory(family(start)[1])
+    blocks = not _has_memory(family(start)[1])
     return Branch(
         parameter=parameter,
         points=tuple(track.point(y, stability=blocks) for y in places),

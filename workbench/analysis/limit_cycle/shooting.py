@@ -38,7 +38,6 @@ class Orbit:
         amplitude: half its peak-to-peak value.
         fundamental: amplitude of its fundamental.
         residual: distance after one period over the size of the orbit.
-        rounds: Newton steps.
     """
 
     frequency: float
@@ -49,7 +48,6 @@ class Orbit:
     amplitude: float
     fundamental: float
     residual: float
-    rounds: int
 
 
 def shoot(
@@ -108,7 +106,7 @@ class _Shooting:
     def run(self, x: Floats, period: float) -> Orbit | str:
         flow, residual, origin = self._direction(x), np.inf, x
         jacobian: Floats | None = None
-        for turn in range(1, _ROUNDS + 1):
+        for _ in range(_ROUNDS):
             end = self._after(x, period)
             distance = (end - x) / self._size
             before, residual = residual, float(np.abs(distance).max())
@@ -117,7 +115,7 @@ class _Shooting:
             if jacobian is None or (residual > _CLOSING * before or moved > _NEARBY):
                 jacobian, origin = self._jacobian(x, period, end), x
             if residual < _CLOSE:
-                return self._orbit(x, period, jacobian, residual, turn)
+                return self._orbit(x, period, jacobian, residual)
             step, stretch = self._newton(jacobian, self._direction(end), flow, distance, period)
             x, period = x + step * self._size, period + stretch
         return f"shooting did not arrive in {_ROUNDS} steps: distance {residual:.1e} of the orbit's size"
@@ -143,7 +141,7 @@ class _Shooting:
             columns.append((self._after(moved, period) - end) / self._size / _NUDGE)
         return np.array(columns, dtype=np.float64).T
 
-    def _orbit(self, x: Floats, period: float, jacobian: Floats, residual: float, turns: int) -> Orbit:
+    def _orbit(self, x: Floats, period: float, jacobian: Floats, residual: float) -> Orbit:
         found, doubt = _across(jacobian, self._direction(x))
         states = dict(zip(self._names, x.tolist(), strict=True))
         v = self._along(x, period)
@@ -156,7 +154,6 @@ class _Shooting:
             amplitude=half_range(v),
             fundamental=float(2.0 * np.abs(np.fft.rfft(v)[1]) / len(v)),
             residual=residual,
-            rounds=turns,
         )
 
     # -- the system -------------------------------------------------------------------------

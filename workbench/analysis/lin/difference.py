@@ -17,7 +17,7 @@ from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.session.point import Evaluation, Point
 
-__all__ = ["Columns", "difference"]
+__all__ = ["Columns", "difference", "size_of"]
 
 # Total width over scale: twice the cube root of the rounding error, where truncation and rounding of a
 # central difference are alike (Nocedal and Wright, Numerical Optimization, 2nd ed., section 8.1).
@@ -117,7 +117,7 @@ class Columns:
         values = np.concatenate([point.x0, point.u0])[self._places]
         self.scales = np.array([_scale(v, x) for v, x in zip(self.variables, values, strict=True)])
         self.scales[:n] = np.where(point.nominal != 1.0, np.maximum(point.nominal, np.abs(point.x0)), self.scales[:n])
-        self.sizes = np.array([_size(v, x) for v, x in zip(self.variables, values, strict=True)])
+        self.sizes = np.array([size_of(v, x) for v, x in zip(self.variables, values, strict=True)])
         given = np.concatenate([width_for(task.dx, state_names, what="dx"),
                                 width_for(task.du, task.inputs, what="du")])  # fmt: skip
         self.chosen = np.isnan(given)
@@ -322,6 +322,6 @@ def _scale(variable: Variable, value: float) -> float:
     return max(abs(value), UNDECLARED)
 
 
-def _size(variable: Variable, value: float) -> float:
+def size_of(variable: Variable, value: float) -> float:
     """Return how far a variable moves when it moves far."""
     return max(abs(value), variable.nominal or 0.0) or 1.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.analysis.lin.difference import size_of
 from workbench.analysis.lin.task import LinTask, columns_of, width_for
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -88,7 +89,7 @@ class PeriodMap:
             continuous=len(point.states),
             inputs=inputs,
             inputs_chosen=tuple(chosen),
-            sizes=np.array([_size(v, x) for v, x in zip(variables, values.tolist(), strict=True)]),
+            sizes=np.array([size_of(v, x) for v, x in zip(variables, values.tolist(), strict=True)]),
         )
 
     def run(self, shift: Floats) -> tuple[Floats, Floats]:
@@ -166,7 +167,3 @@ def _within(record: Recorded, grid: Floats, outputs: tuple[str, ...]) -> Floats:
     left = np.searchsorted(record.time, grid[1:] - near, side="left")
     table = np.column_stack([record.values[n] for n in outputs])
     return np.stack([table[right], table[left]], axis=1)
-
-
-def _size(variable: Variable, value: float) -> float:
-    return max(abs(value), variable.nominal or 0.0) or 1.0

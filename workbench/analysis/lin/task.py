@@ -18,7 +18,7 @@ from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
+__all__ = ["NOT_AT_REST", "LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
 
 Width = Widths | None
 
@@ -160,6 +160,9 @@ def sampled_note(point: Point) -> tuple[str, ...]:
     return ("the model is sampled: its discrete states are held here; kalman-bertram includes them",)
 
 
+NOT_AT_REST = "the point is not at rest"
+
+
 def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
     """Return the remark on a point that is not at rest; nothing where nothing moves.
 
@@ -172,7 +175,7 @@ def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
     shown = f"{', '.join(moves[:3])}{more}"
     return (
         (
-            f"the point is not at rest: {shown}; the linear model describes small deviations from that motion; trim "
+            f"{NOT_AT_REST}: {shown}; the linear model describes small deviations from that motion; trim "
             "finds a point at rest"
         ),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.sweep import with_parameters
-from workbench.analysis.lin.task import point_in_full
+from workbench.analysis.lin.task import NOT_AT_REST, point_in_full
 from workbench.analysis.modes.match import match
 from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
@@ -45,7 +45,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     begin, remarks = point_in_full(model, asked)
     how = Lin(**begin, method=asked.method, inputs=(), outputs=())
     width = _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
-    found, common = [], dict(asked.set or {})
+    found, common, moving = [], dict(asked.set or {}), list[str]()
     first: OperatingPoint | None = None
     with ExitStack() as stack:
         configured = [
@@ -57,6 +57,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
             source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
             source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
             found.append(_one_set(source, grid, label, dict(settings), width))
+            moving += _moving(source, label)
             first = first or next(
                 (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
             )
@@ -68,7 +69,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
         unit=unit,
         sets=tuple(found),
         tolerance=width,
-        notes=(*remarks, *_notes(found, vary)),
+        notes=(*remarks, *moving, *_notes(found, vary)),
         operating_point=first,
     )
 
@@ -248,6 +249,18 @@ def _between(source: ModelSource, ends: tuple[Frame, Frame], value: float) -> Fr
         raise InputError(f"modes: there is no linear model at {value:g}, where a critical value was looked for")
     branch = {j: near.branch[i] for i, j in match(near.poles, poles).pairs}
     return Frame(value, poles, tuple(branch.get(j, -1) for j in range(len(poles))))
+
+
+def _moving(source: ModelSource, label: str) -> Iterator[str]:
+    """Yield a remark where modes are those of small deviations from a motion, not from an equilibrium."""
+    notes = (n for value in sorted(source.results) for n in source.results[value].notes if n.startswith(NOT_AT_REST))
+    moving = [note.split(";")[0] for note in notes]
+    if moving:
+        where = f"{label}: " if label else ""
+        yield (
+            f"{where}{moving[0]} (at {len(moving)} of {len(source.results)} values): modes and stability are those of "
+            "small deviations from that motion; --trim linearises at the equilibrium of each value"
+        )
 
 
 def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:

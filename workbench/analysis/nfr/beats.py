@@ -46,7 +46,6 @@ class Beat:
     Attributes:
         angle: by which that phase advances in a period [rad], −π … π.
         length: periods in which the image next to the forcing beats once; inf where it does not beat.
-        aliased: whether the forcing is at or above half the sampling rate.
     """
 
     def __init__(self, frequency: float, dt: float) -> None:
@@ -56,7 +55,6 @@ class Beat:
         nearest = max(1, round(2.0 * frequency * dt))
         apart = abs(2.0 * frequency * dt - nearest)
         self.length = frequency * dt / apart if apart > 1e-9 else math.inf
-        self.aliased = 2.0 * frequency * dt >= 1.0 - 1e-9
 
     def seen_in(self, count: int) -> bool:
         """Whether so many periods show the rhythm: once the slow image, once all phases of the samples."""

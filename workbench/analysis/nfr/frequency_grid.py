@@ -26,7 +26,8 @@ def frequency_grid(
             band that falls where it may not.
     """
     if (frequencies is None) == (band is None):
-        raise InputError("frequencies: give either a list of frequencies or a band LO:HI, not both or none [Hz]")
+        which = "neither is given" if band is None else "both are given"
+        raise InputError(f"frequencies: give either a list of them or a band LO:HI (--band) [Hz]; {which}")
     if band is not None:
         return geometric_band(*band, ratio, falling=falling)
     values = positive_values("frequency", () if frequencies is None else frequencies, unit="Hz")

@@ -265,9 +265,8 @@ def assemble(
     warnings: Sequence[str] = (),
     zero_input: ZeroInput | None = None,
     operating_point: OperatingPoint | None = None,
-    missing: str = MISSING,
 ) -> NfrResult:
-    """Make a result of measured points; what is missing fails with the reason `missing`.
+    """Make a result of measured points; what is missing fails.
 
     Args:
         model: what was measured.
@@ -279,11 +278,10 @@ def assemble(
         warnings: passed on, after those of the points.
         zero_input: passed on.
         operating_point: passed on.
-        missing: reason for points that are not among `points`.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
     found = {(p.amplitude, p.frequency): p for p in points}
-    grid = [[found.get((ai, fj)) or NfrPoint(frequency=fj, amplitude=ai, reason=missing) for fj in f] for ai in a]
+    grid = [[found.get((ai, fj)) or NfrPoint(frequency=fj, amplitude=ai, reason=MISSING) for fj in f] for ai in a]
     response = np.array([[complex("nan") if p.response is None else p.response for p in row] for row in grid])
     return NfrResult(
         model=model.name,
@@ -300,7 +298,7 @@ def assemble(
         offset=np.array([[np.nan if p.offset is None else p.offset for p in row] for row in grid]),
         averaged=np.array([[p.averaged for p in row] for row in grid]),
         error=np.array([[_number(p.error) for p in row] for row in grid]),
-        stable=np.array([[_number(p.stable) for p in row] for row in grid]),
+        stable=np.array([[_number(p.stable) for p in row] for row in grid], dtype=np.float64),
         periods=np.array([[p.periods for p in row] for row in grid]),
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
         failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),

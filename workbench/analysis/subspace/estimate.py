@@ -29,6 +29,7 @@ from workbench.analysis.subspace.states import Noise
 from workbench.analysis.subspace.trial import HorizonView, first_trial, look
 from workbench.analysis.subspace.weightings import oblique_loss, principal_angles
 from workbench.core.blas import one_thread
+from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.session.base import Floats
 
@@ -108,6 +109,11 @@ def estimate(
         choice = _order(data, first, settings)
         trial = _best_trial(data, first, choice.order, settings)
         found = deliver(data, trial, choice.order, settings)
+    if not np.all(np.isfinite(found.fit.B)):
+        raise InputError(
+            f"a model of order {choice.order} grows beyond all numbers over the {len(data[0])} samples; ask for a lower "
+            "order, or for a stable model"
+        )
     notes = (
         *record.notes,
         first.note,

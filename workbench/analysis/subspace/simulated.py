@@ -67,9 +67,10 @@ def fit_inputs(
     gain = np.zeros((n, p)) if K is None else K
     size = n * (m + 1) + (p * m if feedthrough else 0) + p
     triangle = np.zeros((0, size + 1))
-    for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough=feedthrough):
-        weighted = rows if weight is None else weight @ rows
-        triangle = triangular(np.vstack([triangle, weighted.reshape(-1, size + 1)]))
+    with np.errstate(over="ignore", invalid="ignore"):  # a model that is not stable overflows
+        for rows in _regression(u, y, A - gain @ C, C, gain, feedthrough=feedthrough):
+            weighted = rows if weight is None else weight @ rows
+            triangle = triangular(np.vstack([triangle, weighted.reshape(-1, size + 1)]))
     solution = _solve(triangle)
     parts = solution[: n * (m + 1)].reshape(m + 1, n)
     D = solution[n * (m + 1) : size - p].reshape(p, m) if feedthrough else np.zeros((p, m))
@@ -77,7 +78,12 @@ def fit_inputs(
 
 
 def _solve(triangle: Floats) -> Floats:
-    """Solve the triangular least-squares problem; columns are brought to one length before rank is judged."""
+    """Solve the triangular least-squares problem; columns are brought to one length before rank is judged.
+
+    Where the model grew beyond all numbers nothing fits: NaN.
+    """
+    if not np.all(np.isfinite(triangle)):
+        return np.full(triangle.shape[1] - 1, np.nan)
     matrix, right = triangle[:, :-1], triangle[:, -1]
     length = np.linalg.norm(matrix, axis=0)
     length[length == 0.0] = 1.0

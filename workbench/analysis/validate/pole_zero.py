@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.core.record import Part
 
-__all__ = ["NEAR", "NearCancellation", "near_cancellations"]
+__all__ = ["NEAR", "NearCancellation", "in_words", "near_cancellations"]
 
 Complex = NDArray[np.complex128]
 
@@ -41,7 +41,7 @@ class NearCancellation(Part):
         """The finding in one line."""
         inside = "; the zero lies inside the pole's 95 % region" if self.within_confidence else ""
         return (
-            f"pole {_number(self.pole)} and zero {_number(self.zero)} nearly cancel: "
+            f"pole {in_words(self.pole)} and zero {in_words(self.zero)} nearly cancel: "
             f"they change the gain by {100.0 * self.effect:.2g} % at most{inside}"
         )
 
@@ -99,5 +99,6 @@ def _nearest(poles: Complex, zeros: Complex) -> Complex:
     return paired
 
 
-def _number(z: complex) -> str:
+def in_words(z: complex) -> str:
+    """Return a pole or zero, and its conjugate, in words."""
     return f"{z.real:.4g}" if abs(z.imag) < 1e-9 else f"{z.real:.4g} ± {abs(z.imag):.4g}i"

@@ -67,13 +67,9 @@ class PoleRegion(Part):
         sizes = np.sqrt(np.linalg.eigvalsh(self.shape))
         return float(sizes[1]), 0.0 if self.on_axis else float(sizes[0])
 
-    def outline(self, points: int = 181) -> Complex:
-        """Return the edge of the ellipse as a closed curve, shape (points,).
-
-        Args:
-            points: how many.
-        """
-        angle = np.linspace(0.0, 2.0 * np.pi, points)
+    def outline(self) -> Complex:
+        """Return the edge of the ellipse as a closed curve, shape (181,)."""
+        angle = np.linspace(0.0, 2.0 * np.pi, 181)
         edge = np.linalg.cholesky(self.shape) @ np.vstack([np.cos(angle), np.sin(angle)])
         return np.asarray(self.pole + edge[0] + 1j * edge[1], dtype=np.complex128)
 
