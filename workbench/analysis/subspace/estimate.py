@@ -111,7 +111,7 @@ def estimate(
         found = deliver(data, trial, choice.order, settings)
     if not np.all(np.isfinite(found.fit.B)):
         raise InputError(
-            f"a model of order {choice.order} grows beyond all numbers over the {len(data[0])} samples; ask for a lower "
+            f"a model of order {choice.order} grows beyond all numbers over {len(data[0])} samples; ask for a lower "
             "order, or for a stable model"
         )
     notes = (
