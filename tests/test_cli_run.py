@@ -17,7 +17,7 @@ from workbench.study.commands import COMMANDS, Reference, command
 from workbench.study.plan import Run, make_plan
 from workbench.study.read import bundled_studies, read_study
 from workbench.study.run import run_study
-from workbench.study.worker import Job, NoRecipe, perform
+from workbench.study.worker import Job, perform
 
 FACTS = """
 [analyses.facts]
@@ -113,7 +113,7 @@ def test_an_analysis_of_a_study_runs_silently(
         outcome
         for model in ("FirstOrderLag", "FirstOrderLog")
         for outcome in perform(
-            NoRecipe().open(),
+            None,
             Job(
                 number=0, command="trim", subject=[f"fmu:{model}"], options={}, command_line="", folder=tmp_path,
                 workplace=tmp_path, csv="",

@@ -91,7 +91,7 @@ import sys
 sys.path.insert(0, {root!r})
 from workbench import load, simulate
 with load({file!r}, "cs") as model:
-    simulate(model, stop=1.0, verify_step=False)
+    simulate(model, stop=1.0, verify_step=False, in_process=True)
 """
 
 

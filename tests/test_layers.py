@@ -32,10 +32,9 @@ LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
 # No analysis builds; what all may use uses no layer but these.
 COMMON = {
     "errors": set(),
-    "core": {"csv_file", "errors"},
+    "core": {"errors"},
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
-    "csv_file": {"errors"},
     "shift_register": set(),
     "store": {"errors"},
     "build": {"core", "errors", "origin", "toolchain"},

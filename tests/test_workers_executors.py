@@ -24,6 +24,7 @@ import workbench as wb
 from tests.fakes import lag
 from tests.worker_tasks import obey
 from workbench.cli.app import run
+from workbench.errors import LostError
 from workbench.model.load import load
 from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
 from workbench.workers.executor import OnExecutor
@@ -123,7 +124,7 @@ def test_contradictions_are_refused() -> None:
 
 
 def test_lost_jobs_name_the_job() -> None:
-    assert Lost(("say", 1), "why").job == ("say", 1)
+    assert Lost(("say", 1), LostError("why")).job == ("say", 1)
 
 
 @needs_distributed

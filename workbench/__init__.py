@@ -87,7 +87,18 @@ if TYPE_CHECKING:
     from workbench.core.margins import Margins
     from workbench.core.operating_point import OperatingPoint
     from workbench.core.response import Response, ResponseDifference
-    from workbench.errors import BuildError, FmuError, InputError, SimulationError, WorkbenchError
+    from workbench.errors import (
+        BuildError,
+        CrashedError,
+        ExitedError,
+        FmuError,
+        InputError,
+        LostError,
+        OutOfMemoryError,
+        SimulationError,
+        TimedOutError,
+        WorkbenchError,
+    )
     from workbench.model import FmuModel, Model, Variable
     from workbench.model.described import DescribedModel
     from workbench.session import Recorded, Session, Snapshot
@@ -127,6 +138,7 @@ __all__ = [
     "Connection",
     "Constant",
     "ContainerResult",
+    "CrashedError",
     "Critical",
     "Crossing",
     "DelayReport",
@@ -136,6 +148,7 @@ __all__ = [
     "DivergenceError",
     "Doubt",
     "ExciteResult",
+    "ExitedError",
     "Experiment",
     "ExportResult",
     "FailedPoint",
@@ -167,6 +180,7 @@ __all__ = [
     "LinearModel",
     "LinearPart",
     "LoopResult",
+    "LostError",
     "Margins",
     "MasterModel",
     "Measure",
@@ -187,6 +201,7 @@ __all__ = [
     "NoDelays",
     "NyquistResult",
     "OperatingPoint",
+    "OutOfMemoryError",
     "Overlay",
     "PoleBootstrap",
     "Prbs",
@@ -212,6 +227,7 @@ __all__ = [
     "SystemInfo",
     "SystemModel",
     "Table",
+    "TimedOutError",
     "Trial",
     "TrimResult",
     "Validation",
@@ -345,7 +361,18 @@ _HOMES = {
     "workbench.analysis.trim.request": ("trim",),
     "workbench.analysis.trim.result": ("TrimResult",),
     "workbench.analysis.nfr.zero_input": ("ZeroInput",),
-    "workbench.errors": ("BuildError", "FmuError", "InputError", "SimulationError", "WorkbenchError"),
+    "workbench.errors": (
+        "BuildError",
+        "CrashedError",
+        "ExitedError",
+        "FmuError",
+        "InputError",
+        "LostError",
+        "OutOfMemoryError",
+        "SimulationError",
+        "TimedOutError",
+        "WorkbenchError",
+    ),
     "workbench.model": ("FmuModel", "Model", "Variable"),
     "workbench.model.described": ("DescribedModel",),
     "workbench.session": ("Recorded", "Session", "Snapshot"),

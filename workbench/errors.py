@@ -7,20 +7,29 @@ The command line turns `InputError`, `FmuError` and `BuildError` into exit code 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+from typing import ClassVar
 
 __all__ = [
+    "UNSEEN",
     "BuildError",
+    "CrashedError",
     "EndedError",
+    "ExitedError",
     "FmuError",
     "InputError",
+    "LostError",
+    "OutOfMemoryError",
     "SimulationError",
     "StoppedError",
+    "TimedOutError",
     "WorkbenchError",
     "article",
     "close_names",
     "one_line",
     "suggest",
+    "visible",
 ]
 
 
@@ -29,7 +38,11 @@ class WorkbenchError(Exception):
 
     Attributes:
         message: one line; line breaks in it become blanks.
+        kind: what went wrong, in words that a program can compare: "failed", "bad input", "refused", "crashed",
+            "exited", "timed out", "out of memory".
     """
+
+    kind: ClassVar[str] = "failed"
 
     def __init__(self, message: str) -> None:
         super().__init__(one_line(message))
@@ -38,13 +51,19 @@ class WorkbenchError(Exception):
 class InputError(WorkbenchError):
     """What the user asked for cannot be done: unknown name, value out of range, bad syntax; `message` says which."""
 
+    kind = "bad input"
+
 
 class FmuError(WorkbenchError):
     """The FMU itself is at fault: archive, description, binary, instantiation; `message` says how."""
 
+    kind = "refused"
+
 
 class BuildError(WorkbenchError):
     """A Modelica source could not be turned into an FMU; `message` says where and why."""
+
+    kind = "refused"
 
 
 class SimulationError(WorkbenchError):
@@ -61,6 +80,39 @@ class SimulationError(WorkbenchError):
     def __init__(self, message: str, *, time: float | None = None) -> None:
         super().__init__(message if time is None else f"{message} (at t = {time:.9g} s)")
         self.time = time
+
+
+class LostError(SimulationError):
+    """The process that ran the FMU ended before its work did; `message` says how.
+
+    Attributes:
+        message: one line.
+        before: what was finished until then; None where nothing was.
+    """
+
+
+class CrashedError(LostError):
+    """The FMU crashed, or aborted its process; `message` names the signal."""
+
+    kind = "crashed"
+
+
+class ExitedError(LostError):
+    """The FMU ended its process; `message` gives the exit code."""
+
+    kind = "exited"
+
+
+class TimedOutError(LostError):
+    """There was no result within the time limit; `message` gives it."""
+
+    kind = "timed out"
+
+
+class OutOfMemoryError(LostError):
+    """The FMU needed more memory than it may have, or than there is; `message` gives the limit."""
+
+    kind = "out of memory"
 
 
 class StoppedError(KeyboardInterrupt):
@@ -85,8 +137,25 @@ class EndedError(SimulationError):
 
 
 def one_line(text: str) -> str:
-    """Return `text` with every run of white space, line breaks included, as one blank."""
-    return " ".join(str(text).split())
+    """Return `text` with every run of white space, line breaks included, as one blank, and nothing in it unseen."""
+    return visible(" ".join(str(text).split()))
+
+
+# Control characters but tabulator and line feed, line separators, and what changes the direction of writing.
+UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def visible(text: str) -> str:
+    r"""Return a text in which characters that command a terminal, or change the order of writing, are spelt out.
+
+    Names and messages come from files that somebody else wrote.
+
+    Examples:
+        >>> from workbench.errors import visible
+        >>> print(visible("\x1b[31mred"))
+        \x1b[31mred
+    """
+    return UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def article(noun: str) -> str:

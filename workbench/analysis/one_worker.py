@@ -2,114 +2,194 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
-from workbench.analysis.request import Analysis
+from workbench.analysis.request import Request
 from workbench.core import job as telling
-from workbench.core.option import values_of
-from workbench.core.where import Worker, Workers
-from workbench.errors import SimulationError
+from workbench.core.named import named
+from workbench.core.where import InWorker, Worker
+from workbench.errors import LostError, SimulationError
 from workbench.model import Model
+from workbench.model.recipe import Recipe
+from workbench.origin import Origin, remember
+from workbench.origin.kept import origin_of
 from workbench.session.pauses import at_pauses
-from workbench.workers import InProcess, Job, Reply, choose, perform
-from workbench.workers.child import tell, wanted_stop
+from workbench.workers import Reply
+from workbench.workers.child import inside, tell, wanted_stop
+from workbench.workers.pool import Pool
 
 __all__ = ["in_worker"]
 
 _OFTEN = 0.1  # [s]: progress is told no more often
+_WORTH = 0.05  # of its time a worker spends on telling what there is so far
 
 _Record = TypeVar("_Record")
 
 
 @dataclass(frozen=True)
 class _Told:
-    """What a job tells on its way."""
+    """What a job tells on its way.
+
+    Attributes:
+        what, done, total: see `Job.done`.
+        partial: what there is so far, should the worker be lost; None: nothing, or nothing new.
+    """
 
     what: str
     done: int
     total: int
-
-
-@dataclass(frozen=True)
-class _Stopped:
-    """What there was when a job was stopped."""
-
     partial: object
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Whole(Job):
-    """A request for a worker."""
+@dataclass(frozen=True)
+class _Ended:
+    """What a request gave, or what there was when it was stopped.
 
-    asked: Analysis[Any]
+    Attributes:
+        record: of the request.
+        origin: that the algorithm gave it.
+        notes: on how it ran.
+        stopped: whether it was.
+    """
 
-    def run(self, model: Model) -> Iterator[Any]:
-        last = time.monotonic()
-
-        def progress(what: object, done: int, total: int) -> None:
-            nonlocal last
-            if done == total or time.monotonic() > last + _OFTEN:
-                last = time.monotonic()
-                tell(_Told(str(what), done, total))
-
-        job = telling.Job(progress)
-        try:
-            with at_pauses(_stop_if_wanted):
-                record = self.asked.run(model, job)
-        except KeyboardInterrupt:
-            record = _Stopped(job.partial())
-        except SimulationError as error:
-            error.before = job.partial()  # nothing is lost
-            raise
-        yield record
+    record: object
+    origin: Origin | None
+    notes: tuple[str, ...]
+    stopped: bool = False
 
 
-def _stop_if_wanted(_: float) -> None:
-    if wanted_stop():
-        raise KeyboardInterrupt
+@dataclass(frozen=True)
+class _Whole:
+    """A request for a worker.
+
+    Attributes:
+        asked: what is asked for.
+        subject: what it is run on; None: the worker's model.
+    """
+
+    asked: Request[Any, Any]
+    subject: object
 
 
-def in_worker(model: Model, asked: Analysis[_Record], where: Worker, job: telling.Job) -> _Record:
+def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
+    """Run a request in a worker."""
+    begun = last = time.monotonic()
+    most, spent = 0, 0.0
+
+    def progress(what: object, done: int, total: int) -> None:
+        nonlocal last, most, spent
+        now = time.monotonic()
+        if done == total or now > last + _OFTEN:
+            worth = done > most and spent < _WORTH * (now - begun)
+            told = _Told(str(what), done, total, job.partial() if worth else None)
+            tell(told, finished=done > most and not whole.asked.undivided)
+            last, most = time.monotonic(), done
+            spent += last - now
+            stop_if_wanted()
+
+    def stop_if_wanted(_: float = 0.0) -> None:
+        if wanted_stop():
+            job.stop()
+
+    job, stopped = telling.Job(progress), False
+    try:
+        with at_pauses(stop_if_wanted):
+            record = _here(model if whole.subject is None else whole.subject, whole.asked, job)
+            stopped = job.stopped
+    except KeyboardInterrupt:
+        record, stopped = job.partial(), True
+    except SimulationError as error:
+        error.before = job.partial()  # nothing is lost
+        raise
+    yield _Ended(record, origin_of(record), tuple(job.notes), stopped)
+
+
+def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401 - the request's
     """Run a request where a crash of the FMU ends in an error.
 
     Args:
-        model: what is analysed.
-        asked: the analysis.
-        where: under which limits.
+        subject: model, or what else the request is run on.
+        asked: what is asked for.
         job: is told what is finished, and has what there is if the request ends early.
 
     Raises:
-        WorkbenchError: what the analysis raises.
-        SimulationError: the worker crashed or met a limit.
+        WorkbenchError: what the request raises.
+        LostError: the worker crashed or met a limit.
         KeyboardInterrupt: the job was stopped.
     """
-    runner, _ = choose(model, Workers(**{**values_of(where), "jobs": 1}))
-    if isinstance(runner, InProcess):
-        return asked.run(model, job)
-    try:
-        with runner, job.ended_by(runner.end_soon):
-            found = _heard(runner.run(perform, deque([_Whole(asked=asked)])), job)
-    except SimulationError as error:
-        before = error.before
-        job.partial = lambda: before
-        raise
-    if isinstance(found, _Stopped):
-        job.partial = lambda: found.partial
-        raise KeyboardInterrupt
-    record: _Record = found
+    place = asked.place if isinstance(asked, InWorker) else Worker()
+    if inside() or place.in_process:
+        return _here(subject, asked, job)
+    recipe = subject.recipe if isinstance(subject, Model) else None
+    if isinstance(subject, Model) and (recipe is None or not recipe.portable):
+        job.notes.append(f"{subject.name} exists only in this process and runs here, behind no wall")
+        return _here(subject, asked, job)
+    whole = _Whole(replace(asked, progress=None), None if recipe is not None else subject)
+    if why := _unknown_elsewhere(whole):
+        job.notes.append(f"{why}: the FMU runs in this process, behind no wall")
+        return _here(subject, asked, job)
+    record: _Record = _run(recipe, whole, place, job)
     return record
 
 
-def _heard(events: Iterator[Any], job: telling.Job) -> Any:  # noqa: ANN401 - the record, or what there was
-    """Pass on what the worker tells until it has a result."""
+def _unknown_elsewhere(whole: _Whole) -> str:
+    """Return why a request cannot be sent to another process; empty: it can."""
+    try:
+        pickle.dumps(whole)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        return f"what is asked for cannot be sent to a worker process ({error})"
+    return ""
+
+
+def _run(recipe: Recipe | None, whole: _Whole, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
+    with Pool(recipe, jobs=1, limits=place.limits) as pool, job.ended_by(pool.end_soon):
+        try:
+            found = _heard(pool.run(_perform, deque([whole])), job)
+        except SimulationError as error:
+            if error.before is not None:
+                job.partial = partial(_same, error.before)
+            raise
+        finally:
+            job.notes += pool.remarks()
+    job.notes += found.notes
+    if found.origin is not None:
+        remember(found.record, found.origin)
+    if found.stopped:
+        job.partial = partial(_same, found.record)
+        raise KeyboardInterrupt
+    return found.record
+
+
+def _here(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401
+    record: _Record = named(asked.algorithm)(subject, asked, job)
+    return record
+
+
+def _same(record: object) -> object:
+    return record
+
+
+def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
+    """Pass on what the worker tells until it has a result and is ready again."""
+    found: _Ended | None = None
     for event in events:
-        if not isinstance(event, Reply):
-            raise SimulationError(event.reason)
-        if not isinstance(event.value, _Told):
-            return event.value
-        job.done(event.value.what, event.value.done, event.value.total)
-    raise SimulationError("the worker ended without a result")
+        if isinstance(event, Reply) and isinstance(event.value, _Ended):
+            found = event.value
+        elif isinstance(event, Reply):
+            told = event.value
+            if told.partial is not None:
+                job.partial = partial(_same, told.partial)
+            job.done(told.what, told.done, told.total)
+        elif found is None:
+            raise event.error
+        else:
+            job.notes.append(f"after the result was there: {event.reason}")
+    if found is None:
+        raise LostError("the worker ended without a result")
+    return found

@@ -11,7 +11,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from os import PathLike
 from typing import (
@@ -42,8 +42,9 @@ from workbench.core.option import (
     recast,
     with_options,
 )
+from workbench.core.where import InWorker
 from workbench.errors import InputError, StoppedError, WorkbenchError
-from workbench.origin import with_origin
+from workbench.origin import origin_of, remember, with_origin
 
 if TYPE_CHECKING:
     from workbench.model import Model  # noqa: F401 - the subject's type, below
@@ -114,6 +115,8 @@ class Request(Options, Generic[_Subject, _Record]):
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
         unwritten: files that its record has not: "csv", "plot".
+        isolated: whether it runs as a whole in a worker process; else it runs no FMU here, or sees to that itself.
+        undivided: whether its record is one result, to which a time limit applies as a whole.
     """
 
     command: ClassVar[str]
@@ -127,6 +130,8 @@ class Request(Options, Generic[_Subject, _Record]):
     parts: ClassVar[tuple[str, ...]] = ()
     withheld: ClassVar[tuple[str, ...]] = ()
     unwritten: ClassVar[tuple[str, ...]] = ()
+    isolated: ClassVar[bool] = False
+    undivided: ClassVar[bool] = False
 
     _: KW_ONLY
     progress: Progress | None = option(
@@ -140,13 +145,17 @@ class Request(Options, Generic[_Subject, _Record]):
         cls.__doc__ = documented(cls)
 
     def run(self, subject: _Subject, job: Job) -> _Record:
-        """Do the work; the job hears of its end in any case.
+        """Do the work, behind a wall where it runs an FMU; the job hears of its end in any case.
 
         Args:
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
-        record: _Record = named(self.algorithm)(subject, self, job)
+        if isinstance(self, InWorker) and not self.place.in_process and getattr(subject, "recipe", self) is not None:
+            from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
+
+            prepare(self.algorithm.partition(":")[0])
+        record: _Record = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, self, job)
         job.ended(self.command, record)
         return record
 
@@ -191,6 +200,7 @@ class Request(Options, Generic[_Subject, _Record]):
         return True
 
 
+_BEHIND_A_WALL = "workbench.analysis.one_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL: Mapping[str, Any] = {
     "metavar": "MODEL",
@@ -201,9 +211,10 @@ _MODEL: Mapping[str, Any] = {
 MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`, or a system: .toml, .ssp.", **_MODEL)
 
 
-class Analysis(Request["Model", _Record]):
+class Analysis(InWorker, Request["Model", _Record]):
     """An analysis of a model; the command line opens the model."""
 
+    isolated = True
     subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", opened=True, **_MODEL)
 
 
@@ -303,8 +314,15 @@ def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
 
 
 def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -> _Record:
-    """Run a request; a KeyboardInterrupt brings along what is finished."""
+    """Run a request; a KeyboardInterrupt brings along what is finished, a record what its job notes."""
     try:
-        return asked.run(subject, job)
+        record: Any = asked.run(subject, job)
     except KeyboardInterrupt as error:
         raise StoppedError(job.partial()) from error
+    if job.notes and isinstance(getattr(record, "notes", None), tuple):
+        noted = replace(record, notes=tuple(dict.fromkeys([*record.notes, *job.notes])))
+        if (origin := origin_of(record)) is not None:
+            remember(noted, origin)
+        record = noted
+    found: _Record = record
+    return found

@@ -15,7 +15,7 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
-from workbench.core.files import file_to_write
+from workbench.core.files import file_to_write, replacing
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.toolchain import require
@@ -143,10 +143,8 @@ def write_linear(linear: Mapping[str, Any], path: Path) -> None:
     rows = {k: [json.dumps(row) for row in linear[k]] for k in "ABCD"}
     matrices = [f'  "{k}": [\n    ' + ",\n    ".join(v) + "\n  ]" for k, v in rows.items()]
     rest = [f'  "{k}": {json.dumps(v)}' for k, v in linear.items() if k not in rows]
-    try:
-        path.write_text("{\n" + ",\n".join([*matrices, *rest]) + "\n}\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with replacing(path) as part:
+        part.write_text("{\n" + ",\n".join([*matrices, *rest]) + "\n}\n", encoding="utf-8")
 
 
 def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | None = None) -> Sources:

@@ -7,9 +7,18 @@ from collections.abc import Sequence
 
 import typer
 
+from workbench.analysis.commands import REQUESTS, request_of
 from workbench.cli import asked, notes
-from workbench.cli.interrupt import exit_code, insist_on_interrupts, interrupted, listen_for_endings
+from workbench.cli.interrupt import (
+    exit_code,
+    ignore_endings,
+    insist_on_interrupts,
+    interrupted,
+    listen_for_endings,
+    was_interrupted,
+)
 from workbench.cli.program import options_of, program, said
+from workbench.core.where import InWorker
 from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError
 
@@ -30,7 +39,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _use_utf8()
     insist_on_interrupts()
     listen_for_endings()
-    sys.exit(run(arguments))
+    try:
+        code = run(arguments)
+    except KeyboardInterrupt:  # once more, while it was told
+        code = exit_code()
+    ignore_endings()  # what is left is to clean up
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -42,9 +56,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     notes.drop()
     words = sys.argv[1:] if arguments is None else arguments
     name = next((w for w in words if not w.startswith("-")), None)
-    command = program(name)
-    asked.keep(arguments, options_of(command, name))
     try:
+        _expect(name, words)
+        command = program(name)
+        asked.keep(arguments, options_of(command, name))
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
     except typer.TyperException as error:
         # Called without a command it shows the help, which the error then carries as its text.
@@ -54,12 +69,27 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _complain(asked.complaint(str(error)))
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # the version of typer decides whether it is raised or returned
+    except Exception:
+        if not was_interrupted():  # else what was being imported made an error of its own of it
+            raise
+        code = INTERRUPTED
     if code == INTERRUPTED:
         code = exit_code()
         if not any(text.startswith("interrupted") for text in notes.said()):
             notes.note(f"{interrupted()}: there is no result")
     notes.flush()
     return code if isinstance(code, int) else 0
+
+
+def _expect(name: str | None, words: Sequence[str]) -> None:
+    """Start the worker process that a command will need while the command line is read."""
+    if name is None or not {"-h", "--help", "--in-process"}.isdisjoint(words):
+        return
+    request = request_of(name) if name in REQUESTS else None
+    if request is not None and (request.isolated or issubclass(request, InWorker)):
+        from workbench.workers.process import prepare
+
+        prepare(request.algorithm.partition(":")[0])
 
 
 def _complain(message: str) -> int:

@@ -52,18 +52,19 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         from workbench.cli.output import Output
 
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
-        asked, loading = request_from(request, given)
-        written = put_together(kind, _values(_files(request, kind), given))
-        written.check(asked)
-        asked = asked if out.report is None else asked.for_page()
-        if before is not None:
-            asked = before(asked, given, out)
-        with request.opened(given[request.subject.spelt] or (), loading) as (subject, notes):
-            for text in notes:
-                note(text)
-            with _under_way() as work:
-                work.record = asked.run(subject, work.job)
-            return _ended(subject, asked, work, out, written)
+        with out.failing():
+            asked, loading = request_from(request, given)
+            written = put_together(kind, _values(_files(request, kind), given))
+            written.check(asked)
+            asked = asked if out.report is None else asked.for_page()
+            if before is not None:
+                asked = before(asked, given, out)
+            with request.opened(given[request.subject.spelt] or (), loading) as (subject, notes):
+                for text in notes:
+                    note(text)
+                with _under_way() as work:
+                    work.record = asked.run(subject, work.job)
+                return _ended(subject, asked, work, out, written)
 
     run.__doc__ = _help(request)
     run.__name__ = request.command.replace("-", "_")
@@ -112,12 +113,12 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
     from workbench.origin.call import origin_of_call
 
     record, stopped = work.record, work.stopped
+    for text in work.job.notes:
+        note(text)
     if record is not None:
-        for text in work.job.notes:
-            note(text)
         origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
         try:
-            _show(record, asked, out, written, origin)
+            _show(record, asked, out, written, origin, stopped)
         except InputError:
             if stopped is None:  # else the picture or file that cannot be made is not the error to tell
                 raise
@@ -132,9 +133,17 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
     raise stopped
 
 
-def _show(record: Any, asked: Options, out: Output, written: Written, origin: Origin) -> None:  # noqa: ANN401
+def _show(
+    record: Any,  # noqa: ANN401
+    asked: Options,
+    out: Output,
+    written: Written,
+    origin: Origin,
+    stopped: BaseException | None,
+) -> None:
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
+    from workbench.cli.output import error_in_json
     from workbench.report.results import page_of
     from workbench.report.terminal import text_of
 
@@ -145,7 +154,7 @@ def _show(record: Any, asked: Options, out: Output, written: Written, origin: Or
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
     out.say(lambda width: text_of(page, width, how))
     out.write(
-        {"asked": asked_in_json(asked), **record.to_dict()},
+        {"asked": asked_in_json(asked), **record.to_dict(), **error_in_json(stopped)},
         csv=getattr(record, "to_csv", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,

@@ -18,7 +18,15 @@ from typing import Any, Self
 
 from workbench.endings import ENDING
 
-__all__ = ["OnInterrupt", "exit_code", "insist_on_interrupts", "interrupted", "listen_for_endings"]
+__all__ = [
+    "OnInterrupt",
+    "exit_code",
+    "ignore_endings",
+    "insist_on_interrupts",
+    "interrupted",
+    "listen_for_endings",
+    "was_interrupted",
+]
 
 _LATER = 0.05  # [s]
 
@@ -109,6 +117,17 @@ def _end_at_once(number: int, _frame: FrameType | None) -> None:
 
 
 _OURS = (signal.default_int_handler, _end_at_once)
+
+
+def was_interrupted() -> bool:
+    """Return whether this process was asked to end."""
+    return _Heard.first is not None
+
+
+def ignore_endings() -> None:
+    """Hear no more of such signals: the process ends."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def interrupted() -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 
 from workbench.cli.asked import spoken
+from workbench.errors import one_line
 
 __all__ = ["drop", "flush", "note", "said"]
 
@@ -30,7 +31,7 @@ def said() -> tuple[str, ...]:
 def flush() -> None:
     """Write what was kept to standard error."""
     for text in _waiting:
-        sys.stderr.write(f"note: {spoken(text)}\n")
+        sys.stderr.write(f"note: {one_line(spoken(text))}\n")
     _waiting.clear()
 
 

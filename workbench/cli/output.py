@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -15,9 +17,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 from workbench import __version__
 from workbench.cli.asked import command_line, was_given
 from workbench.cli.notes import note, said
-from workbench.core.files import file_to_write
+from workbench.core.files import file_to_write, replacing
 from workbench.core.record import plain
-from workbench.errors import InputError
+from workbench.errors import UNSEEN, InputError, WorkbenchError, visible
 from workbench.origin import Origin, origin_of
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ class Output:
         self.json_path, self.csv_path = json, csv
         self.plot, self.report = (None if path is None else Path(path) for path in (plot, report))
         self._begin = time.monotonic()
+        self._has_json = False
         if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
         for option, path in (("--json", json), ("--csv", csv), ("--plot", plot), ("--report", report)):
@@ -73,6 +76,16 @@ class Output:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
         if self.report is not None and self.report.suffix.lower() not in _PAGES:
             raise InputError(f"--report: '{report}' must end in {_PAGES[0]}")
+
+    @contextmanager
+    def failing(self) -> Iterator[None]:
+        """Write what goes wrong in here as JSON, where that is asked for and there is no result."""
+        try:
+            yield
+        except WorkbenchError as error:
+            if self.json_path is not None and not self._has_json:
+                self._write_json(self._full(error_in_json(error)))
+            raise
 
     @property
     def console(self) -> Console:
@@ -92,7 +105,7 @@ class Output:
         if "-" in {self.json_path, self.csv_path}:
             return
         try:
-            sys.stdout.write(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None))
+            sys.stdout.write(visible(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None)))
             sys.stdout.flush()
         except BrokenPipeError:  # whoever read has seen enough; the files are still to be written
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -196,14 +209,25 @@ class Output:
         write_report(result, str(self.report), known)
 
     def _write_json(self, full: Mapping[str, Any]) -> None:
+        self._has_json = True
         text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        text = re.sub(UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)  # the same data
         if self.json_path == "-":
             sys.stdout.write(text)
             return
-        try:
-            Path(str(self.json_path)).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{self.json_path}: cannot be written: {error.strerror or error}") from None
+        with replacing(str(self.json_path)) as part:
+            part.write_text(text, encoding="utf-8")
+
+
+def error_in_json(error: BaseException | None) -> dict[str, Any]:
+    """Return what went wrong as JSON has it, with its kind, by which a program can tell it: see `WorkbenchError.kind`.
+
+    Args:
+        error: that ended a command; None: none.
+    """
+    if isinstance(error, WorkbenchError):
+        return {"error": {"kind": error.kind, "message": str(error)}}
+    return {"error": {"kind": "cancelled", "message": "interrupted"}} if error is not None else {}
 
 
 def check_kind(option: str, path: str | None, suffix: str) -> None:

@@ -1,14 +1,17 @@
-"""Files that are going to be written; FMUs as zips whose bytes depend on their contents only."""
+"""Files that are written, as a whole or not at all; FMUs as zips whose bytes depend on their contents only."""
 
 from __future__ import annotations
 
+import os
+import shutil
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from workbench.errors import InputError
 
-__all__ = ["file_to_write", "pack"]
+__all__ = ["file_to_write", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
@@ -36,24 +39,51 @@ def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Pa
     return target
 
 
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Yield where to write a file; it takes its place when all of it is written.
+
+    A file that stood there is left as it was if anything goes wrong, say because the disk is full. What is no file, as
+    /dev/stdout or a named pipe, is written to directly.
+
+    Args:
+        path: of the file; a link is followed.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    target = Path(path)
+    try:
+        if target.exists() and not target.is_file() and not target.is_dir():
+            yield target
+            return
+        real = target.resolve()
+        part = real.with_name(f".part-{os.getpid()}-{real.name}")
+        try:
+            yield part
+            if real.exists():
+                shutil.copymode(real, part)
+            part.replace(real)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
 def pack(output: Path, files: Mapping[str, bytes]) -> None:
     """Write `files` (name in the archive → contents) to `output`, modelDescription.xml first.
 
-    The archive is written beside its place and moved there, so that an interrupted build leaves the old
-    one whole.
+    An interrupted build leaves the old one whole.
+
+    Raises:
+        InputError: it cannot be written.
     """
     output.parent.mkdir(parents=True, exist_ok=True)
-    partial = output.with_name(output.name + ".part")
     names = sorted(files, key=lambda name: (name != "modelDescription.xml", name))
-    try:
-        with zipfile.ZipFile(partial, "w") as archive:
-            for name in names:
-                entry = zipfile.ZipInfo(name, _DATE)
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                entry.create_system = _UNIX
-                entry.external_attr = _FILE_MODE
-                archive.writestr(entry, files[name], compresslevel=9)
-        partial.replace(output)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
+    with replacing(output) as part, zipfile.ZipFile(part, "w") as archive:
+        for name in names:
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = _UNIX
+            entry.external_attr = _FILE_MODE
+            archive.writestr(entry, files[name], compresslevel=9)

@@ -25,8 +25,8 @@ from typing import (
     get_type_hints,
 )
 
+from workbench.core.csv_file import write_csv
 from workbench.core.named import named
-from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 
 if TYPE_CHECKING:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from dataclasses import KW_ONLY, dataclass
+from typing import TypeVar
 
-from workbench.core.option import Options, option
+from workbench.core.option import Options, option, recast
 from workbench.errors import InputError
 
 __all__ = ["DEFAULT_TIMEOUT", "InWorker", "InWorkers", "Limits", "Worker", "Workers"]
+
+_Place = TypeVar("_Place", bound="Worker")
 
 # Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
 DEFAULT_TIMEOUT = 3600.0
@@ -102,19 +105,34 @@ class InWorker(Options):
 
     _: KW_ONLY
     workers: Worker | None = option(
-        "Limits of the worker process that runs the FMU; by default the FMU runs in this process.",
+        "Limits of the worker process that runs the FMU; by default an hour for one result.",
         default=None,
         group="Where it runs",
     )
+    in_process: bool = option(
+        "Run the FMU in this process: for debugging, and for FMUs that are trusted; a crash of the FMU ends "
+        "everything. A model that is not a file runs in this process in any case.",
+        default=False,
+        python=True,
+    )
+
+    @property
+    def place(self) -> Worker:
+        """Where the FMU runs."""
+        return self._place(Worker)
+
+    def _place(self, kind: type[_Place]) -> _Place:
+        found = recast(kind, self.workers) if self.workers is not None else kind()
+        return recast(kind, found, in_process=True) if self.in_process else found
 
 
-class InWorkers(Options):
-    """The part of a request that says where its FMU runs."""
+class InWorkers(InWorker):
+    """The part of a request that says where its FMU runs, in several places at a time."""
 
     _: KW_ONLY
     workers: Workers | None = option(
         "Where the FMU runs and under which limits; by default in one worker process per core, so that a crash costs "
-        "only one point. A model that is not a file runs in this process.",
+        "only one point.",
         default=None,
         group="Where it runs",
     )
@@ -122,4 +140,4 @@ class InWorkers(Options):
     @property
     def place(self) -> Workers:
         """Where the FMU runs."""
-        return self.workers or Workers()
+        return self._place(Workers)

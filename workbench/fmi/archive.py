@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import stat
-import tempfile
 import weakref
 import zipfile
 import zlib
@@ -13,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Self
 
+from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
 from workbench.fmi.platforms import is_foreign, note_foreign
@@ -45,7 +45,7 @@ class Unpacked:
         self.source = source
         self.folder = folder
         self.owned = owned
-        self._remove = weakref.finalize(self, _remove, folder) if owned else None
+        self._remove = weakref.finalize(self, remove, folder) if owned else None
 
     def close(self) -> None:
         """Remove the folder if it was made here. Any number of times."""
@@ -64,10 +64,6 @@ class Unpacked:
         self.close()
 
 
-def _remove(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 def locate(model: str | Path) -> Path:
     """Return the file or folder that `model` names: a path or `fmu:NAME[@3]`.
 
@@ -79,6 +75,8 @@ def locate(model: str | Path) -> Path:
     path = Path(model).expanduser()
     if not path.exists():
         raise InputError(f"{model}: no such file; {what_is_meant(path)}give an .fmu, an unpacked FMU, or fmu:NAME")
+    if not path.is_file() and not path.is_dir():
+        raise InputError(f"{model}: this is a device or a pipe; give an .fmu, an unpacked FMU, or fmu:NAME")
     return path
 
 
@@ -93,7 +91,7 @@ def unpack(model: str | Path) -> Unpacked:
     path = locate(model)
     if path.is_dir():
         return _checked(Unpacked(path, path, owned=False))
-    folder = Path(tempfile.mkdtemp(prefix="fmi-workbench-"))
+    folder = scratch_folder("fmu")
     unpacked = Unpacked(path, folder, owned=True)
     try:
         left = extract(path, folder, wanted=_is_needed)

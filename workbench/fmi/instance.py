@@ -6,6 +6,7 @@ import ctypes
 import math
 import re
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass
@@ -25,7 +26,16 @@ from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wiring
 
-__all__ = ["NEVER_BACK", "NO_EVENT", "DiscardError", "EventInfo", "Instance", "StepResult"]
+__all__ = [
+    "NEVER_BACK",
+    "NO_EVENT",
+    "DiscardError",
+    "EventInfo",
+    "Instance",
+    "StepResult",
+    "end_later",
+    "end_now",
+]
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
@@ -58,6 +68,8 @@ class EventInfo:
     next_time: float
 
 
+MOST_VALUES = 10_000_000  # of states, or of event indicators: more is a mistake
+
 NO_EVENT = EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=math.inf)
 
 
@@ -74,6 +86,36 @@ class StepResult:
     time: float
     event: bool = False
     terminate: bool = False
+
+
+class _Ended:
+    """Instances that are closed, and not yet terminated and freed.
+
+    Attributes:
+        most: so many may wait.
+    """
+
+    most = 0
+    waiting: ClassVar[deque[Instance]] = deque()
+
+
+def end_later(most: int) -> None:
+    """Let instances that are closed wait for `end_now`: what an FMU does then cannot spoil what is not yet told.
+
+    Args:
+        most: so many wait; those that have waited longest are ended then.
+    """
+    _Ended.most = most
+
+
+def end_now(but: int = 0) -> None:
+    """Terminate and free instances that are closed.
+
+    Args:
+        but: so many of the last ones may wait.
+    """
+    while len(_Ended.waiting) > but:
+        _Ended.waiting.popleft()._end()  # noqa: SLF001 - of this module
 
 
 class Instance(ABC):
@@ -178,6 +220,9 @@ class Instance(ABC):
         self._size_buffers(description.state_count, description.indicator_count)
 
     def _size_buffers(self, nx: int, nz: int) -> None:
+        if max(nx, nz) > MOST_VALUES:
+            counts = f"{nx} continuous states and {nz} event indicators"
+            raise FmuError(f"{self.description.model_name}: claims {counts}; more than {MOST_VALUES} are refused")
         self.nx, self.nz = nx, nz
         self._xbuf, self.x = _buffer(nx)
         self._dxbuf, self.dx = _buffer(nx)
@@ -249,10 +294,14 @@ class Instance(ABC):
         """Leave initialisation; the first event iteration comes next (see obligation 3)."""
 
     def close(self) -> None:
-        """Terminate if that is allowed, then free."""
+        """Terminate if that is allowed, then free: at once, or later where `end_later` asked for it."""
         if self._closed:
             return
         self._closed = True
+        _Ended.waiting.append(self)
+        end_now(0 if self.capabilities.once_per_process else _Ended.most)
+
+    def _end(self) -> None:
         if self._worst >= FATAL:
             return
         if self._running and self._worst < ERROR:

@@ -81,8 +81,10 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
     """Return the shared library of `identifier` for this machine.
 
     Raises:
-        FmuError: there is none; the message says for which platforms there is one.
+        FmuError: there is none; the message says for which platforms there is one; or it would not be inside the FMU.
     """
+    if {"/", "\\", "\0"} & set(identifier) or identifier in {"", ".", ".."}:
+        raise FmuError(f"{source}: modelIdentifier '{identifier}' does not name a file in the FMU; refused")
     for name in _folders(host()):
         path = folder / "binaries" / name / f"{identifier}{_suffix(name)}"
         if path.is_file():

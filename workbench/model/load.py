@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, field, replace
@@ -14,6 +12,7 @@ from typing import Any
 
 from workbench.core.loading import Loading
 from workbench.core.option import values_of, with_options
+from workbench.core.scratch import scratch
 from workbench.errors import FmuError, InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.description import Description, read_description
@@ -59,7 +58,6 @@ def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
         recipe = FmuRecipe(
             source=str(unpacked.source.absolute()),
             folder=str(unpacked.folder.absolute()),
-            owned=unpacked.owned,
             **values_of(asked),
         )
         return open_unpacked(unpacked, recipe)
@@ -82,14 +80,12 @@ class FmuRecipe(LoadRecipe):
     Attributes:
         source: what the user named, for messages and for `identity`.
         folder: where it is unpacked; the loading process owns it.
-        owned: whether that folder is temporary.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
         sha256: of the FMU, told along with the archive; empty: read the file.
     """
 
     _: KW_ONLY
     folder: str
-    owned: bool
     archive: bytes | None = field(default=None, repr=False)
     sha256: str = ""
 
@@ -103,9 +99,11 @@ class FmuRecipe(LoadRecipe):
 
     def _unpacked(self) -> Unpacked:
         if self.archive is None:
+            if not Path(self.folder).is_dir():
+                raise FmuError(f"{self.source}: the folder in which it was unpacked is gone; was the model closed?")
             return Unpacked(Path(self.source), Path(self.folder), owned=False)
-        with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as holder:
-            file = Path(holder) / "packed.fmu"
+        with scratch("packed") as holder:
+            file = holder / "packed.fmu"
             file.write_bytes(self.archive)
             unpacked = unpack(file)
         unpacked.source = Path(self.source)
@@ -135,10 +133,6 @@ class FmuRecipe(LoadRecipe):
             for file in files_of(folder):
                 archive.write(file, file.relative_to(folder).as_posix())
         return replace(self, archive=buffer.getvalue())
-
-    def abandon(self) -> None:
-        if self.owned:
-            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:

@@ -65,10 +65,6 @@ class Recipe(ABC):
         """Return a recipe that needs no file of this machine."""
         return self
 
-    @abstractmethod
-    def abandon(self) -> None:
-        """Remove what the owner of the model left behind; called when that process is dead."""
-
 
 class LoadRecipe(Loading, Recipe):
     """What `load` was told, and the file.

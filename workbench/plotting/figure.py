@@ -10,10 +10,12 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from workbench.errors import InputError, suggest
+from workbench.core.files import replacing
+from workbench.errors import InputError, suggest, visible
 
-__all__ = ["ABOVE", "COLOURS", "LEGEND", "LINE", "label", "panels", "rows", "save", "written"]
+__all__ = ["ABOVE", "COLOURS", "LEGEND", "LINE", "label", "literal", "panels", "rows", "save", "written"]
 
 # Okabe and Ito's palette: told apart by every eye, and in grey by their order of brightness.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#444444")
@@ -25,6 +27,7 @@ ABOVE: dict[str, Any] = {
     "loc": "lower left", "bbox_to_anchor": (-0.01, 0.98), "fontsize": 8.5, "frameon": False, "borderaxespad": 0.2,
 }  # fmt: skip
 
+_POWER = r"$\mathdefault{"
 _SUFFIXES = (".png", ".svg", ".pdf")
 
 _STYLE: dict[Any, Any] = {
@@ -112,6 +115,19 @@ def label(name: str, unit: str | None) -> str:
     return f"{name} [{unit}]" if unit and unit != "1" else name
 
 
+def literal(figure: Any) -> Any:  # noqa: ANN401 - a figure, or what was drawn as text already
+    """Return a figure whose texts say what they say: names of variables may have dollar signs, which begin formulas.
+
+    Only what begins as matplotlib's own powers of ten on an axis stays a formula.
+    """
+    for text in figure.findobj(Text) if isinstance(figure, Figure) else ():
+        assert isinstance(text, Text)  # noqa: S101 - as asked for
+        if not text.get_text().startswith(_POWER):
+            text.set_text(visible(text.get_text()))
+            text.set_parse_math("$" not in text.get_text())
+    return figure
+
+
 def save(figure: Figure, path: str | Path) -> None:
     """Write a figure as png, svg or pdf by the file's suffix.
 
@@ -121,8 +137,5 @@ def save(figure: Figure, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path}: '{path.suffix}' is not a picture format; {suggest(path.suffix, _SUFFIXES)}")
-    try:
-        with mpl.rc_context(_STYLE):
-            figure.savefig(path, dpi=160, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with replacing(path) as part, mpl.rc_context(_STYLE):
+        literal(figure).savefig(part, dpi=160, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.files import replacing
 from workbench.core.record import plain
-from workbench.errors import InputError
+from workbench.errors import InputError, visible
 from workbench.report.svg import svg_of
 from workbench.report.tones import Verdict, counted, tone, worst_first
 
@@ -130,10 +131,8 @@ def write_page(page: Page, path: str | Path) -> None:
     if target.suffix.lower() not in SUFFIXES:
         raise InputError(f"{target}: a report is a page; name it {SUFFIXES[0]}")
     text = _render(page)
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+    with replacing(target) as part:
+        part.write_text(visible(text), encoding="utf-8")
 
 
 def _render(page: Page) -> str:

@@ -20,8 +20,10 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
         prefix: its names begin with it, so that several pictures fit into one page.
         words: what it shows, for those who hear the page.
     """
+    from workbench.plotting.figure import literal  # noqa: PLC0415 - no pictures, no matplotlib
+
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
+    literal(figure).savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     # Names of vocabularies on the net: nothing would be fetched, but a page that stands alone need not have any.

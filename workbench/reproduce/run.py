@@ -15,9 +15,8 @@ from workbench.reproduce.result import Outcome, ReproduceResult, TargetList
 from workbench.reproduce.select import select
 from workbench.reproduce.targets import Target
 from workbench.reproduce.work import Found, Job, perform
-from workbench.study.worker import NoRecipe
 from workbench.workers import InProcess, Lost, Runner, Workers
-from workbench.workers.choose import cores
+from workbench.workers.limits import cores
 from workbench.workers.pool import Pool
 
 __all__ = ["run", "run_command"]
@@ -97,8 +96,8 @@ def _runner(workers: Workers) -> Runner:
     if workers.executor is not None or workers.scheduler is not None:
         raise InputError("the figures are measured on this machine: no executor and no cluster")
     if workers.in_process:
-        return InProcess(NoRecipe().open())
-    return Pool(NoRecipe(), jobs=_processes(workers), limits=workers.limits)
+        return InProcess(None)
+    return Pool(None, jobs=_processes(workers), limits=workers.limits)
 
 
 def _processes(workers: Workers) -> int:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.errors import WorkbenchError, one_line
-from workbench.model.base import Model
 from workbench.reproduce.measurement import Picture
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.result import Drawing, plain
@@ -58,7 +57,7 @@ class Found:
     processor_seconds: float = 0.0
 
 
-def perform(_model: Model, job: Job) -> Iterator[Found]:
+def perform(_model: None, job: Job) -> Iterator[Found]:
     """Run an experiment and yield what it found, once; whatever goes wrong there is its own affair."""
     begin = time.process_time()
     try:

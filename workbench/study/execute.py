@@ -76,13 +76,12 @@ class Execution:
             InputError: an analysis asks for what cannot be done, at every point.
             WorkbenchError: the store cannot be written.
         """
-        from workbench.study.worker import NoRecipe  # noqa: PLC0415 - see above
-        from workbench.workers.choose import cores  # noqa: PLC0415
+        from workbench.workers.limits import cores  # noqa: PLC0415
         from workbench.workers.pool import Pool  # noqa: PLC0415
 
         self._jobs = workers.jobs or cores()
         progress(len(self.outcomes), "")
-        with Pool(NoRecipe(), jobs=self._jobs, limits=workers.limits) as self._runner:
+        with Pool(None, jobs=self._jobs, limits=workers.limits) as self._runner:
             if self._stopped:
                 self._runner.stop()
             with suppress(KeyboardInterrupt):  # what is missing tells

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,6 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from workbench import __version__
+from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import InputError
 from workbench.store import Store
 from workbench.study.kinds.base import Compliance
@@ -66,8 +66,8 @@ class Finished:
 
     def __init__(self, folder: Path | None, *, fresh: bool = False) -> None:
         self._fresh, self._keeps = fresh, folder is not None
-        self._temporary = tempfile.TemporaryDirectory(prefix="fmi-workbench-") if folder is None else None
-        self.folder = folder if folder is not None else Path(self._temporary.name if self._temporary else ".")
+        self._temporary = scratch_folder("study") if folder is None else None
+        self.folder = folder or self._temporary or Path()
         self._opened: _Results | None = None
 
     def load(self, run: Run) -> Outcome | None:
@@ -151,7 +151,7 @@ class Finished:
             self._opened.close()
             self._opened = None
         if self._temporary is not None:
-            self._temporary.cleanup()
+            remove(self._temporary)
 
     def __enter__(self) -> Self:
         return self

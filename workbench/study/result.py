@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from workbench.csv_file import write_csv
+from workbench.core.csv_file import write_csv
 from workbench.study.description import Study
 from workbench.study.kinds.base import Compliance, Requirement
 from workbench.study.plan import Outcome, Run

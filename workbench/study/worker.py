@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import time
 import traceback
@@ -19,17 +18,13 @@ from workbench.core.job import Job as RequestJob
 from workbench.core.option import asked_in_json, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError
-from workbench.model.base import Model
-from workbench.model.recipe import Recipe
 from workbench.origin.call import origin_of_call
 from workbench.report.extras import Written
 from workbench.report.results import page_of, write_report
-from workbench.session.base import Session
-from workbench.signals import Signal
 from workbench.study.commands import Command, command
 from workbench.study.plan import Outcome
 
-__all__ = ["Job", "NoRecipe", "perform"]
+__all__ = ["Job", "perform"]
 
 _NOT_WELL = 1  # exit code of a record that says so
 
@@ -59,7 +54,7 @@ class Job:
     csv: str
 
 
-def perform(_model: Model, job: Job) -> Iterator[Outcome]:
+def perform(_model: None, job: Job) -> Iterator[Outcome]:
     """Do an analysis and yield what it gave, once."""
     os.chdir(job.folder)
     known = command(job.command)
@@ -130,41 +125,3 @@ def _tables(job: Job) -> dict[str, str]:
     first = f"{job.csv}.csv"
     files = {f.name: f.read_text(encoding="utf-8") for f in job.workplace.glob(f"{job.csv}*.csv")}
     return {"csv" if n == first else Path(n).stem.removeprefix(f"{job.csv}_"): text for n, text in files.items()}
-
-
-class _NoModel(Model):
-    """Stands where a worker expects a model; the commands open their own."""
-
-    name = "no model"
-
-    def open_session(
-        self,
-        *,
-        start_time: float | None = None,
-        step: float | None = None,
-        signals: Mapping[str, Signal] | None = None,
-    ) -> Session:
-        raise InputError("a study has no model of its own")
-
-    def close(self) -> None:
-        return
-
-
-@dataclass(frozen=True)
-class NoRecipe(Recipe):
-    """Of no model: a worker that gets it runs commands."""
-
-    def open(self) -> Model:
-        # The commands run FMUs in worker processes of their own, which a daemon may not have; those watch for the end
-        # of this process, so none stays behind.
-        multiprocessing.current_process().daemon = False
-        return _NoModel()
-
-    def identity(self) -> dict[str, Any]:
-        return {}
-
-    def tighter(self, factor: float) -> Recipe:
-        return self
-
-    def abandon(self) -> None:
-        return

@@ -7,7 +7,6 @@ import copy
 import hashlib
 import math
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescrip
 
 from workbench.core.files import file_to_write, pack
 from workbench.core.record import Record
+from workbench.core.scratch import scratch
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wire
@@ -195,8 +195,7 @@ class _Plan:
 def _write(plan: _Plan, target: Path) -> None:
     from fmpy.container_fmu.cli import create_container_fmu  # noqa: PLC0415  older versions have none
 
-    with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as name:
-        folder = Path(name)
+    with scratch("container") as folder:
         staged = _stage(plan.parts, folder / "fmus")
         unpacked = folder / "container"
         unpacked.mkdir()
@@ -292,10 +291,7 @@ def _token(plan: _Plan) -> str:
 
 def _pack(folder: Path, target: Path) -> None:
     """Write an unpacked FMU as a file."""
-    try:
-        pack(target, {f.relative_to(folder).as_posix(): f.read_bytes() for f in folder.rglob("*") if f.is_file()})
-    except OSError as error:
-        raise InputError(f"'{target}' cannot be written: {error.strerror}") from None
+    pack(target, {f.relative_to(folder).as_posix(): f.read_bytes() for f in folder.rglob("*") if f.is_file()})
 
 
 # -- what is told -----------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from pathlib import Path
 from lxml import etree
 
 from workbench.core.names import plain_unit
+from workbench.core.scratch import scratch
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
 from workbench.fmi.description import MAX_XML_BYTES, read_description
@@ -60,8 +60,7 @@ def fmu_facts(file: str) -> FmuFacts:
 def _facts(path: Path, _changed: int, _size: int) -> FmuFacts:
     if path.is_dir():
         return _read(path, path)
-    with tempfile.TemporaryDirectory(prefix="fmi-workbench-") as name:
-        folder = Path(name)
+    with scratch("facts") as folder:
         (folder / _DESCRIPTION).write_bytes(_description_in(path))
         return _read(folder, path)
 

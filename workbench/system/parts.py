@@ -144,7 +144,7 @@ def _again(component: FmuComponent, first: FmuRecipe | None) -> FmuRecipe | None
     if first is None:
         return None
     return dataclasses.replace(
-        first, owned=False, interface=component.interface, step=component.step, start_values=dict(component.set)
+        first, interface=component.interface, step=component.step, start_values=dict(component.set)
     )
 
 

@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 from urllib.parse import quote
 
-from workbench.errors import InputError
+from workbench.core.files import replacing
 from workbench.fmi.archive import locate
 
 __all__ = ["Resources"]
@@ -54,16 +54,10 @@ class Resources:
         Raises:
             InputError: it cannot be written.
         """
-        part = target.with_name(f".{target.name}.part")
-        try:
-            with zipfile.ZipFile(part, "w") as archive:
-                _put(archive, "SystemStructure.ssd", structure)
-                for name, content in self._files.items():
-                    _put(archive, f"resources/{name}", content if isinstance(content, bytes) else content.read_bytes())
-            part.replace(target)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+        with replacing(target) as part, zipfile.ZipFile(part, "w") as archive:
+            _put(archive, "SystemStructure.ssd", structure)
+            for name, content in self._files.items():
+                _put(archive, f"resources/{name}", content if isinstance(content, bytes) else content.read_bytes())
 
 
 def _put(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from workbench.core.scratch import scratch_folder
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.fmi.archive import Unpacked, extract
 from workbench.fmi.description import DefaultExperiment
@@ -38,7 +38,7 @@ def read_ssp(path: Path) -> SystemDescription:
         InputError: one line with the file, what is wrong and where.
         FmuError: no zip archive, damaged, or entries that would leave the folder.
     """
-    unpacked = Unpacked(path, Path(tempfile.mkdtemp(prefix="fmi-workbench-")).resolve(), owned=True)
+    unpacked = Unpacked(path, scratch_folder("ssp"), owned=True)
     try:
         extract(path, unpacked.folder)
         ssd, notes = _find_ssd(path, unpacked.folder)

@@ -1,39 +1,62 @@
-"""What runs in a worker process: open the model once, do tasks until the parent hangs up."""
+"""What runs in a worker process: open models as they are needed, and do tasks until the parent hangs up."""
 
 from __future__ import annotations
 
-import multiprocessing
+import ctypes
 import os
+import pickle
+import select
 import shutil
 import signal
+import socket
 import sys
 import tempfile
 import threading
 import traceback
+from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from multiprocessing.connection import Connection, wait
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
+from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
+from workbench.workers.channel import Channel
 from workbench.workers.limits import MemoryWatch
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
     from workbench.model.recipe import Recipe
 
-__all__ = ["BUG", "DONE", "ERROR", "ITEM", "MEMORY", "READY", "STOP", "TOLD", "Task", "tell", "wanted_stop", "work"]
+__all__ = [
+    "BUG",
+    "DONE",
+    "ERROR",
+    "FOREIGN",
+    "ITEM",
+    "MEMORY",
+    "OPENED",
+    "READY",
+    "STOP",
+    "TOLD",
+    "Task",
+    "inside",
+    "main",
+    "tell",
+    "wanted_stop",
+]
 
 # Kinds of messages to the parent, each followed by its content.
-READY, ITEM, TOLD, DONE, ERROR, MEMORY, BUG = "ready", "item", "told", "done", "error", "memory", "bug"
+READY, OPENED, ITEM, TOLD, DONE = "ready", "opened", "item", "told", "done"
+ERROR, MEMORY, FOREIGN, BUG = "error", "memory", "foreign", "bug"
 
-# From the parent, in place of a task: end the task in work soon, with what there is.
-STOP = (None, None)
+# From the parent, in place of an order: end the task in work soon, with what there is.
+STOP = None
 
-Task = Callable[["Model", Any], Iterator[Any]]
+Task = Callable[[Any, Any], Iterator[Any]]
 
 # Longest time that a worker without a parent may take to clean up [s].
 _FAREWELL = 5.0
@@ -41,113 +64,200 @@ _FAREWELL = 5.0
 # Interval at which the worker looks whether its parent is still the same process [s].
 _PATIENCE = 1.0
 
-_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+# So many models stay open from one task to the next.
+_MODELS = 4
+
+# So many instances wait for the end of the task to be terminated and freed.
+_ENDED = 16
+
+_STANDARD_INPUT = 0
+
+# No file that it writes is longer [byte].
+_FILE = 4 << 30
+_LINE_BUFFERED = 1  # _IOLBF where it is not 0 and not 2
 
 
-_pipes: list[Connection] = []  # to the parent: the one of this process
+class _Worker:
+    """The state of this process.
+
+    Attributes:
+        channel: to the parent; None: this is no worker process.
+        opened: recipe, pickled → the model that stays open.
+    """
+
+    channel: Channel | None = None
+    opened: ClassVar[OrderedDict[bytes, Model]] = OrderedDict()
 
 
-def tell(item: Any) -> None:  # noqa: ANN401 - any task's
-    """Send an item of the task in work before it yields one; it is not a result, and the time limit goes on.
+def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
+    """Send an item of the task in work before it yields one.
 
     Args:
         item: as `Runner.run` gives it.
+        finished: whether it is a result, after which the time limit begins again.
     """
-    for pipe in _pipes:
-        pipe.send((TOLD, item))
+    if _Worker.channel is not None:
+        _Worker.channel.send((ITEM if finished else TOLD, item))
+
+
+def inside() -> bool:
+    """Return whether this is a worker process."""
+    return _Worker.channel is not None
 
 
 def wanted_stop() -> bool:
     """Return whether the parent asked for the end of the task in work; it sends nothing else meanwhile."""
-    return any(pipe.poll() and pipe.recv() == STOP for pipe in _pipes)
+    channel = _Worker.channel
+    return channel is not None and STOP in list(channel.receive())
 
 
-def work(pipe: Connection, recipe: Recipe, limits: Limits, scratch: str) -> None:
+def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) -> None:
     """Serve one parent; ends the process.
 
     Args:
-        pipe: brings pairs of a task and its argument, takes messages (kind, content).
-        recipe: of the model.
-        limits: the memory limit is set here, the time limit is the parent's affair.
+        link: descriptor of the socket that brings orders and takes messages (kind, content); None: standard input
+            tells (Windows).
+        mark: of the channel's frames.
+        parent: its process number.
         scratch: folder for all temporary files, which the parent removes.
+        module: that the first task will need; empty: it is not known yet.
     """
+    end = socket.socket(fileno=link) if link is not None else socket.fromshare(sys.stdin.buffer.read())  # type: ignore[attr-defined]
+    end.set_inheritable(False)
     _behave()
+    end_later(_ENDED)
+    lifeline = _lifeline()
     tempfile.tempdir = os.environ["TMPDIR"] = scratch
-    watcher = threading.Thread(target=_watch_parent, args=(recipe, scratch), daemon=True)
+    watcher = threading.Thread(target=_watch_parent, args=(lifeline, parent, scratch), daemon=True)
     watcher.start()
-    _end_in_any_case()
-    with suppress(EOFError, BrokenPipeError, ConnectionError):
-        _serve(pipe, recipe, limits)
-    # The parent hung up: if it is dead, the watcher cleans up and ends this process.
-    watcher.join(_FAREWELL)
-    os._exit(0)
+    if not why_kernel_missing():  # also while code that hangs keeps Python from running
+        arguments = (lifeline, parent, int(1000 * _FAREWELL))
+        threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
+    channel = _Worker.channel = Channel(end, mark)
+    if module:
+        import_module(module)
+    with suppress(OSError):
+        channel.send((READY, None))
+        for order in _orders(channel):
+            channel.send(_done(channel, *order))
+            end_now()
+            _flush()
+            channel.send((READY, None))
+    watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
+    os._exit(0)  # libraries are not unloaded: what they do then concerns nobody
 
 
-def _serve(pipe: Connection, recipe: Recipe, limits: Limits) -> None:
+def _orders(channel: Channel) -> Iterator[Any]:
+    """Yield what the parent asks for until it hangs up."""
+    while not channel.ended:
+        select.select([channel], [], [])
+        yield from (order for order in channel.receive() if order is not STOP)  # it was asked to stop what is done
+
+
+def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: float | None) -> tuple[str, Any]:
+    """Do one task, sending its items; return the last message.
+
+    Args:
+        channel: to the parent.
+        folder: the parent's working directory.
+        recipe: of the model, pickled; of None: the task has no model.
+        work: task and argument, pickled.
+        memory: limit [MB].
+    """
     try:
-        model = recipe.open()
-    except WorkbenchError as error:
-        pipe.send((ERROR, error))
-        return
-    memory = MemoryWatch(limits.memory)
-    with model:
-        pipe.send((READY, None))
-        _pipes.append(pipe)
-        while True:
-            task, argument = pipe.recv()
-            if task is not None:  # else it was asked to stop what is done already
-                pipe.send(_do(task(model, argument), pipe, memory))
-
-
-def _do(items: Iterator[Any], pipe: Connection, memory: MemoryWatch) -> tuple[str, Any]:
-    """Do one task, sending its items; return the last message."""
-    try:
-        for item in items:
-            if memory.exceeded():
+        os.chdir(folder)
+        try:
+            task, argument = pickle.loads(work)  # noqa: S301 - of the parent
+        except (AttributeError, ImportError) as error:
+            return FOREIGN, str(error)
+        model = _model(recipe)
+        watch = MemoryWatch(memory)
+        channel.send((OPENED, None))
+        for item in task(model, argument):
+            if watch.exceeded():
                 return MEMORY, None
-            pipe.send((ITEM, item))
+            channel.send((ITEM, item))
     except WorkbenchError as error:
         return ERROR, error
     except MemoryError:
         return MEMORY, None
-    except (EOFError, OSError):
+    except BrokenPipeError:
         raise
     except Exception:  # noqa: BLE001 - a bug of ours; the parent raises it
         return BUG, traceback.format_exc()
+    finally:
+        _flush()
     return DONE, None
 
 
+def _model(packed: bytes) -> Model | None:
+    """Return the open model of a recipe."""
+    if packed not in _Worker.opened:
+        recipe: Recipe | None = pickle.loads(packed)  # noqa: S301 - of the parent
+        if recipe is None:
+            return None
+        _Worker.opened[packed] = recipe.open()
+    _Worker.opened.move_to_end(packed)
+    while len(_Worker.opened) > _MODELS:
+        _Worker.opened.popitem(last=False)[1].close()
+    return _Worker.opened[packed]
+
+
+# -- the process -------------------------------------------------------------------------------
+
+
 def _behave() -> None:
-    """Leave the signals that ask to end to the parent, standard output to the result, and no core dumps or dialogs."""
+    """Leave the signals that ask to end to the parent; no core dumps or dialogs."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
-    os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)  # so that processes which an FMU starts hear them
     if sys.platform == "win32":
-        import ctypes  # noqa: PLC0415 - Windows only
-
         # SEM_FAILCRITICALERRORS | SEM_NOGPFAULTERRORBOX | SEM_NOOPENFILEERRORBOX
         ctypes.windll.kernel32.SetErrorMode(0x0001 | 0x0002 | 0x8000)
         return
     import resource  # noqa: PLC0415 - not on Windows
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)  # whatever prints without end does not fill the disk
+    resource.setrlimit(resource.RLIMIT_FSIZE, (_FILE if hard == resource.RLIM_INFINITY else min(_FILE, hard), hard))
+    with suppress(ValueError):  # what an FMU prints is not lost with it; the name is that of GNU and musl
+        libc = ctypes.CDLL(None)
+        libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
 
 
-def _watch_parent(recipe: Recipe, scratch: str) -> None:
+def _flush() -> None:
+    """Let what an FMU printed be on its way."""
+    if sys.platform != "win32":
+        ctypes.CDLL(None).fflush(None)
+
+
+def _lifeline() -> int:
+    """Return what tells of the end of the parent: a pipe, on Windows its process; the FMU finds an empty input."""
+    if sys.platform == "win32":
+        import _winapi  # noqa: PLC0415
+
+        return _winapi.OpenProcess(0x00100000, False, os.getppid())
+    lifeline = os.dup(_STANDARD_INPUT)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, _STANDARD_INPUT)
+    os.close(nothing)
+    return lifeline
+
+
+def _watch_parent(lifeline: int, parent: int, scratch: str) -> None:
     """Clean up and end this process when the parent is gone, also while the FMU's code runs."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        while os.getppid() == parent.pid and not wait([parent.sentinel], _PATIENCE):
-            pass
-        recipe.abandon()
-        shutil.rmtree(scratch, ignore_errors=True)
+    _wait_for_end(lifeline, parent)
+    shutil.rmtree(Path(scratch).parent, ignore_errors=True)  # all that was its own
     os._exit(1)
 
 
-def _end_in_any_case() -> None:
-    """End this process a little later when the parent is gone, also while code that hangs keeps Python from running."""
-    parent = multiprocessing.parent_process()
-    if parent is None or why_kernel_missing():
+def _wait_for_end(lifeline: int, parent: int) -> None:
+    if sys.platform == "win32":
+        import _winapi  # noqa: PLC0415
+
+        _winapi.WaitForSingleObject(lifeline, _winapi.INFINITE)
         return
-    arguments = (parent.sentinel, parent.pid, int(1000 * _FAREWELL))
-    threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
+    # A copy of the parent made by fork keeps the pipe open; the system names another parent then.
+    while os.getppid() == parent and not select.select([lifeline], [], [], _PATIENCE)[0]:
+        pass

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from workbench.core.where import Limits, Workers
 from workbench.errors import InputError
 from workbench.model.recipe import Recipe
-from workbench.workers.limits import memory_limit_works
+from workbench.workers.limits import cores, memory_limit_works
 from workbench.workers.pool import Pool
 from workbench.workers.runner import InProcess, Runner
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["choose", "cores"]
+__all__ = ["choose"]
 
 
 def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
@@ -87,11 +86,3 @@ def _memory_note(workers: Workers) -> tuple[str, ...]:
     if workers.limits.memory is None or memory_limit_works():
         return ()
     return ("this platform enforces no memory limit; --memory-limit has no effect",)
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on macOS and Windows
-        return os.cpu_count() or 1

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from typing import TYPE_CHECKING, Any
 
-from workbench.errors import WorkbenchError, one_line
+from workbench.errors import LostError, OutOfMemoryError, WorkbenchError
 from workbench.workers.child import Task
 from workbench.workers.runner import Lost, Reply, Runner
 
@@ -109,12 +109,12 @@ def _outcome(future: Future[list[Any]], job: Any) -> Iterator[Reply | Lost]:  # 
     except BrokenExecutor as error:
         yield Lost(job, _broken(error))
     except MemoryError:
-        yield Lost(job, "out of memory on the executor")
+        yield Lost(job, OutOfMemoryError("out of memory on the executor"))
     except Exception as error:  # noqa: BLE001 - what an executor raises for a dead worker is its own affair
-        yield Lost(job, one_line(f"the executor lost the task: {type(error).__name__}: {error}"))
+        yield Lost(job, LostError(f"the executor lost the task: {type(error).__name__}: {error}"))
     else:
         yield from (Reply(job, value) for value in values)
 
 
-def _broken(error: BaseException) -> str:
-    return one_line(f"the executor is broken, perhaps by a crash of the FMU: {error}")
+def _broken(error: BaseException) -> LostError:
+    return LostError(f"the executor is broken, perhaps by a crash of the FMU: {error}")

@@ -1,17 +1,26 @@
-"""The memory limit of a worker process."""
+"""What worker processes may use of this machine."""
 
 from __future__ import annotations
 
 import math
+import os
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["MemoryWatch", "memory_limit_works"]
+__all__ = ["MemoryWatch", "cores", "memory_limit_works"]
 
 _MB = 1_000_000
 
 # Allocations are refused beyond this multiple of the memory limit.
 _REFUSED = 1.5
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on macOS and Windows
+        return os.cpu_count() or 1
 
 
 def memory_limit_works() -> bool:

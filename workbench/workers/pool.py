@@ -6,54 +6,79 @@ time limit for a task that runs; both are what third-party FMUs ask for.
 
 from __future__ import annotations
 
+import selectors
 import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
-from multiprocessing.connection import wait
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from workbench.core.where import Limits
-from workbench.errors import WorkbenchError
+from workbench.errors import (
+    CrashedError,
+    ExitedError,
+    InputError,
+    LostError,
+    OutOfMemoryError,
+    TimedOutError,
+    WorkbenchError,
+)
 from workbench.model.recipe import Recipe
-from workbench.workers.child import BUG, DONE, ERROR, ITEM, MEMORY, READY, TOLD, Task
-from workbench.workers.process import WorkerProcess
+from workbench.workers.child import BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
+from workbench.workers.process import WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
 
-__all__ = ["Pool", "died", "out_of_memory", "timed_out"]
+__all__ = ["Pool", "died"]
 
-# So often is looked whether somebody wants to stop [s].
+# So often is looked whether somebody wants to stop, and whether a worker is dead though its channel is open [s].
 _PATIENCE = 0.1
 
-# After this time what was asked to end is ended by force [s].
-_GRACE = 5.0
+# What was asked to end soon is ended by force after so long [s].
+_GRACE = 1.2
+
+
+_ERRORS: Mapping[str, Callable[[Any], Exception]] = {
+    ERROR: lambda error: error,
+    FOREIGN: lambda why: InputError(f"the worker process does not know what the program itself defines: {why}"),
+    BUG: lambda trace: RuntimeError(f"in a worker process:\n{trace}"),
+}
 
 
 class Pool(Runner):
-    """Worker processes on one model.
+    """Worker processes, kept for the next pool where nothing went wrong in them.
 
     Args:
-        recipe: of the model; each worker opens it once.
+        recipe: of the model, which each worker opens; None: the tasks have no model.
         jobs: most processes at a time.
         limits: time for each item, memory for each process.
     """
 
-    def __init__(self, recipe: Recipe, *, jobs: int, limits: Limits) -> None:
+    def __init__(self, recipe: Recipe | None, *, jobs: int, limits: Limits) -> None:
         self._recipe, self._jobs, self._limits = recipe, jobs, limits
         self._workers: list[WorkerProcess] = []
         self._in_work: dict[int, Any] = {}
         self._begun = 0
         self._patient_until: float | None = None  # after `end_soon`
+        self._after: list[str] = []  # what went wrong when all was told
+        self._stray = 0  # [byte]
+
+    def remarks(self) -> list[str]:
+        """Return what the FMU printed, in a line, and what went wrong when all was told."""
+        lines = ["".join(c if c.isprintable() else " " for c in line).strip() for line in self.printed.splitlines()]
+        lines = [line for line in lines if line]
+        many = f"the FMU printed {len(lines)} lines; the last: " if lines[1:] else "the FMU printed: "
+        stray = [f"the FMU wrote {self._stray} bytes into a file that is not its own"] if self._stray else []
+        return [*dict.fromkeys(self._after), *stray, *(many + line for line in lines[-1:])]
 
     @property
     def pids(self) -> list[int]:
         """Process numbers of the workers."""
-        return [w.pid for w in self._workers if w.pid is not None]
+        return [w.pid for w in self._workers]
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
         try:
-            while jobs or self._in_work:
+            while jobs or any(worker.index is not None for worker in self._workers):
                 self._dispatch(task, jobs)
                 self._raise_if_stopped()
                 for worker in self._speaking():
@@ -62,7 +87,7 @@ class Pool(Runner):
                 yield from self._late()
         finally:
             if self._in_work:
-                self.close()
+                self.close()  # in the middle of it
 
     def end_soon(self) -> None:
         if self._in_work and self._patient_until is None:
@@ -74,7 +99,11 @@ class Pool(Runner):
 
     def close(self) -> None:
         while self._workers:
-            self._workers.pop().kill()
+            worker = self._workers.pop()
+            if worker.index is None and self._limits.memory is None:
+                keep(worker)
+            else:
+                worker.kill()
         self._in_work = {}
 
     def _raise_if_stopped(self) -> None:
@@ -84,70 +113,108 @@ class Pool(Runner):
     def _dispatch(self, task: Task, jobs: deque[Any]) -> None:
         wanted = min(self._jobs, len(jobs) + len(self._in_work))
         while len(self._workers) < wanted:
-            self._workers.append(WorkerProcess(self._recipe, self._limits))
+            self._workers.append(kept() if self._limits.memory is None else WorkerProcess())
         for worker in self._workers:
             if worker.ready and jobs:
                 self._begun += 1
                 self._in_work[self._begun] = job = jobs.popleft()
-                worker.begin(self._begun, task, job)
+                worker.begin(self._begun, self._recipe, task, job, self._limits)
 
     def _speaking(self) -> list[WorkerProcess]:
         """Wait a little; return the workers that sent something or died."""
-        handles = {handle: w for w in self._workers for handle in (w.pipe, w.sentinel)}
-        ready = {id(handles[handle]) for handle in wait(list(handles), _PATIENCE)}  # type: ignore[index]
-        return [w for w in self._workers if id(w) in ready]
+        with selectors.DefaultSelector() as waiting:
+            for worker in self._workers:
+                both = selectors.EVENT_READ | (selectors.EVENT_WRITE if worker.channel.leaving else 0)
+                waiting.register(worker.channel, both, worker)
+            ready = [(key.data, event) for key, event in waiting.select(_PATIENCE)]
+        for worker, event in ready:
+            if event & selectors.EVENT_WRITE:
+                worker.channel.flush()
+        speaking = {id(worker) for worker, event in ready if event & selectors.EVENT_READ}
+        return [w for w in self._workers if id(w) in speaking or not w.alive]
 
     def _hear(self, worker: WorkerProcess) -> Iterator[Reply | Lost]:
+        """Take what a worker sent."""
+        dead = not worker.alive  # before the last of its messages is read
+        messages = worker.channel.receive()
+        while True:
+            try:
+                message = next(messages, None)
+            except Exception:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
+                message, dead = None, True
+            if message is None:
+                break
+            yield from self._take(worker, *message)
+        if worker in self._workers and (dead or worker.channel.ended):
+            self._workers.remove(worker)
+            self._note(worker)
+            yield from self._lose(worker, died(worker.reap(), self._limits))
+
+    def _take(self, worker: WorkerProcess, kind: str, content: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401
         """Take one message of a worker."""
-        message = worker.receive()
-        if message is None:
-            yield from self._lose(worker, died(self._bury(worker), self._limits))
-            return
-        kind, content = message
+        job = self._in_work.get(worker.index or 0)
         if kind == READY:
-            worker.ready = True
+            self._free(worker)
+        elif kind == OPENED:
+            worker.restart_clock()
         elif kind == ITEM:
             worker.restart_clock()
-            yield Reply(self._in_work[worker.index or 0], content)
+            yield Reply(job, content)
             worker.restart_clock()
         elif kind == TOLD:
-            yield Reply(self._in_work[worker.index or 0], content)
-        elif kind == DONE:
-            self._free(worker)
+            yield Reply(job, content)
         elif kind == MEMORY:
             # What the failed allocation left behind is unknown: a new process is safer.
-            worker.kill()
-            self._workers.remove(worker)
-            yield from self._lose(worker, out_of_memory(self._limits))
-        elif kind == ERROR:
-            raise content
-        elif kind == BUG:
-            raise RuntimeError(f"in a worker process:\n{content}")
+            yield from self._end(worker, out_of_memory(self._limits))
+        elif kind in (DONE, ERROR, FOREIGN, BUG):
+            # Raised when its FMU has ended, too.
+            worker.error = _ERRORS[kind](content) if kind in _ERRORS else None
+            self._in_work.pop(worker.index or 0, None)
 
     def _late(self) -> Iterator[Lost]:
         """End workers whose time is up."""
         now = time.monotonic()
         for worker in list(self._workers):
-            if worker.deadline is not None and now > worker.deadline and not worker.pipe.poll():
-                worker.kill()
-                self._workers.remove(worker)
-                yield from self._lose(worker, timed_out(self._limits), late=True)
+            if worker.deadline is not None and now > worker.deadline:
+                yield from self._end(worker, timed_out(self._limits))
 
-    def _bury(self, worker: WorkerProcess) -> int | None:
+    def _end(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
         self._workers.remove(worker)
-        return worker.reap()
+        self._note(worker)
+        worker.kill()
+        yield from self._lose(worker, why)
 
     def _free(self, worker: WorkerProcess) -> None:
-        self._in_work.pop(worker.index or 0)
+        """Let a worker take the next task; raise the error of the last one."""
+        self._note(worker)
         worker.index, worker.deadline, worker.ready = None, None, True
+        self._raise_error(worker)
 
-    def _lose(self, worker: WorkerProcess, reason: str, *, late: bool = False) -> Iterator[Lost]:
+    def _raise_error(self, worker: WorkerProcess) -> None:
+        error, worker.error = worker.error, None
+        if error is not None:
+            raise error
+
+    def _note(self, worker: WorkerProcess) -> None:
+        self.printed += worker.said()
+        self._stray += worker.channel.stray
+        worker.channel.stray = 0
+
+    def _lose(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
         if worker.index is None:
-            raise WorkbenchError(f"a worker process ended before it began: {reason}")
-        yield Lost(self._in_work.pop(worker.index), reason, late)
+            raise WorkbenchError(f"a worker process ended before it began: {why}{self._last_words()}")
+        self._raise_error(worker)
+        if worker.index in self._in_work:
+            yield Lost(self._in_work.pop(worker.index), why)
+        else:
+            self._after.append(f"when all was told, {why}")
+
+    def _last_words(self) -> str:
+        lines = self.printed.strip().splitlines()
+        return f"; it printed: {lines[-1]}" if lines else ""
 
 
-# -- why a worker ended ------------------------------------------------------------------------
+# -- why a worker is gone ----------------------------------------------------------------------
 
 _SIGNALS = {
     "SIGSEGV": "the FMU crashed: segmentation fault (SIGSEGV)",
@@ -168,7 +235,7 @@ _WINDOWS = {
 }
 
 
-def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> str:
+def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> LostError:
     """Return why a worker ended by itself.
 
     Args:
@@ -182,10 +249,10 @@ def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> s
         name = _signal(-code)
         text = _SIGNALS.get(name, f"the FMU's process was ended by a signal ({name})")
     else:
-        return f"the FMU ended its process (exit code {code})"
+        return ExitedError(f"the FMU ended its process (exit code {code})")
     # An allocation that was refused seldom ends otherwise, but nobody can tell afterwards.
     hint = "" if limits.memory is None else f", perhaps by the memory limit of {limits.memory:g} MB"
-    return text + hint
+    return CrashedError(text + hint)
 
 
 def _signal(number: int) -> str:
@@ -195,13 +262,13 @@ def _signal(number: int) -> str:
         return f"signal {number}"
 
 
-def timed_out(limits: Limits) -> str:
+def timed_out(limits: Limits) -> LostError:
     """Return the reason for a point that took too long."""
-    return f"time limit: not finished after {limits.timeout:g} s; --timeout sets it"
+    return TimedOutError(f"time limit: not finished after {limits.timeout:g} s; --timeout sets it")
 
 
-def out_of_memory(limits: Limits) -> str:
+def out_of_memory(limits: Limits) -> LostError:
     """Return the reason for a point that ran out of memory without crashing."""
     if limits.memory is None:
-        return "out of memory"
-    return f"memory limit: more than {limits.memory:g} MB needed; --memory-limit sets it"
+        return OutOfMemoryError("out of memory")
+    return OutOfMemoryError(f"memory limit: more than {limits.memory:g} MB needed; --memory-limit sets it")

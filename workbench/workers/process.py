@@ -1,155 +1,233 @@
-"""One worker process, seen from the parent."""
+"""One worker process, seen from the parent, and those that wait for more work."""
 
 from __future__ import annotations
 
 import atexit
-import multiprocessing
+import os
 import pickle
-import shutil
+import secrets
 import signal
+import socket
+import subprocess
 import sys
-import tempfile
 import threading
 import time
-import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import resource_tracker
-from types import ModuleType
+from pathlib import Path
 from typing import Any
 
+from workbench.core.scratch import remove, scratch_folder
 from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.model.recipe import Recipe
-from workbench.workers.child import STOP, Task, work
+from workbench.workers.channel import MARK_BYTES, Channel
+from workbench.workers.child import STOP, Task
+from workbench.workers.limits import cores
 
-__all__ = ["WorkerProcess"]
+__all__ = ["WorkerProcess", "keep", "kept", "prepare"]
 
-# Longest time until a process whose pipe is closed is gone [s].
+# A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
 
-_spawning = threading.Lock()
+# Of what an FMU prints, this much is shown; the file is emptied when it is longer [byte].
+_LAST_WORDS = 1 << 16
+_LOG = 1 << 26
+
+_START = "import sys; sys.path[:] = {path!r}; from workbench.workers.child import main; main({link!r}, *{rest!r})"
 
 
 class WorkerProcess:
-    """A process that holds one model and does one task at a time.
+    """A process that does one task at a time, on a model that it keeps open.
+
+    Args:
+        module: that its first task will need; it is imported meanwhile.
 
     Attributes:
         index: of the task in work; None: idle or not yet ready.
         ready: whether it takes a task.
+        error: that the task in work ended with; it is raised when its FMU has ended, too, or the process has.
         deadline: when the present task must have shown a result (`time.monotonic`); None: never.
+        channel: to it.
     """
 
-    def __init__(self, recipe: Recipe, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, module: str = "") -> None:
         self.index: int | None = None
         self.ready = False
+        self.error: Exception | None = None
         self.deadline: float | None = None
-        # Spawned, not forked: the same on all platforms, and no thread or library of the parent is copied half way.
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self._scratch = tempfile.mkdtemp(prefix="fmi-workbench-worker-")
-        self._process = context.Process(target=work, args=(theirs, recipe, limits, self._scratch), daemon=True)
-        with _without_main(), _without_interrupts():
-            self._process.start()
-        _alive.add(self)
-        theirs.close()
+        self.surroundings = _surroundings()
+        self._limits = Limits()
+        self._scratch = str(scratch_folder("worker"))
+        self._log = Path(self._scratch) / "log"
+        self._said = 0  # of the log, what was taken
+        ours, theirs = socket.socketpair()
+        mark = secrets.token_bytes(MARK_BYTES)
+        rest = (mark, os.getpid(), self._scratch, module)
+        with theirs, self._log.open("ab") as log:
+            self._process = _started(theirs, rest, log.fileno())
+        self.channel = Channel(ours, mark)
+        with _lock:
+            _alive.add(self)
 
     @property
-    def sentinel(self) -> int:
-        """Becomes ready, for `multiprocessing.connection.wait`, when the process ends."""
-        return self._process.sentinel
-
-    @property
-    def pid(self) -> int | None:
+    def pid(self) -> int:
         """Number of the process."""
         return self._process.pid
 
-    def begin(self, index: int, task: Task, argument: Any) -> None:  # noqa: ANN401 - any task's
-        """Send a task; a worker that is dead shows it at the next `receive`."""
-        self.index, self.ready = index, False
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def begin(self, index: int, recipe: Recipe | None, task: Task, argument: Any, limits: Limits) -> None:  # noqa: ANN401
+        """Send a task; a worker that is dead shows it later."""
+        self.index, self.ready, self.error, self._limits = index, False, None, limits
         self.restart_clock()
-        try:
-            self.pipe.send((task, argument))
-        except OSError:
-            return
+        work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
+        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits.memory)  # noqa: PTH109
+        self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
 
     def end_soon(self) -> None:
         """Ask for the end of the present task."""
-        with suppress(OSError):
-            self.pipe.send(STOP)
+        self.channel.put(pickle.dumps(STOP))
 
     def restart_clock(self) -> None:
         """Give the present task its full time again."""
         self.deadline = None if self._limits.timeout is None else time.monotonic() + self._limits.timeout
 
-    def receive(self) -> tuple[str, Any] | None:
-        """Return the next message, or None if the process is dead or talks nonsense."""
+    def said(self) -> str:
+        """Return what was printed there since this was asked last: the last of it, if it is long."""
         try:
-            kind, content = self.pipe.recv()
-        except (EOFError, OSError, pickle.UnpicklingError, ValueError, TypeError, AttributeError, ImportError):
-            return None
-        return kind, content
+            size = self._log.stat().st_size
+            with self._log.open("rb") as log:
+                log.seek(max(self._said if self._said <= size else 0, size - _LAST_WORDS))
+                text = log.read(_LAST_WORDS)
+        except OSError:
+            return ""
+        self._said = size
+        if size > _LOG:
+            with suppress(OSError):
+                os.truncate(self._log, 0)
+        return text.decode("utf-8", "replace")
 
     def reap(self) -> int | None:
         """Wait for a process that is dying; return its exit code."""
-        self._process.join(_DYING)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_DYING)
         return self.kill()
 
     def kill(self) -> int | None:
         """End the process by force if it still runs; return its exit code. At most once."""
-        _alive.discard(self)
+        with _lock:
+            _alive.discard(self)
         self._process.kill()
-        self._process.join()
-        code = self._process.exitcode
-        self.pipe.close()
-        self._process.close()
-        shutil.rmtree(self._scratch, ignore_errors=True)
+        code = self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self.channel.close()
+        remove(Path(self._scratch))
         return code
 
 
+def _surroundings() -> tuple[int, tuple[str, ...], int]:
+    """Return what a process takes from its parent at its start."""
+    return os.getpid(), tuple(sys.path), hash(frozenset(os.environ.items()))
+
+
+def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int) -> subprocess.Popen[bytes]:
+    """Start a process: spawned, not forked, so that no thread or library of this one is copied half way."""
+    path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100 - of text
+    code = _START.format(path=path, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
+    flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as multiprocessing
+    with _held_back():
+        process = subprocess.Popen(
+            [sys.executable, *flags, "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=log,
+            pass_fds=[theirs.fileno()] if os.name == "posix" else [],
+            start_new_session=True,  # the terminal sends Ctrl-C to all processes of its own session
+        )
+    if os.name != "posix" and process.stdin is not None:
+        process.stdin.write(theirs.share(process.pid))  # type: ignore[attr-defined]
+        process.stdin.close()
+    return process
+
+
 @contextmanager
-def _without_main() -> Iterator[None]:
-    """Hide the program's main module while a process is spawned.
-
-    Spawning imports it again in the child: a user's script without `if __name__ == "__main__"` would
-    measure again there, and the command line would load what a worker does not need. The worker's function is
-    found by the name of its module.
-    """
-    with _spawning:
-        main = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Hold back signals that ask to end while a process is spawned: the child never hears them, the parent afterwards.
-
-    The terminal sends Ctrl-C to all its processes; one that is still importing would end with a traceback.
-    """
+def _held_back() -> Iterator[None]:
+    """Hold back signals that ask to end while a process is started: it never hears them, this one does afterwards."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        # Started by the first process otherwise, in the middle of which it lets Ctrl-C through again.
-        resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-# At its end multiprocessing asks processes to terminate, which a worker leaves to its parent, and waits for them. What
-# is registered later is done earlier.
-_alive: weakref.WeakSet[WorkerProcess] = weakref.WeakSet()
+# -- workers that wait -------------------------------------------------------------------------
+
+_lock = threading.RLock()
+_alive: set[WorkerProcess] = set()
+_idle: list[WorkerProcess] = []
 
 
-@atexit.register
+def prepare(module: str) -> None:
+    """Start a worker that will soon be wanted, unless one waits.
+
+    Args:
+        module: that it will need.
+    """
+    keep(kept(module))
+
+
+def kept(module: str = "") -> WorkerProcess:
+    """Return a worker that waits, or a new one.
+
+    Args:
+        module: that a new one imports first.
+    """
+    around = _surroundings()
+    with _lock:
+        for worker in reversed(_idle):
+            if worker.surroundings == around:
+                _idle.remove(worker)
+                if worker.alive:
+                    return worker
+                worker.kill()
+        return WorkerProcess(module)
+
+
+def keep(worker: WorkerProcess) -> None:
+    """Let an idle worker wait for more work, and end those that have waited longest if there are more than cores.
+
+    Args:
+        worker: idle, or not yet ready.
+    """
+    most = cores()
+    with _lock:
+        _idle.append(worker)
+        ended, _idle[:] = _idle[:-most], _idle[-most:]
+    for old in ended:
+        old.kill()
+
+
 def _end_all() -> None:
-    for worker in list(_alive):
+    with _lock:
+        mine = [worker for worker in _alive if worker.surroundings[0] == os.getpid()]  # not in a copy made by fork
+    for worker in mine:
         worker.kill()
+
+
+def _forget() -> None:
+    """In a copy of this process made by fork: the workers are those of the original."""
+    _alive.clear()
+    _idle.clear()
+
+
+atexit.register(_end_all)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from workbench.errors import LostError
 from workbench.workers.child import Task
 
 if TYPE_CHECKING:
@@ -36,13 +37,16 @@ class Lost:
 
     Attributes:
         job: the task's argument, the very object; items may have come before.
-        reason: one line.
-        late: it was ended because its time was up.
+        error: how.
     """
 
     job: Any
-    reason: str
-    late: bool = False
+    error: LostError
+
+    @property
+    def reason(self) -> str:
+        """How, in one line."""
+        return str(self.error)
 
 
 class Runner(ABC):
@@ -59,6 +63,7 @@ class Runner(ABC):
     """
 
     stopped = False
+    printed = ""  # by the FMU itself, besides the log that FMI has
 
     @abstractmethod
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
@@ -101,10 +106,10 @@ class InProcess(Runner):
     """Runs tasks one after the other in this process: nothing survives a crash.
 
     Args:
-        model: what the tasks get; it stays open.
+        model: what the tasks get; it stays open; None: they need none.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model | None) -> None:
         self._model = model
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:

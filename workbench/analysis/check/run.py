@@ -18,7 +18,7 @@ from workbench.analysis.check.result import Answer, HealthCard, HealthLine
 from workbench.core.job import Job
 from workbench.core.loading import Loading
 from workbench.core.option import options_of
-from workbench.errors import FmuError, InputError, WorkbenchError, one_line
+from workbench.errors import FmuError, InputError, TimedOutError, WorkbenchError, one_line
 from workbench.fmi.description import Description
 from workbench.fmi.fmpy_access import model_description
 from workbench.fmi.platforms import binary_path
@@ -196,7 +196,7 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
 
 def _loss(name: str, lost: Lost) -> Answer:
     """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
-    if not lost.late:
+    if not isinstance(lost.error, TimedOutError):
         return Answer("broken", lost.reason, _CRASH)
     return Answer("broken" if name == "runs" else "watch", lost.reason, _HANG)
 

@@ -10,7 +10,6 @@ from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Form, Names
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
-from workbench.core.where import InWorker
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ else:
     _Multisine = Annotated[object, _form("multisine")]
 
 
-class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
+class Excite(AtPoint, Analysis["ExciteResult"]):
     """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
 
     One session starts at the operating point: it settles if requested, then the identification and the
@@ -92,6 +91,7 @@ class Excite(AtPoint, InWorker, Analysis["ExciteResult"]):
     # Tighter than for a time history: integration errors must stay far below the model's own noise.
     usual_tolerance = 1e-8
     counts = "samples"
+    isolated = False  # what was recorded before a crash is kept
     parts = ("identification", "validation")
 
     inputs: Names = option(

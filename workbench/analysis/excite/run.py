@@ -44,7 +44,7 @@ def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
     with runner, job.ended_by(runner.stop):
         for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
             if not isinstance(event, Reply):
-                raise SimulationError(event.reason)
+                raise event.error
             recording.take(event.value)
             job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
     found = recording.result()

@@ -23,8 +23,8 @@ from workbench.analysis.experiment.checks import (
 )
 from workbench.analysis.experiment.data_table import DataTable, read_table
 from workbench.core.closed_loop import ClosedLoop
+from workbench.core.csv_file import write_csv
 from workbench.core.record import Part, entry
-from workbench.csv_file import write_csv
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 

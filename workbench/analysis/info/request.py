@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.analysis.request import MODEL_FILE, Request, function
 from workbench.core.option import option
+from workbench.core.where import InWorker
 
 if TYPE_CHECKING:
     from workbench.analysis.info.result import FmuInfo, SystemInfo  # noqa: F401 - the record's types, below
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Info", "info"]
 
 
-class Info(Request[str | Path, "FmuInfo | SystemInfo"]):
+class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     """Show what an FMU is and can do: interfaces, platforms, variables; of a system: components and connections.
 
     What is declared is read from the FMU's description. Whether saving and restoring the state works is tried.
@@ -37,6 +38,7 @@ class Info(Request[str | Path, "FmuInfo | SystemInfo"]):
     algorithm = "workbench.analysis.info.run:run"
     example = "workbench info fmu:Rudder"
     subject = MODEL_FILE
+    isolated = True
     unwritten = ("csv", "plot")
 
     _: KW_ONLY

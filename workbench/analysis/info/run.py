@@ -85,7 +85,6 @@ def _snapshots(unpacked: Unpacked, description: Description, interfaces: Sequenc
     recipe = FmuRecipe(
         source=str(unpacked.source),
         folder=str(unpacked.folder),
-        owned=unpacked.owned,
         interface=interfaces[0],
         solver="auto",
     )

@@ -63,6 +63,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     """
 
     command = "nfr"
+    isolated = False  # its points run in worker processes, whatever happens to one of them
     algorithm = "workbench.analysis.nfr.run:run"
     example = "workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png"
     # Tighter than for a time history: the response may be a small part of a large output or transient.

@@ -9,7 +9,6 @@ from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Names, Numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
-from workbench.core.where import InWorker
 from workbench.signals import Signals
 
 if TYPE_CHECKING:
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Simulate", "simulate"]
 
 
-class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
+class Simulate(AtPoint, Analysis["SimulationResult"]):
     """Simulate under given inputs and record a time history.
 
     A forced input has the values of its signal, not those of the operating point. Events are recorded in addition to
@@ -48,6 +47,7 @@ class Simulate(AtPoint, InWorker, Analysis["SimulationResult"]):
     example = "workbench simulate fmu:Rudder --stop 1 --input delC=step:time=0.1,value=2 --output del --plot del.png"
 
     counts = "percent of the run"
+    undivided = True
 
     _: KW_ONLY
     stop: float | None = option(

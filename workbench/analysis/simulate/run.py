@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.analysis.one_worker import in_worker
 from workbench.analysis.simulate.divergence import DivergenceError, divergence, explained
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
@@ -36,9 +35,6 @@ _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     """Simulate a model; see `Simulate`."""
     model, remarks = start_at(model, asked.at)
-    if asked.workers is not None:
-        result = in_worker(model, replace(asked, at=None, workers=None, progress=None), asked.workers, job)
-        return replace(result, notes=(*remarks, *result.notes))
     inputs = signals_of(asked.inputs)
     _check_inputs(model, inputs)
     names, instead = _names(model, asked.outputs)

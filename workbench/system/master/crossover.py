@@ -53,7 +53,7 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
         inputs={LOOP: (destination,)},
         outputs={LOOP + "_back": source},
     )
-    made = {n: dataclasses.replace(r, interface="me", step=None, owned=False) for n, r in recipe.parts.items()}
+    made = {n: dataclasses.replace(r, interface="me", step=None) for n, r in recipe.parts.items()}
     try:
         plain = dataclasses.replace(
             recipe, system=system, parts=made, interface="auto", step=None, order="auto", hold_inputs=False, bias={}

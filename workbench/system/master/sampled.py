@@ -60,7 +60,7 @@ def _sampled(part: Part) -> Sampled | None:
     if recipe is None:
         return None
     if "me" in part.description.interfaces:
-        twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False, owned=False)
+        twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False)
         return _of_twin(twin)
     ticks = clock_ticks(Path(recipe.folder) / "modelDescription.xml")
     return None if ticks is None else Sampled(ticks, held=part.description.state_count == 0)

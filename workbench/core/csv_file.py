@@ -7,9 +7,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
-from workbench.errors import InputError
+from workbench.core.files import replacing
+from workbench.errors import visible
 
 __all__ = ["write_csv"]
+
+_FORMULA = ("=", "@", "+", "-", "\t", "\r")  # begins one in a spreadsheet
 
 
 def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]], *, remarks: Sequence[str] = ()) -> None:
@@ -27,11 +30,8 @@ def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]], *, rem
         target.writelines(f"{line}\n" for line in remarks)
         _write(target, rows)
         return
-    try:
-        with Path(target).open("w", newline="", encoding="utf-8") as file:
-            write_csv(file, rows, remarks=remarks)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written: {error.strerror or error}") from None
+    with replacing(target) as path, path.open("w", newline="", encoding="utf-8") as file:
+        write_csv(file, rows, remarks=remarks)
 
 
 def _write(file: TextIO, rows: Iterable[Sequence[Any]]) -> None:
@@ -40,4 +40,19 @@ def _write(file: TextIO, rows: Iterable[Sequence[Any]]) -> None:
         if len(row) == 1 and str(row[0]).startswith("#"):
             file.write(f"{row[0]}\n")  # quotes around it would make it a cell
         else:
-            writer.writerow(row)
+            writer.writerow([_cell(cell) for cell in row])
+
+
+def _cell(cell: Any) -> Any:  # noqa: ANN401 - anything that a cell can be
+    """Return a cell that no spreadsheet takes for a formula, and no terminal for a command."""
+    if not isinstance(cell, str):
+        return cell
+    return f"'{visible(cell)}" if cell.startswith(_FORMULA) and not _is_number(cell) else visible(cell)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,203 @@
+"""What a user sees when an FMU misbehaves: 12 ways × each FMI call × commands and functions, as a table.
+
+Each case is run in Python, in one process that must survive all of them, or on the command line. Truth is the same FMU
+that behaves: where a case ends without an error, its numbers must be those; what differs in silence is a defect.
+
+    scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--program] [--out x.md]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+import workbench as wb  # noqa: E402
+from tests.misbehaving_fmus import CALLS, OUTSIDE, WAYS, build_misbehaving  # noqa: E402
+from workbench.core.where import Worker, Workers  # noqa: E402
+
+HANG, MEMORY = 4.0, 600.0  # [s], [MB]: what a result may cost
+
+# What is done, in Python; each returns numbers that tell one FMU from another.
+DEEDS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "simulate": lambda model, w: wb.simulate(model, stop=1.0, inputs={"u": 2.0}, workers=w)["y"].tolist(),
+    "trim": lambda model, w: wb.trim(model, workers=w).to_dict()["operating_point"],
+    "lin": lambda model, w: wb.lin(model, workers=w).to_dict()["A"],
+    "nfr": lambda model, w: _gains(wb.nfr(model, "u", "y", [1.0], [1.0], workers=_one(w))),
+    "info": lambda model, w: [v.name for v in wb.info(model.source, workers=w).outputs],
+}
+LINES: Mapping[str, list[str]] = {
+    "simulate": ["--stop", "1", "--input", "u=2"],
+    "trim": [],
+    "lin": [],
+    "info": [],
+    "nfr": ["--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1"],
+}
+# What may be said of a way; "ok" besides, where the numbers are right.
+FITTING = {
+    "segfault": {"crashed"}, "abort": {"crashed"}, "exit0": {"exited"}, "exit3": {"exited"}, "hang": {"timed out"},
+    "nan": {"failed"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
+}  # fmt: skip
+
+
+def _one(worker: Worker) -> Workers:
+    return Workers(jobs=1, timeout=worker.timeout, memory_limit=worker.memory_limit)
+
+
+def _gains(found: Any) -> Any:
+    if found.failed:
+        raise wb.SimulationError(found.failed[0].reason)
+    return found.gain.tolist()
+
+
+@dataclass(frozen=True)
+class Case:
+    """One FMU and what is done with it."""
+
+    way: str
+    call: str
+    interface: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a user saw: "ok" or the kind of error, words, and whether it is right."""
+
+    kind: str
+    words: str
+    right: bool
+
+
+def cases(asked: argparse.Namespace) -> Iterator[Case]:
+    """Yield the cases that are asked for."""
+    for interface, calls in CALLS.items():
+        for call in (*calls, *OUTSIDE):
+            for way in WAYS:
+                if (way in asked.ways or not asked.ways) and (call in asked.calls or not asked.calls):
+                    yield from (Case(way, call, interface, what) for what in asked.what or DEEDS)
+
+
+def in_python(file: Path, case: Case, truth: Any) -> Seen:
+    """Do it with the function."""
+    limits = Worker(timeout=HANG, memory_limit=MEMORY if case.way == "memory" else None)
+    try:
+        with wb.load(file, case.interface) as model:
+            found = DEEDS[case.what](model, limits)
+    except wb.WorkbenchError as error:
+        kind = _kind_in(str(error)) if case.what == "nfr" else error.kind
+        return Seen(kind, str(error), kind in FITTING.get(case.way, set()))
+    same = truth is None or _same(found, truth)
+    return Seen("ok" if same else "WRONG", "", same)
+
+
+def on_command_line(file: Path, case: Case, truth: Any) -> Seen:
+    """Do it with the command."""
+    words = [sys.executable, "-m", "workbench", case.what, str(file), *LINES[case.what], "--json", "-"]
+    words += ["--timeout", str(HANG)]
+    words += [] if case.what == "info" else ["--interface", case.interface]
+    words += ["--memory-limit", str(MEMORY)] if case.way == "memory" else []
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, timeout=300, check=False)
+    last = done.stderr.strip().splitlines()[-1:] or [""]
+    try:
+        data = json.loads(done.stdout)
+    except ValueError:
+        return Seen(f"exit {done.returncode}, no JSON", last[0], right=False)
+    if "error" in data:
+        kind = data["error"]["kind"]
+        return Seen(kind, last[0], done.returncode == 2 and kind in FITTING.get(case.way, set()))
+    if data.get("failed"):
+        kind = _kind_in(str(data["failed"]))
+        return Seen(kind, last[0], done.returncode == 1 and kind in FITTING.get(case.way, set()))
+    right = done.returncode in (0, 1) and (truth is None or _same(_numbers(case.what, data), truth))
+    return Seen("ok" if right else "WRONG", last[0], right)
+
+
+def _numbers(what: str, data: Any) -> Any:
+    key = {"simulate": None, "trim": "operating_point", "lin": "A", "info": "outputs", "nfr": "gain"}[what]
+    return data["values"]["y"] if key is None and "values" in data else data.get(key or "y")
+
+
+def _kind_in(reason: str) -> str:
+    """Return the kind of error that a point's reason tells."""
+    for words, kind in (
+        ("crashed", "crashed"), ("aborted", "crashed"), ("killed", "crashed"), ("ended its process", "exited"),
+        ("time limit", "timed out"), ("memory", "out of memory"),
+    ):  # fmt: skip
+        if words in reason:
+            return kind
+    return "failed"
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two results are equal, but for what names the file."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return all(_same(a[k], b.get(k)) for k in a if k != "model_sha256")
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(a == b)
+
+
+def main() -> None:
+    """Run the cases and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    for name in ("ways", "calls", "what"):
+        parser.add_argument(f"--{name}", type=lambda text: text.split(","), default=[])
+    parser.add_argument("--program", action="store_true", help="on the command line in place of in Python")
+    parser.add_argument("--out", type=Path, help="page to write, Markdown")
+    asked = parser.parse_args()
+    run = on_command_line if asked.program else in_python
+    found: dict[Case, Seen] = {}
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        truths: dict[tuple[str, str], Any] = {}
+        for case in cases(asked):
+            key = case.interface, case.what
+            if key not in truths:
+                truths[key] = _truth(Path(name), case) if not asked.program else None
+            os.environ["MISBEHAVES"] = f"{{{case.way}@{case.call}}}" if case.call in OUTSIDE else ""
+            file = build_misbehaving(Path(name), case.way, case.call)
+            seen = found[case] = run(file, case, truths[key])
+            if not seen.right:
+                print(f"NOT RIGHT {case}: {seen.kind}: {seen.words}", flush=True)
+    text = "\n".join(_page(found))
+    if asked.out is not None:
+        asked.out.write_text(text + "\n", encoding="utf-8")
+    wrong = sum(not seen.right for seen in found.values())
+    print(f"{len(found)} cases, {wrong} not right, {time.monotonic() - begin:.0f} s")
+    sys.exit(1 if wrong else 0)
+
+
+def _truth(folder: Path, case: Case) -> Any:
+    os.environ["MISBEHAVES"] = ""
+    with wb.load(build_misbehaving(folder, "nothing", "never"), case.interface) as model:
+        return DEEDS[case.what](model, Worker())
+
+
+def _page(found: Mapping[Case, Seen]) -> Iterator[str]:
+    deeds = list(dict.fromkeys(case.what for case in found))
+    yield f"| FMU | {' | '.join(deeds)} |"
+    yield f"| --- | {' | '.join('---' for _ in deeds)} |"
+    for row in dict.fromkeys((c.interface, c.call, c.way) for c in found):
+        cells = [
+            next(s.kind for c, s in found.items() if (c.interface, c.call, c.way, c.what) == (*row, d)) for d in deeds
+        ]
+        yield f"| {row[2]} in {row[1]} ({row[0]}) | {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main()

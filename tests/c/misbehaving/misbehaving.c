@@ -1,0 +1,337 @@
+/* misbehaving.c: an FMU of FMI 2.0, dx/dt = u - x and y = x with a time event at 0.5, that misbehaves in one call.
+ *
+ * Its GUID says how and where: "{segfault@doStep}". In the calls "load" and "unload", where there is no GUID yet, the
+ * environment variable MISBEHAVES says the same.
+ */
+#define _DEFAULT_SOURCE /* usleep */
+
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fmi2Functions.h"
+
+#define EVENT 0.5
+#define BLOCK ((size_t)64 << 20)
+#define MOST_BLOCKS 48 /* 3 GiB: enough for any limit, and not the end of the machine */
+#define MOST_DESCRIPTORS 256
+
+enum { VR_U, VR_X, VR_DER_X, VR_Y, N_VARIABLES };
+
+typedef struct {
+    char what[32];
+    char where[32];
+    double time;
+    double v[N_VARIABLES];
+    int spoilt; /* values are not numbers any more */
+    int endless;
+} Model;
+
+static volatile int *volatile nowhere;
+static void *volatile hoard;
+
+static void *go_on(void *unused)
+{
+    (void)unused;
+    for (;;) {
+        puts("misbehaving: a thread that was left behind");
+        fflush(stdout);
+        usleep(1000);
+    }
+    return NULL;
+}
+
+static void hog(void)
+{
+    for (int i = 0; i < MOST_BLOCKS; i++) {
+        char *block = malloc(BLOCK);
+        if (block != NULL) {
+            memset(block, i + 1, BLOCK);
+            hoard = block;
+        }
+    }
+}
+
+static void do_it(const char *what, Model *model)
+{
+    if (strcmp(what, "segfault") == 0) {
+        *nowhere = 1;
+    } else if (strcmp(what, "abort") == 0) {
+        abort();
+    } else if (strcmp(what, "exit0") == 0) {
+        exit(0);
+    } else if (strcmp(what, "exit3") == 0) {
+        exit(3);
+    } else if (strcmp(what, "hang") == 0) {
+        for (volatile unsigned turns = 0;; turns = turns + 1) {
+        }
+    } else if (strcmp(what, "nan") == 0 && model != NULL) {
+        model->spoilt = 1;
+    } else if (strcmp(what, "events") == 0 && model != NULL) {
+        model->endless = 1;
+    } else if (strcmp(what, "memory") == 0) {
+        hog();
+    } else if (strcmp(what, "stdout") == 0) {
+        puts("misbehaving: \033[31ma line that nobody wants");
+        fflush(stdout);
+    } else if (strcmp(what, "descriptors") == 0) {
+        for (int file = 0; file < MOST_DESCRIPTORS; file++) {
+            if (write(file, "\1\2\3\4", 4) < 0) {
+                continue;
+            }
+        }
+    } else if (strcmp(what, "thread") == 0) {
+        pthread_t thread;
+        if (pthread_create(&thread, NULL, go_on, NULL) != 0) {
+            return;
+        }
+    } else if (strcmp(what, "cwd") == 0 && chdir("/") != 0) {
+        return;
+    }
+}
+
+static void misbehave(Model *model, const char *where)
+{
+    if (strcmp(model->where, where) == 0) {
+        do_it(model->what, model);
+    }
+}
+
+static void split(const char *text, char what[32], char where[32])
+{
+    what[0] = where[0] = '\0';
+    if (sscanf(text, "{%31[^@]@%31[^}]}", what, where) != 2) {
+        what[0] = where[0] = '\0';
+    }
+}
+
+static void outside(const char *where)
+{
+    const char *asked = getenv("MISBEHAVES");
+    char what[32], at[32];
+    if (asked == NULL) {
+        return;
+    }
+    split(asked, what, at);
+    if (strcmp(at, where) == 0) {
+        do_it(what, NULL);
+    }
+}
+
+__attribute__((constructor)) static void loaded(void)
+{
+    outside("load");
+}
+
+__attribute__((destructor)) static void unloaded(void)
+{
+    outside("unload");
+}
+
+/* ---- life ---- */
+
+const char *fmi2GetTypesPlatform(void)
+{
+    return fmi2TypesPlatform;
+}
+
+const char *fmi2GetVersion(void)
+{
+    return fmi2Version;
+}
+
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
+{
+    (void)c;
+    (void)on;
+    (void)n;
+    (void)categories;
+    return fmi2OK;
+}
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
+                              const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
+{
+    (void)name;
+    (void)type;
+    (void)location;
+    (void)callbacks;
+    (void)visible;
+    (void)logging;
+    Model *model = calloc(1, sizeof *model);
+    if (model != NULL) {
+        split(guid, model->what, model->where);
+        model->v[VR_U] = 1.0;
+        misbehave(model, "instantiate");
+    }
+    return model;
+}
+
+void fmi2FreeInstance(fmi2Component c)
+{
+    if (c != NULL) {
+        misbehave(c, "freeInstance");
+        free(c);
+    }
+}
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stop_defined, fmi2Real stop)
+{
+    (void)controlled;
+    (void)tolerance;
+    (void)stop_defined;
+    (void)stop;
+    ((Model *)c)->time = start;
+    misbehave(c, "setupExperiment");
+    return fmi2OK;
+}
+
+#define ONLY(function, where)                                                                                          \
+    fmi2Status function(fmi2Component c)                                                                               \
+    {                                                                                                                  \
+        misbehave(c, where);                                                                                           \
+        return fmi2OK;                                                                                                 \
+    }
+ONLY(fmi2EnterInitializationMode, "enterInitialization")
+ONLY(fmi2ExitInitializationMode, "exitInitialization")
+ONLY(fmi2EnterEventMode, "enterEventMode")
+ONLY(fmi2EnterContinuousTimeMode, "enterContinuousTime")
+ONLY(fmi2Terminate, "terminate")
+ONLY(fmi2Reset, "reset")
+
+/* ---- values ---- */
+
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
+{
+    Model *model = c;
+    misbehave(model, "getReal");
+    model->v[VR_DER_X] = model->v[VR_U] - model->v[VR_X];
+    model->v[VR_Y] = model->v[VR_X];
+    for (size_t i = 0; i < n; i++) {
+        value[i] = model->spoilt ? NAN : model->v[vr[i]];
+    }
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
+{
+    misbehave(c, "setReal");
+    for (size_t i = 0; i < n; i++) {
+        ((Model *)c)->v[vr[i]] = value[i];
+    }
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    misbehave(c, "getFMUstate");
+    if (*state == NULL) {
+        *state = malloc(sizeof(Model));
+    }
+    if (*state == NULL) {
+        return fmi2Error;
+    }
+    memcpy(*state, c, sizeof(Model));
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
+{
+    memcpy(c, state, sizeof(Model));
+    return fmi2OK;
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    (void)c;
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+
+/* ---- Model Exchange ---- */
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
+{
+    Model *model = c;
+    misbehave(model, "newDiscreteStates");
+    memset(info, 0, sizeof *info);
+    info->newDiscreteStatesNeeded = model->endless ? fmi2True : fmi2False;
+    info->nextEventTimeDefined = model->time < EVENT ? fmi2True : fmi2False;
+    info->nextEventTime = EVENT;
+    return fmi2OK;
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_set, fmi2Boolean *event, fmi2Boolean *terminate)
+{
+    (void)no_set;
+    misbehave(c, "completedIntegratorStep");
+    *event = fmi2False;
+    *terminate = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
+{
+    ((Model *)c)->time = time;
+    misbehave(c, "setTime");
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n)
+{
+    (void)n;
+    misbehave(c, "setContinuousStates");
+    ((Model *)c)->v[VR_X] = x[0];
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n)
+{
+    (void)n;
+    misbehave(c, "getContinuousStates");
+    x[0] = ((Model *)c)->v[VR_X];
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n)
+{
+    Model *model = c;
+    (void)n;
+    misbehave(model, "getDerivatives");
+    dx[0] = model->spoilt ? NAN : model->v[VR_U] - model->v[VR_X];
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        z[i] = 1.0;
+    }
+    misbehave(c, "getEventIndicators");
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t n)
+{
+    (void)c;
+    (void)n;
+    nominal[0] = 1.0;
+    return fmi2OK;
+}
+
+/* ---- Co-Simulation ---- */
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolean no_set)
+{
+    Model *model = c;
+    (void)no_set;
+    misbehave(model, "doStep");
+    model->v[VR_X] += size * (model->v[VR_U] - model->v[VR_X]);
+    model->time = point + size;
+    return fmi2OK;
+}
