@@ -180,7 +180,7 @@ def test_python_hands_out_what_there_is_with_the_interrupt() -> None:
         raise KeyboardInterrupt
 
     with wb.load("fmu:FirstOrderLag") as model, pytest.raises(StoppedError) as stopped:
-        wb.lin_over(model, {"tau": [0.5, 1.0]}, progress=stop)
+        wb.lin_over(model, {"tau": [0.5, 1.0]}, progress=stop, in_process=True)
     grid = stopped.value.before
     assert isinstance(grid, wb.LinGrid)
     assert [point.result is not None for point in grid.points] == [True, False]

@@ -9,42 +9,15 @@ import typer
 
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.cli import asked, notes
-from workbench.cli.interrupt import (
-    exit_code,
-    ignore_endings,
-    insist_on_interrupts,
-    interrupted,
-    listen_for_endings,
-    was_interrupted,
-)
+from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import options_of, program, said
 from workbench.core.where import InWorker
 from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError
 
-__all__ = ["BAD_INPUT", "main"]
+__all__ = ["BAD_INPUT", "run"]
 
 BAD_INPUT = 2
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the program and end the process with its exit code.
-
-    0 done, 1 a point failed, 2 bad input (one line on standard error), 128 + a signal's number: interrupted by it
-    (Ctrl-C: 130).
-
-    Args:
-        arguments: in place of the process's own.
-    """
-    _use_utf8()
-    insist_on_interrupts()
-    listen_for_endings()
-    try:
-        code = run(arguments)
-    except KeyboardInterrupt:  # once more, while it was told
-        code = exit_code()
-    ignore_endings()  # what is left is to clean up
-    sys.exit(code)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -95,10 +68,3 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
 def _complain(message: str) -> int:
     sys.stderr.write(f"workbench: {message}\n")
     return BAD_INPUT
-
-
-def _use_utf8() -> None:
-    """Units and arrows are written on every console, whatever its code page."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8", errors="replace")
