@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.build.pack import pack
+from workbench.core.files import pack
 from workbench.toolchain import host_only
 
 __all__ = ["CALLS", "OUTSIDE", "WAYS", "build_misbehaving"]
