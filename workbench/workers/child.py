@@ -125,6 +125,7 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     end = socket.socket(fileno=link) if link is not None else socket.fromshare(sys.stdin.buffer.read())  # type: ignore[attr-defined]
     end.set_inheritable(False)
     _behave()
+    _end_at_once()
     end_later(_ENDED)
     lifeline = _lifeline()
     tempfile.tempdir = os.environ["TMPDIR"] = scratch
@@ -197,6 +198,7 @@ def _model(packed: bytes) -> Model | None:
         if recipe is None:
             return None
         _Worker.opened[packed] = recipe.open()
+        _end_at_once()
     _Worker.opened.move_to_end(packed)
     while len(_Worker.opened) > _MODELS:
         _Worker.opened.popitem(last=False)[1].close()
@@ -224,6 +226,13 @@ def _behave() -> None:
     with suppress(ValueError):  # what an FMU prints is not lost with it; the name is that of GNU and musl
         libc = ctypes.CDLL(None)
         libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
+
+
+def _end_at_once() -> None:
+    """Let `exit` of the FMU end the process before what Python and its libraries, still at work, do at an exit."""
+    with suppress(AttributeError, OSError, TypeError):  # only GNU's library has it; without, such an end may be a crash
+        libc = ctypes.CDLL(None)
+        libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)  # noqa: SLF001 - C's function of that name
 
 
 def _flush() -> None:
