@@ -7,6 +7,7 @@ import ctypes
 import inspect
 import os
 import sys
+import threading
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -68,6 +69,7 @@ class _Binary:
     def __init__(self, dll: ctypes.CDLL | None) -> None:
         self._dll = dll
         self._key: int | None = None  # of the last instantiation
+        self._threads = _threads()  # that ran before
         self.holders = 0
         self.addresses: dict[str, int | None] = {}
 
@@ -88,7 +90,8 @@ class _Binary:
         self.holders -= 1
         if self.holders == 0 and self._dll is not None:
             self._give_back()
-            _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
+            if not _threads() - self._threads:  # one that it left behind would run on in code that is gone
+                _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
 
 
 class Library:
@@ -194,6 +197,14 @@ def _unload(handle: int) -> None:
         _ctypes.FreeLibrary(handle)
     else:
         _loader().dlclose(handle)
+
+
+def _threads() -> set[int]:
+    """Return the threads of this process that are not Python's; Linux, elsewhere none is known."""
+    try:
+        return {int(name) for name in os.listdir("/proc/self/task")} - {t.native_id for t in threading.enumerate()}  # noqa: PTH208
+    except OSError:
+        return set()
 
 
 def _has_key_left() -> bool:

@@ -147,8 +147,10 @@ class Pool(Runner):
             yield from self._take(worker, *message)
         if worker in self._workers and (dead or worker.channel.ended):
             self._workers.remove(worker)
-            self._note(worker)
-            yield from self._lose(worker, died(worker.reap(), self._limits))
+            last = self._note(worker)
+            code = worker.reap()
+            hungry = code is not None and code > 0 and _HUNGRY in last
+            yield from self._lose(worker, out_of_memory(self._limits) if hungry else died(code, self._limits))
 
     def _take(self, worker: WorkerProcess, kind: str, content: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401
         """Take one message of a worker."""
@@ -195,10 +197,13 @@ class Pool(Runner):
         if error is not None:
             raise error
 
-    def _note(self, worker: WorkerProcess) -> None:
-        self.printed += worker.said()
+    def _note(self, worker: WorkerProcess) -> str:
+        """Take down what a worker printed, and return it."""
+        said = worker.said()
+        self.printed += said
         self._stray += worker.channel.stray
         worker.channel.stray = 0
+        return said
 
     def _lose(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
         if worker.index is None:
@@ -224,6 +229,9 @@ _SIGNALS = {
     "SIGABRT": "the FMU aborted its process (SIGABRT)",
     "SIGKILL": "the worker was killed (SIGKILL), perhaps by the system because memory ran out",
 }
+
+# With these words numpy's and scipy's linear algebra ends a process that gets no memory.
+_HUNGRY = "OpenBLAS error: Memory allocation"
 
 # Exit codes by which Windows tells of a crash.
 _WINDOWS = {

@@ -1,0 +1,185 @@
+"""What is left when the program is ended at a random instant: 20 times each by KILL, TERM, INT and HUP.
+
+Commands: a sweep, a trim and a study. What was finished must be in the store, the same command must go on from there
+to the same numbers, no process may outlive the program, and no temporary folder the next start.
+
+    scripts/endings.py [--times 20] [--signals KILL,INT] [--what sweep] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shlex
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+_SWEEP = "nfr fmu:Aircraft --input elevator --output z_wing_tip --band 0.2:5 --ratio 1.5 --amplitude 1,2 --store store"
+_LINES = {"sweep": _SWEEP, "trim": "trim fmu:Aircraft", "study": "run study.toml --store store"}
+_STUDY = """
+[models]
+rudder = "fmu:Rudder"
+
+[analyses.response]
+command = "nfr"
+model = "rudder"
+input = "delC"
+output = "del"
+amplitude = [1, 2]
+freq = [0.5, 1, 2, 4, 8]
+
+[analyses.linear]
+command = "lin"
+model = "rudder"
+inputs = "delC"
+
+[[requirements]]
+name = "gain"
+analysis = "response"
+kind = "mask"
+upper = [[0.5, 1], [8, 1]]
+"""
+_OWN = ("seconds", "asked")  # of a result: differs with time and folder
+_ENDS_WITHIN = 2.5  # [s], with a margin for a busy machine
+_GONE_WITHIN = 10.0  # [s]: workers of a killed program see that it is gone
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A folder with what the commands need, and a mark in the environment of the processes begun there."""
+
+    folder: Path
+    mark: str = field(default_factory=lambda: str(time.monotonic_ns()))
+
+    def __post_init__(self) -> None:
+        (self.folder / "tmp").mkdir()
+        (self.folder / "study.toml").write_text(_STUDY)
+
+    def start(self, what: str) -> subprocess.Popen[str]:
+        own = {"TMPDIR": str(self.folder / "tmp"), "WORKBENCH_MARK": self.mark, "PYTHONPATH": str(ROOT)}
+        return subprocess.Popen(
+            [sys.executable, "-m", "workbench", *shlex.split(_LINES[what]), "--json", "out.json"],
+            cwd=self.folder, env={**os.environ, **own}, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - as in a terminal
+        )  # fmt: skip
+
+    def whole(self, what: str) -> tuple[int, Any]:
+        """Run a command to its end; return its exit code and numbers."""
+        process = self.start(what)
+        _, error = process.communicate()
+        if process.returncode not in (0, 1):
+            return process.returncode, error.strip().splitlines()[-1:]
+        return process.returncode, _numbers(what, self.told())
+
+    def told(self) -> Any:
+        """Return the JSON that was written; None: nothing."""
+        file = self.folder / "out.json"
+        return json.loads(file.read_text()) if file.exists() else None
+
+    def kept(self) -> int:
+        """Return how many rows the stores have."""
+        count = 0
+        for file in (self.folder / "store").glob("*"):
+            with suppress(sqlite3.DatabaseError), sqlite3.connect(f"file:{file}?mode=ro", uri=True) as store:
+                tables = [name for (name,) in store.execute("select name from sqlite_master where type = 'table'")]
+                count += sum(store.execute(f'select count(*) from "{name}"').fetchone()[0] for name in tables)  # noqa: S608
+        return count
+
+    def processes(self) -> list[int]:
+        """Return the processes that were left behind."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                if f"WORKBENCH_MARK={self.mark}".encode() in (process / "environ").read_bytes():
+                    found.append(int(process.name))
+        return found
+
+
+def _numbers(what: str, data: Any) -> Any:
+    """Return what must be the same when the command is repeated."""
+    if what == "sweep":
+        return [data[key] for key in ("frequency_hz", "amplitude", "gain", "phase_deg", "failed")]
+    if what == "trim":
+        return data["operating_point"]
+    return [(a["name"], {k: v for k, v in a["result"].items() if k not in _OWN}) for a in data["analyses"]]
+
+
+def _ended(place: _Place, what: str, name: str, delay: float) -> Iterator[str]:
+    """End a command by a signal; yield what is wrong."""
+    process = place.start(what)
+    time.sleep(delay)
+    sent = time.monotonic()
+    process.send_signal(getattr(signal, f"SIG{name}"))
+    _, error = process.communicate()
+    took = time.monotonic() - sent
+    if took > _ENDS_WITHIN:
+        yield f"ended after {took:.1f} s"
+    if "Traceback" in error:
+        yield f"traceback: {error.strip().splitlines()[-1]}"
+    while place.processes() and time.monotonic() < sent + _GONE_WITHIN:
+        time.sleep(0.1)
+    if left := place.processes():
+        yield f"{len(left)} processes left"
+    data, kept = place.told(), place.kept()
+    points = data["gain"] if what == "sweep" and data is not None else []
+    told = sum(gain is not None for row in points for gain in row)
+    if kept < told:
+        yield f"{told} points told, {kept} rows in the store"
+    print(
+        f"{what} {name} at {delay:.2f} s: exit {process.returncode} after {took:.2f} s, {told} told, {kept} kept",
+        flush=True,
+    )
+
+
+def _problems(what: str, name: str, delay: float, truth: Any) -> Iterator[str]:
+    """End a command and run it again; yield what is wrong."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = _Place(Path(folder))
+        yield from _ended(place, what, name, delay)
+        if (found := place.whole(what)) != truth:
+            yield f"the same command again: exit {found[0]}: {str(found[1])[:300]}"
+        if left := sorted(p.name for p in (place.folder / "tmp").iterdir()):
+            yield f"left in the temporary folder: {left}"
+
+
+def main() -> None:
+    """End programs and say what is left."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--times", type=int, default=20)
+    parser.add_argument("--signals", type=lambda text: text.split(","), default=["KILL", "TERM", "INT", "HUP"])
+    parser.add_argument("--what", type=lambda text: text.split(","), default=list(_LINES))
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    instants, wrong = random.Random(asked.seed), 0  # noqa: S311 - no secret
+    for what in asked.what:
+        with tempfile.TemporaryDirectory() as folder:
+            begin = time.monotonic()
+            truth = _Place(Path(folder)).whole(what)
+            seconds = time.monotonic() - begin
+        if truth[0] not in (0, 1):
+            sys.exit(f"{what}: exit {truth[0]}: {truth[1]}")
+        print(f"{what}: {seconds:.2f} s undisturbed")
+        for name in asked.signals:
+            for _ in range(asked.times):
+                for problem in _problems(what, name, instants.uniform(0.0, 0.95 * seconds), truth):
+                    wrong += 1
+                    print(f"  {what} {name}: {problem}", flush=True)
+    print(f"{len(asked.what) * len(asked.signals) * asked.times} ended, {wrong} problems")
+    sys.exit(1 if wrong else 0)
+
+
+if __name__ == "__main__":
+    main()
