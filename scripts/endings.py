@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-_SWEEP = "nfr fmu:Aircraft --input elevator --output z_wing_tip --band 0.2:5 --ratio 1.5 --amplitude 1,2 --store store"
+_SWEEP = "nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,2 --store store"
 _LINES = {"sweep": _SWEEP, "trim": "trim fmu:Aircraft", "study": "run study.toml --store store"}
 _STUDY = """
 [models]

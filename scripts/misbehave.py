@@ -33,7 +33,7 @@ HANG, MEMORY = 4.0, 600.0  # [s], [MB]: what a result may cost
 # What is done, in Python; each returns numbers that tell one FMU from another.
 DEEDS: Mapping[str, Callable[[Any, Any], Any]] = {
     "simulate": lambda model, w: wb.simulate(model, stop=1.0, inputs={"u": 2.0}, workers=w)["y"].tolist(),
-    "trim": lambda model, w: wb.trim(model, workers=w).to_dict()["operating_point"],
+    "trim": lambda model, w: _point(wb.trim(model, workers=w)),
     "lin": lambda model, w: wb.lin(model, workers=w).to_dict()["A"],
     "nfr": lambda model, w: _gains(wb.nfr(model, "u", "y", [1.0], [1.0], workers=_one(w))),
     "info": lambda model, w: [v.name for v in wb.info(model.source, workers=w).outputs],
@@ -48,12 +48,18 @@ LINES: Mapping[str, list[str]] = {
 # What may be said of a way; "ok" besides, where the numbers are right.
 FITTING = {
     "segfault": {"crashed"}, "abort": {"crashed"}, "exit0": {"exited"}, "exit3": {"exited"}, "hang": {"timed out"},
-    "nan": {"failed"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
+    "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
 }  # fmt: skip
 
 
 def _one(worker: Worker) -> Workers:
     return Workers(jobs=1, timeout=worker.timeout, memory_limit=worker.memory_limit)
+
+
+def _point(found: Any) -> Any:
+    if not found.converged:
+        raise wb.SimulationError(found.message)
+    return found.to_dict()["operating_point"]
 
 
 def _gains(found: Any) -> Any:
@@ -118,6 +124,8 @@ def on_command_line(file: Path, case: Case, truth: Any) -> Seen:
     if "error" in data:
         kind = data["error"]["kind"]
         return Seen(kind, last[0], done.returncode == 2 and kind in FITTING.get(case.way, set()))
+    if data.get("converged") is False:
+        return Seen("failed", data["message"], done.returncode == 1 and "failed" in FITTING.get(case.way, set()))
     if data.get("failed"):
         kind = _kind_in(str(data["failed"]))
         return Seen(kind, last[0], done.returncode == 1 and kind in FITTING.get(case.way, set()))

@@ -46,9 +46,7 @@ def run(
     ] = None,
     timeout: Annotated[
         float,
-        typer.Option(
-            "--timeout", metavar="S", help="Time limit for one result [s]; 3600 by default, inf for no limit."
-        ),
+        typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; inf for no limit."),
     ] = DEFAULT_TIMEOUT,
     example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
     json: Annotated[

@@ -54,6 +54,7 @@ class Loading(Options):
     tolerance: float | None = option(
         "Relative tolerance of the integrator; by default that of the FMU's default experiment, or 1e-6 (commands "
         "nfr, excite and loop: 1e-8).",
+        metavar="TOL",
         positive=True,
         below=1.0,
         default=None,

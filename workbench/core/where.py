@@ -52,7 +52,7 @@ class Worker(Options):
         "Run the FMU in this process, for debugging; a crash of the FMU ends everything.", default=False
     )
     timeout: float | None = option(
-        "Time limit for one result [s]; 3600 by default, inf for no limit.", metavar="S", default=DEFAULT_TIMEOUT
+        "Time limit for one result [s]; inf for no limit.", metavar="S", default=DEFAULT_TIMEOUT
     )
     memory_limit: float | None = option(
         "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None
