@@ -30,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:  # once more, while it was told
         code = interrupt.exit_code()
     interrupt.ignore_endings()  # what is left is to clean up
+    if interrupt.was_interrupted():
+        interrupt.end(code)
     sys.exit(code)
 
 

@@ -14,12 +14,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 from workbench.endings import ENDING
 
 __all__ = [
     "OnInterrupt",
+    "end",
     "exit_code",
     "ignore_endings",
     "insist_on_interrupts",
@@ -128,6 +129,22 @@ def ignore_endings() -> None:
     """Hear no more of such signals: the process ends."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
+
+
+def end(code: int) -> NoReturn:
+    """End the process with this code.
+
+    Where the signal came while Python ran code that was made of text, as that of a dataclass, it would end the process
+    by SIGINT in place of the code, even though the exception was caught.
+
+    Args:
+        code: exit code.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    atexit._run_exitfuncs()  # noqa: SLF001 - temporary folders, worker processes
+    os._exit(code)
 
 
 def interrupted() -> str:
