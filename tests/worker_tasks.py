@@ -97,4 +97,18 @@ def _stdout(model: Model) -> Iterator[Any]:
     yield None
 
 
+class Trap:
+    """Whoever unpickles it makes a folder."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (self.path,)
+
+
+def _trap(model: Model, path: str) -> Iterator[Any]:
+    yield Trap(path)
+
+
 _DEEDS = {name.lstrip("_"): deed for name, deed in list(globals().items()) if name.startswith("_") and callable(deed)}

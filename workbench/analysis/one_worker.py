@@ -12,9 +12,10 @@ from typing import Any, TypeVar
 
 from workbench.analysis.request import Request
 from workbench.core import job as telling
+from workbench.core.confine import confined
 from workbench.core.named import named
 from workbench.core.where import InWorker, Worker
-from workbench.errors import LostError, SimulationError
+from workbench.errors import InputError, LostError, SimulationError
 from workbench.model import Model
 from workbench.model.recipe import Recipe
 from workbench.origin import Origin, remember
@@ -121,21 +122,29 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
     Raises:
         WorkbenchError: what the request raises.
         LostError: the worker crashed or met a limit.
+        InputError: it is to be confined, which is not possible.
         KeyboardInterrupt: the job was stopped.
     """
     place = asked.place if isinstance(asked, InWorker) else Worker()
-    if inside() or place.in_process:
+    if place.in_process or (inside() and (confined() or not place.confine)):
         return _here(subject, asked, job)
     recipe = subject.recipe if isinstance(subject, Model) else None
     if isinstance(subject, Model) and (recipe is None or not recipe.portable):
+        _refuse_if(place, f"{subject.name} exists only in this process")
         job.notes.append(f"{subject.name} exists only in this process and runs here, behind no wall")
         return _here(subject, asked, job)
     whole = _Whole(replace(asked, progress=None), None if recipe is not None else subject)
     if why := _unknown_elsewhere(whole):
+        _refuse_if(place, why)
         job.notes.append(f"{why}: the FMU runs in this process, behind no wall")
         return _here(subject, asked, job)
     record: _Record = _run(recipe, whole, place, job)
     return record
+
+
+def _refuse_if(place: Worker, why: str) -> None:
+    if place.confine:
+        raise InputError(f"confine: not possible: {why}")
 
 
 def _unknown_elsewhere(whole: _Whole) -> str:

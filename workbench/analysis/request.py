@@ -42,7 +42,7 @@ from workbench.core.option import (
     recast,
     with_options,
 )
-from workbench.core.where import InWorker
+from workbench.core.where import InWorker, Worker
 from workbench.errors import InputError, StoppedError, WorkbenchError
 from workbench.origin import origin_of, remember, with_origin
 
@@ -151,7 +151,7 @@ class Request(Options, Generic[_Subject, _Record]):
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
-        if isinstance(self, InWorker) and not self.place.in_process and getattr(subject, "recipe", self) is not None:
+        if isinstance(self, InWorker) and _prepared(self.place) and getattr(subject, "recipe", self) is not None:
             from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
 
             prepare(self.algorithm.partition(":")[0])
@@ -198,6 +198,11 @@ class Request(Options, Generic[_Subject, _Record]):
             record: record of this request.
         """
         return True
+
+
+def _prepared(place: Worker) -> bool:
+    """Return whether a worker process that waits can do the work."""
+    return not place.in_process and not place.limits.apart
 
 
 _BEHIND_A_WALL = "workbench.analysis.one_worker:in_worker"  # which knows requests

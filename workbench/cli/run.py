@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -48,6 +49,10 @@ def run(
         float,
         typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; inf for no limit."),
     ] = DEFAULT_TIMEOUT,
+    confine: Annotated[
+        bool,
+        typer.Option("--confine", help="Keep FMUs from networks, and from writing files; see any analysis's --help."),
+    ] = False,
     example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
     json: Annotated[
         str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
@@ -84,7 +89,7 @@ def run(
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    result = _run(prepared, jobs=jobs, timeout=timeout)
+    result = _run(prepared, lambda: Workers(jobs=jobs, timeout=timeout, confine=confine))
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, page=result.page)
     if junit is not None:
@@ -111,16 +116,14 @@ def _check_junit(path: Path | None) -> None:
         file_to_write(path, option="--junit")
 
 
-def _run(prepared: StudyRun, *, jobs: int | None, timeout: float) -> StudyResult:
+def _run(prepared: StudyRun, workers: Callable[[], Workers]) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays."""
     from workbench.cli.asked import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
 
     with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
-        result = prepared.run(
-            lambda: Workers(jobs=jobs, timeout=timeout), progress=progress.update, command=command_line()
-        )
+        result = prepared.run(workers, progress=progress.update, command=command_line())
     for text in result.notes:
         note(text)
     if result.missing:

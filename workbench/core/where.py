@@ -24,6 +24,7 @@ class Limits:
     Attributes:
         timeout: longest time without a result [s]; None or inf: any.
         memory: how much the FMU may allocate, on top of the worker's own [MB]; None: any.
+        confine: whether it may neither write files nor use a network.
 
     Raises:
         InputError: a limit that is not positive.
@@ -31,6 +32,12 @@ class Limits:
 
     timeout: float | None = DEFAULT_TIMEOUT
     memory: float | None = None
+    confine: bool = False
+
+    @property
+    def apart(self) -> bool:
+        """Whether a process under these limits cannot do other work later, or have done other work before."""
+        return self.confine or self.memory is not None
 
     def __post_init__(self) -> None:
         for name, value, unit in (("timeout", self.timeout, "s"), ("memory limit", self.memory, "MB")):
@@ -45,6 +52,10 @@ class Worker(Options):
         in_process: run in this process: for debugging, and for FMUs that are trusted.
         timeout: longest time for one result [s]; None: any. For worker processes only.
         memory_limit: how much an FMU may allocate [MB]; None: any. For worker processes only.
+        confine: whether an FMU may neither write files nor use a network. For worker processes only.
+
+    Raises:
+        InputError: confined, but in this process.
     """
 
     _: KW_ONLY
@@ -57,11 +68,21 @@ class Worker(Options):
     memory_limit: float | None = option(
         "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None
     )
+    confine: bool = option(
+        "Keep the FMU from networks, and from writing files outside its own temporary folder; refused where the "
+        "system cannot (it needs Linux 6.2 with Landlock).",
+        default=False,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.confine and self.in_process:
+            raise InputError("confine: this process cannot be confined; leave in process out")
 
     @property
     def limits(self) -> Limits:
-        """Time and memory limit together."""
-        return Limits(timeout=self.timeout, memory=self.memory_limit)
+        """All limits together."""
+        return Limits(timeout=self.timeout, memory=self.memory_limit, confine=self.confine)
 
 
 class Workers(Worker):
@@ -69,7 +90,7 @@ class Workers(Worker):
 
     Attributes:
         jobs: most worker processes at a time; None: as many as cores.
-        in_process, timeout, memory_limit: see `Worker`.
+        in_process, timeout, memory_limit, confine: see `Worker`.
         executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
         scheduler: address of a Dask scheduler, in place of worker processes.
 
@@ -97,7 +118,7 @@ class Workers(Worker):
         if len(asked) > 1:
             raise InputError(f"{' and '.join(asked)}: choose one place to run the points")
         if asked and self.limits != Limits(timeout=type(self).timeout):
-            raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
+            raise InputError(f"{asked[0]}: limits and confinement need the workbench's own worker processes")
 
 
 class InWorker(Options):
@@ -115,6 +136,11 @@ class InWorker(Options):
         default=False,
         python=True,
     )
+    confine: bool = option(
+        "Keep the FMU from networks, and from writing files outside its own temporary folder; as in `workers`.",
+        default=False,
+        python=True,
+    )
 
     @property
     def place(self) -> Worker:
@@ -123,7 +149,8 @@ class InWorker(Options):
 
     def _place(self, kind: type[_Place]) -> _Place:
         found = recast(kind, self.workers) if self.workers is not None else kind()
-        return recast(kind, found, in_process=True) if self.in_process else found
+        own = {name: True for name in ("in_process", "confine") if getattr(self, name)}
+        return recast(kind, found, **own) if own else found
 
 
 class InWorkers(InWorker):

@@ -6,6 +6,7 @@ import json
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,7 @@ class Execution:
     def __init__(self, plan: Plan, *, finished: Finished, folder: Path) -> None:
         self._plan = plan
         self._finished, self._folder = finished, folder
-        self._jobs = 1
+        self._jobs, self._confine = 1, False
         self._runner: Runner | None = None
         self._stopped = False
         self.outcomes: dict[Run, Outcome] = {}
@@ -81,7 +82,9 @@ class Execution:
 
         self._jobs = workers.jobs or cores()
         progress(len(self.outcomes), "")
-        with Pool(None, jobs=self._jobs, limits=workers.limits) as self._runner:
+        # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
+        self._confine = workers.confine
+        with Pool(None, jobs=self._jobs, limits=replace(workers.limits, confine=False)) as self._runner:
             if self._stopped:
                 self._runner.stop()
             with suppress(KeyboardInterrupt):  # what is missing tells
@@ -159,6 +162,7 @@ class Execution:
             folder=self._folder,
             workplace=workplace,
             csv=run.analysis.name if run.wants else "",
+            confine=self._confine,
         )
 
     def _own(self, run: Run, workplace: Path) -> dict[str, Any]:

@@ -127,6 +127,7 @@ def run_study(
     fresh: bool = False,
     jobs: int | None = None,
     timeout: float | None = None,
+    confine: bool = False,
 ) -> StudyResult:
     """Run a study: analyses over a grid of parameters, compared with requirements.
 
@@ -137,6 +138,7 @@ def run_study(
         fresh: measure again what the store has.
         jobs: worker processes at a time; None: one per core.
         timeout: longest time for one analysis [s]; None: an hour.
+        confine: keep FMUs from networks, and from writing files outside their own temporary folders.
 
     Returns:
         Values, limits and margins, with `.passed`, `.to_dict()`, `.to_csv()`, `.to_junit()` and `.report()`.
@@ -168,7 +170,7 @@ def run_study(
     limit = DEFAULT_TIMEOUT if timeout is None else timeout
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit))
+    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit, confine=confine))
 
 
 # -- requirements ------------------------------------------------------------------------------

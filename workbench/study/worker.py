@@ -17,6 +17,7 @@ from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
 from workbench.core.option import asked_in_json, values_of
 from workbench.core.record import plain
+from workbench.core.where import InWorker
 from workbench.errors import InputError, WorkbenchError
 from workbench.origin.call import origin_of_call
 from workbench.report.extras import Written
@@ -42,6 +43,7 @@ class Job:
         folder: in which it runs.
         workplace: where its result is written.
         csv: name of the CSV file without suffix, where other analyses take it; empty: none is wanted.
+        confine: whether its FMU is confined, whatever its own options say.
     """
 
     number: int
@@ -52,6 +54,7 @@ class Job:
     folder: Path
     workplace: Path
     csv: str
+    confine: bool = False
 
 
 def perform(_model: None, job: Job) -> Iterator[Outcome]:
@@ -77,6 +80,8 @@ def _bug(error: Exception) -> str:
 
 def _by_request(known: Command, job: Job) -> Outcome:
     asked, written, loading = known.asked(job.options)
+    if job.confine and isinstance(asked, InWorker):
+        asked = replace(asked, confine=True)
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()

@@ -33,10 +33,12 @@ def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
         workers: what was asked for.
 
     Raises:
-        InputError: the cluster cannot be reached.
+        InputError: the cluster cannot be reached; the model cannot be confined.
     """
     place = _place(workers)
     if model.recipe is None or not model.recipe.portable:
+        if workers.confine:
+            raise InputError(f"confine: not possible: {model.name} exists only in this process")
         return InProcess(model), _without_recipe(model, place, workers)
     if place == "here":
         return InProcess(model), ()

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from workbench.core.confine import why_not
 from workbench.core.where import Limits
 from workbench.errors import (
     CrashedError,
@@ -51,10 +52,15 @@ class Pool(Runner):
     Args:
         recipe: of the model, which each worker opens; None: the tasks have no model.
         jobs: most processes at a time.
-        limits: time for each item, memory for each process.
+        limits: time for each item, memory for each process, and whether these are confined.
+
+    Raises:
+        InputError: this system cannot confine a process.
     """
 
     def __init__(self, recipe: Recipe | None, *, jobs: int, limits: Limits) -> None:
+        if limits.confine and (why := why_not()):
+            raise InputError(f"confine: not possible here: {why}")
         self._recipe, self._jobs, self._limits = recipe, jobs, limits
         self._workers: list[WorkerProcess] = []
         self._in_work: dict[int, Any] = {}
@@ -100,7 +106,7 @@ class Pool(Runner):
     def close(self) -> None:
         while self._workers:
             worker = self._workers.pop()
-            if worker.index is None and self._limits.memory is None:
+            if worker.index is None and not self._limits.apart:
                 keep(worker)
             else:
                 worker.kill()
@@ -113,7 +119,8 @@ class Pool(Runner):
     def _dispatch(self, task: Task, jobs: deque[Any]) -> None:
         wanted = min(self._jobs, len(jobs) + len(self._in_work))
         while len(self._workers) < wanted:
-            self._workers.append(kept() if self._limits.memory is None else WorkerProcess())
+            own = WorkerProcess(confine=self._limits.confine) if self._limits.apart else kept()
+            self._workers.append(own)
         for worker in self._workers:
             if worker.ready and jobs:
                 self._begun += 1

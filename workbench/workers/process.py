@@ -21,6 +21,7 @@ from workbench.core.scratch import remove, scratch_folder
 from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.model.recipe import Recipe
+from workbench.workers.answers import records_only
 from workbench.workers.channel import MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
 from workbench.workers.limits import cores
@@ -34,7 +35,8 @@ _DYING = 5.0
 _LAST_WORDS = 1 << 16
 _LOG = 1 << 26
 
-_START = "import sys; sys.path[:] = {path!r}; from workbench.workers.child import main; main({link!r}, *{rest!r})"
+_START = "import sys; sys.path[:] = {path!r}; {first}from workbench.workers.child import main; main({link!r}, *{rest!r})"
+_CONFINED = "from workbench.core.confine import confine; confine({folder!r}); "  # before a library begins a thread
 
 
 class WorkerProcess:
@@ -42,6 +44,7 @@ class WorkerProcess:
 
     Args:
         module: that its first task will need; it is imported meanwhile.
+        confine: whether it may write in its own temporary folder only, and use no network.
 
     Attributes:
         index: of the task in work; None: idle or not yet ready.
@@ -51,7 +54,7 @@ class WorkerProcess:
         channel: to it.
     """
 
-    def __init__(self, module: str = "") -> None:
+    def __init__(self, module: str = "", *, confine: bool = False) -> None:
         self.index: int | None = None
         self.ready = False
         self.error: Exception | None = None
@@ -59,14 +62,16 @@ class WorkerProcess:
         self.surroundings = _surroundings()
         self._limits = Limits()
         self._scratch = str(scratch_folder("worker"))
-        self._log = Path(self._scratch) / "log"
+        # By its descriptor: what has this name later is the affair of the FMU.
+        self._log = (Path(self._scratch) / "log").open("a+b", buffering=0)
         self._said = 0  # of the log, what was taken
         ours, theirs = socket.socketpair()
         mark = secrets.token_bytes(MARK_BYTES)
         rest = (mark, os.getpid(), self._scratch, module)
-        with theirs, self._log.open("ab") as log:
-            self._process = _started(theirs, rest, log.fileno())
-        self.channel = Channel(ours, mark)
+        first = _CONFINED.format(folder=self._scratch) if confine else ""
+        with theirs:
+            self._process = _started(theirs, rest, self._log.fileno(), first)
+        self.channel = Channel(ours, mark, records_only if confine else pickle.loads)
         with _lock:
             _alive.add(self)
 
@@ -99,16 +104,15 @@ class WorkerProcess:
     def said(self) -> str:
         """Return what was printed there since this was asked last: the last of it, if it is long."""
         try:
-            size = self._log.stat().st_size
-            with self._log.open("rb") as log:
-                log.seek(max(self._said if self._said <= size else 0, size - _LAST_WORDS))
-                text = log.read(_LAST_WORDS)
+            size = os.fstat(self._log.fileno()).st_size
+            self._log.seek(max(self._said if self._said <= size else 0, size - _LAST_WORDS))
+            text = self._log.read(_LAST_WORDS) or b""
         except OSError:
             return ""
         self._said = size
         if size > _LOG:
             with suppress(OSError):
-                os.truncate(self._log, 0)
+                self._log.truncate(0)
         return text.decode("utf-8", "replace")
 
     def reap(self) -> int | None:
@@ -126,6 +130,7 @@ class WorkerProcess:
         if self._process.stdin is not None:
             self._process.stdin.close()
         self.channel.close()
+        self._log.close()
         remove(Path(self._scratch))
         return code
 
@@ -135,10 +140,19 @@ def _surroundings() -> tuple[int, tuple[str, ...], int]:
     return os.getpid(), tuple(sys.path), hash(frozenset(os.environ.items()))
 
 
-def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int) -> subprocess.Popen[bytes]:
-    """Start a process: spawned, not forked, so that no thread or library of this one is copied half way."""
+def _started(
+    theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int, first: str
+) -> subprocess.Popen[bytes]:
+    """Start a process: spawned, not forked, so that no thread or library of this one is copied half way.
+
+    Args:
+        theirs: its end of the channel.
+        rest: further arguments of `child.main`.
+        log: descriptor of the file that takes what is printed.
+        first: code that runs before all else.
+    """
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100 - of text
-    code = _START.format(path=path, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
+    code = _START.format(path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as multiprocessing
     with _held_back():
         process = subprocess.Popen(

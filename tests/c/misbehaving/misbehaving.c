@@ -1,15 +1,20 @@
 /* misbehaving.c: an FMU of FMI 2.0, dx/dt = u - x and y = x with a time event at 0.5, that misbehaves in one call.
  *
  * Its GUID says how and where: "{segfault@doStep}". In the calls "load" and "unload", where there is no GUID yet, the
- * environment variable MISBEHAVES says the same.
+ * environment variable MISBEHAVES says the same. What escapes ("{escape@doStep}") tells by y what it reached.
  */
 #define _DEFAULT_SOURCE /* usleep */
 
 #include <math.h>
+#include <arpa/inet.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "fmi2Functions.h"
@@ -28,6 +33,7 @@ typedef struct {
     double v[N_VARIABLES];
     int spoilt; /* values are not numbers any more */
     int endless;
+    int reached; /* sum of what an escape reached */
 } Model;
 
 static volatile int *volatile nowhere;
@@ -53,6 +59,54 @@ static void hog(void)
             hoard = block;
         }
     }
+}
+
+/* What reaches beyond the process: a bit each, as tests/test_confine.py names them. */
+enum { WROTE = 1, SENT_TCP = 2, SENT_UDP = 4, CHILD_WROTE = 8, EMPTIED = 16, SIGNALLED = 32, OPENED_UP = 64, OWN = 128 };
+
+static const char *place(const char *variable, const char *name)
+{
+    static char path[1024];
+    snprintf(path, sizeof path, "%s/%s", getenv(variable), name);
+    return path;
+}
+
+static int write_file(const char *path)
+{
+    FILE *file = fopen(path, "w");
+    return file != NULL && fclose(file) == 0;
+}
+
+static int reach(int type)
+{
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)atoi(getenv("ESCAPE_PORT")))};
+    int end = socket(AF_INET, type, 0);
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    return end >= 0 && connect(end, (struct sockaddr *)&to, sizeof to) == 0;
+}
+
+static int child_writes(void)
+{
+    int status = 1;
+    pid_t child = fork();
+    if (child == 0) {
+        _exit(!write_file(place("ESCAPE_HOME", "by_child")));
+    }
+    return child > 0 && waitpid(child, &status, 0) == child && status == 0;
+}
+
+static int escape(void)
+{
+    int reached = 0;
+    reached |= write_file(place("ESCAPE_HOME", "written")) ? WROTE : 0;
+    reached |= reach(SOCK_STREAM) ? SENT_TCP : 0;
+    reached |= reach(SOCK_DGRAM) ? SENT_UDP : 0;
+    reached |= child_writes() ? CHILD_WROTE : 0;
+    reached |= truncate(place("ESCAPE_HOME", "precious"), 0) == 0 ? EMPTIED : 0;
+    reached |= kill(getppid(), 0) == 0 ? SIGNALLED : 0;
+    reached |= chmod(place("ESCAPE_HOME", "precious"), 0777) == 0 ? OPENED_UP : 0;
+    reached |= write_file(place("TMPDIR", "own")) ? OWN : 0;
+    return reached;
 }
 
 static void do_it(const char *what, Model *model)
@@ -88,6 +142,8 @@ static void do_it(const char *what, Model *model)
         if (pthread_create(&thread, NULL, go_on, NULL) != 0) {
             return;
         }
+    } else if (strcmp(what, "escape") == 0 && model != NULL) {
+        model->reached = escape();
     } else if (strcmp(what, "cwd") == 0 && chdir("/") != 0) {
         return;
     }
@@ -210,7 +266,7 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     Model *model = c;
     misbehave(model, "getReal");
     model->v[VR_DER_X] = model->v[VR_U] - model->v[VR_X];
-    model->v[VR_Y] = model->v[VR_X];
+    model->v[VR_Y] = model->v[VR_X] + model->reached;
     for (size_t i = 0; i < n; i++) {
         value[i] = model->spoilt ? NAN : model->v[vr[i]];
     }
@@ -331,7 +387,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolea
     Model *model = c;
     (void)no_set;
     misbehave(model, "doStep");
-    model->v[VR_X] += size * (model->v[VR_U] - model->v[VR_X]);
+    model->v[VR_X] += model->reached ? 0.0 : size * (model->v[VR_U] - model->v[VR_X]);
     model->time = point + size;
     return fmi2OK;
 }
