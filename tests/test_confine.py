@@ -92,7 +92,7 @@ LINES = {
     "trim": ["--interface", "me"],
     "info": [],
     "check": ["--timeout", "60"],
-    "excite": ["--input", "u", "--output", "y", "--samples", "50", "--dt", "0.01", "--interface", "cs"],
+    "excite": ["--input", "u", "--output", "y", "--prbs", "amplitude=1", "--step", "0.01", "--samples", "100", "--interface", "cs"],
 }
 
 

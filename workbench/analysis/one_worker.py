@@ -133,6 +133,8 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
         _refuse_if(place, f"{subject.name} exists only in this process")
         job.notes.append(f"{subject.name} exists only in this process and runs here, behind no wall")
         return _here(subject, asked, job)
+    if getattr(asked, "store", None) is not None:
+        _refuse_if(place, "the process that is confined would have to write the store; leave store out")
     whole = _Whole(replace(asked, progress=None), None if recipe is not None else subject)
     if why := _unknown_elsewhere(whole):
         _refuse_if(place, why)

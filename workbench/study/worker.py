@@ -81,7 +81,8 @@ def _bug(error: Exception) -> str:
 def _by_request(known: Command, job: Job) -> Outcome:
     asked, written, loading = known.asked(job.options)
     if job.confine and isinstance(asked, InWorker):
-        asked = replace(asked, confine=True)
+        stored = asked.isolated and getattr(asked, "store", None) is not None
+        asked = replace(asked, confine=True, **({"store": None} if stored else {}))  # it could not write one
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()

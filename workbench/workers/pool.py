@@ -147,8 +147,9 @@ class Pool(Runner):
         while True:
             try:
                 message = next(messages, None)
-            except Exception:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
-                message, dead = None, True
+            except Exception as error:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
+                yield from self._end(worker, LostError(f"its worker's answer cannot be read: {error}"))
+                return
             if message is None:
                 break
             yield from self._take(worker, *message)

@@ -79,7 +79,7 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     @property
     def place(self) -> Workers:
         """Where the FMU runs."""
-        return self.workers or _Patient()
+        return self._place(_Patient)
 
     def went_well(self, record: HealthCard) -> bool:
         """Return whether no promise is broken.

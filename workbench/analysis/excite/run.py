@@ -14,7 +14,7 @@ from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.option import values_of
+from workbench.core.option import recast
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.placing import find_point
@@ -29,8 +29,8 @@ WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
 def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
     """Record an experiment; see `Excite`."""
     point, remarks = find_point(model, asked.at)
-    place = {"in_process": True} if asked.workers is None else {**values_of(asked.workers), "jobs": 1}
-    runner, notes = choose(model, Workers(**place))
+    here = asked.workers is None and not asked.confine
+    runner, notes = choose(model, Workers(in_process=True) if here else recast(Workers, asked.place, jobs=1))
     plain = replace(
         asked,
         inputs=tuple(dict.fromkeys(asked.inputs)),

@@ -49,7 +49,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
     if end < last:
         raise InputError(f"compare: the run ends at {end:g} s, before the last window does")
     simulation = Simulate(
-        workers=asked.workers,
+        workers=asked.place,
         stop=end,
         inputs=inputs,
         outputs=signals,
