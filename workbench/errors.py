@@ -29,6 +29,7 @@ __all__ = [
     "close_names",
     "one_line",
     "suggest",
+    "unbroken",
     "visible",
 ]
 
@@ -156,6 +157,11 @@ def visible(text: str) -> str:
         \x1b[31mred
     """
     return UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def unbroken(text: str) -> str:
+    """Return the same with line breaks and tabulators spelt out as well: what is to stand in one line, or one cell."""
+    return visible(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def article(noun: str) -> str:

@@ -89,12 +89,17 @@ class Output:
 
     @property
     def console(self) -> Console:
-        """Where tables go; it swallows them when standard output belongs to JSON or CSV."""
+        """Where tables go; it swallows them when standard output belongs to JSON or CSV, and shows what is unseen."""
         from rich.console import Console
+        from rich.text import Text
+
+        class Shown(Console):
+            def render_str(self, text: str, **how: Any) -> Text:  # type: ignore[override]  # noqa: ANN401
+                return super().render_str(visible(text), **how)
 
         quiet = "-" in {self.json_path, self.csv_path}
         width = None if sys.stdout.isatty() else 110
-        return Console(quiet=quiet, width=width, highlight=False)
+        return Shown(quiet=quiet, width=width, highlight=False)
 
     def say(self, text: Callable[[int | None], str]) -> None:
         """Print a text, unless standard output belongs to JSON or CSV.

@@ -13,7 +13,7 @@ import typer
 
 from workbench.core.where import DEFAULT_TIMEOUT, Workers
 from workbench.endings import INTERRUPTED
-from workbench.errors import InputError
+from workbench.errors import InputError, unbroken
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -176,9 +176,9 @@ def _show(result: StudyResult, out: Output) -> None:
             console.print(f"{hidden} more that passed, with larger margins, are not shown")
     for checked in result.violated:
         if checked.finding.reason:
-            console.print(f"{checked.name}: {checked.finding.reason}", markup=False, soft_wrap=True)
+            console.print(unbroken(f"{checked.name}: {checked.finding.reason}"), markup=False, soft_wrap=True)
     for run, outcome in result.failed:
-        console.print(f"analysis {run.label}: {_why(outcome.reason)}", markup=False, soft_wrap=True)
+        console.print(unbroken(f"analysis {run.label}: {_why(outcome.reason)}"), markup=False, soft_wrap=True)
     console.print(result.words, markup=False, soft_wrap=True)
 
 
@@ -194,7 +194,7 @@ def _table(result: StudyResult) -> Table:
     from workbench.study.kinds.base import PASSED, number
 
     shown = result.shown
-    table = Table(title=escape(result.study.name), title_justify="left", box=box.SIMPLE_HEAD)
+    table = Table(title=escape(unbroken(result.study.name)), title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("requirement", overflow="fold")
     pointed = any(c.point for c in shown)
     for heading in ["point"] if pointed else []:
@@ -208,5 +208,6 @@ def _table(result: StudyResult) -> Table:
         colour = "green" if found.verdict == PASSED else "bold red"
         first = [checked.requirement.name, *([checked.point] if pointed else [])]
         numbers = [number(found.value), found.limit_words, found.margin_words]
-        table.add_row(*map(escape, (*first, *numbers)), f"[{colour}]{found.verdict}[/]", escape(found.where))
+        cells = [escape(unbroken(text)) for text in (*first, *numbers, found.where)]
+        table.add_row(*cells[:-1], f"[{colour}]{found.verdict}[/]", cells[-1])
     return table

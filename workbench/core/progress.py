@@ -11,6 +11,8 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from workbench.errors import one_line
+
 __all__ = ["Bar", "in_notebook"]
 
 _PATIENCE = 1.0
@@ -44,12 +46,12 @@ class Bar:
             text: what is being worked on.
         """
         if self._progress is None and self._console.is_terminal and time.monotonic() - self._begin > _PATIENCE:
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
             self._progress = Progress(*columns, console=self._console, transient=True)
             self._progress.start()
-            self._task = self._progress.add_task(text, total=self._total)
+            self._task = self._progress.add_task(one_line(text), total=self._total)
         if self._progress is not None:
-            self._progress.update(self._task, completed=done, description=text)
+            self._progress.update(self._task, completed=done, description=one_line(text))
 
     def __enter__(self) -> Self:
         return self

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.category import StrCategoryFormatter
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter, Formatter, FuncFormatter
 
 from workbench.core.files import replacing
 from workbench.errors import InputError, suggest, visible
@@ -120,12 +123,41 @@ def literal(figure: Any) -> Any:  # noqa: ANN401 - a figure, or what was drawn a
 
     Only what begins as matplotlib's own powers of ten on an axis stays a formula.
     """
-    for text in figure.findobj(Text) if isinstance(figure, Figure) else ():
+    if not isinstance(figure, Figure):
+        return figure
+    written_by_axis = {id(text) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for text in _literal(axis)}
+    for text in figure.findobj(Text):
         assert isinstance(text, Text)  # noqa: S101 - as asked for
-        if not text.get_text().startswith(_POWER):
+        if id(text) not in written_by_axis and not text.get_text().startswith(_POWER):
             text.set_text(visible(text.get_text()))
             text.set_parse_math("$" not in text.get_text())
     return figure
+
+
+class _Literal(Formatter):
+    """Names beside the ticks of an axis, which are written anew whenever it is drawn."""
+
+    def __init__(self, names: Formatter) -> None:
+        self._names = names
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text = self._names(x, pos)
+        return text if text.startswith(_POWER) else visible(text).replace("$", r"\$")
+
+    def set_locs(self, locs: Any) -> None:  # noqa: ANN401 - as matplotlib has it
+        self._names.set_locs(locs)
+
+
+def _literal(axis: Axis) -> Iterator[Text]:
+    """Let an axis write names as they are; yield the texts that it writes by itself."""
+    for formatter, replaced in (
+        (axis.get_major_formatter(), axis.set_major_formatter),
+        (axis.get_minor_formatter(), axis.set_minor_formatter),
+    ):
+        if isinstance(formatter, FixedFormatter | FuncFormatter | StrCategoryFormatter):
+            replaced(_Literal(formatter))
+    for tick in (*axis.majorTicks, *axis.minorTicks):
+        yield from (tick.label1, tick.label2)
 
 
 def save(figure: Figure, path: str | Path) -> None:

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, zip_longest
 
+from workbench.errors import unbroken
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import worst_first
 
@@ -40,7 +41,7 @@ def section_text(section: Section, width: int | None) -> str:
 
 
 def _page(page: Page, width: int | None, how: str) -> Iterator[str]:
-    yield f"{page.title} ({how})" if how else page.title
+    yield unbroken(f"{page.title} ({how})" if how else page.title)
     verdicts = [f"{verdict.word}: {verdict.text}" for verdict in worst_first(page.summary)]
     facts = [f"{name}: {value}" for name, value in page.facts.items()]
     for text in (*filter(None, [page.lead]), *facts, *verdicts):
@@ -58,7 +59,7 @@ def _section(section: Section, width: int | None) -> Iterator[str]:
     ]
     if lines or section.tables:
         yield ""
-        yield section.title
+        yield unbroken(section.title)
     for line in lines:
         yield from _folded(line, width)
     for table in section.tables:
@@ -69,7 +70,8 @@ def _section(section: Section, width: int | None) -> Iterator[str]:
 
 
 def _folded(text: str, width: int | None) -> list[str]:
-    """Break a text between words only."""
+    """Break a text between words only; breaks of its own are spelt out, so that no name feigns a line."""
+    text = unbroken(text)
     if width is None or len(text) <= width:
         return [text]
     return textwrap.wrap(text, width, subsequent_indent=_GAP, break_long_words=False, break_on_hyphens=False)
@@ -79,11 +81,12 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
     if not table.rows:
         return
     if table.title:
-        yield table.title
-    rows = table.rows[:_MOST_ROWS]
-    sizes = _sizes(table, rows, width)
+        yield from _folded(table.title, None)
+    headings = [unbroken(text) for text in table.headings]
+    rows = [[unbroken(text) for text in row] for row in table.rows[:_MOST_ROWS]]
+    sizes = _sizes(table, [headings, *rows], width)
     for columns in _blocks(sizes, width):
-        yield from _row(table.headings, columns, sizes, table.at_right)
+        yield from _row(headings, columns, sizes, table.at_right)
         yield _GAP.join("─" * sizes[k] for k in columns)
         for row in rows:
             yield from _row(row, columns, sizes, table.at_right)
@@ -97,7 +100,7 @@ def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> li
 
     Only sentences are wide enough for that, which are broken between words.
     """
-    sizes = [max(len(r[k]) for r in (table.headings, *rows)) for k in range(len(table.headings))]
+    sizes = [max(len(r[k]) for r in rows) for k in range(len(table.headings))]
     words = [k for k in range(len(sizes)) if k not in table.at_right]
     if width is None:
         return [min(size, _MOST_WORDS) if k in words else size for k, size in enumerate(sizes)]
