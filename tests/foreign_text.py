@@ -16,7 +16,7 @@ NAMES = {
     "u": "@cmd|calc!A1\x9b31m",
     "x": "$x_a\x85workbench: all is well$ $b",
     "dx": "der(\u202e$x_a$)",
-    "y": "-y\u2066$\\frac{$\nnote: a line of its own",
+    "y": "-y\u2066$\\frac$\nnote: a line of its own",
     "clock": "=SUM\x7f\u2028[red]<script>alert(1)</script>[/]",
 }
 UNIT = "m\x9b2J\u202e$"

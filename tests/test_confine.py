@@ -157,7 +157,7 @@ def test_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_it_is_refused_in_this_process() -> None:
     with pytest.raises(wb.InputError, match="confine: this process cannot be confined"):
         Worker(confine=True, in_process=True)
-    with pytest.raises(wb.InputError, match="limits and confinement need the workbench's own worker processes"):
+    with pytest.raises(wb.InputError, match="confinement needs the workbench's own worker processes"):
         Workers(confine=True, scheduler="tcp://localhost:1")
     with pytest.raises(wb.InputError, match="confine: not possible: .* exists only in this process"):
         wb.trim(FakeModel(EulerOscillator), confine=True)

@@ -36,7 +36,7 @@ COMMON = {
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
     "shift_register": set(),
-    "store": {"errors"},
+    "store": {"core", "errors"},
     "build": {"core", "errors", "origin", "toolchain"},
     "toolchain": {"errors", "fmi"},
     "origin": {"core", "errors", "fmi", "model", "system", "report"},

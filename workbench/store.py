@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from workbench.core.parsing import from_json
 from workbench.errors import InputError, WorkbenchError
 
 __all__ = ["FILE_NAME", "Store", "StoredMeasurement"]
@@ -87,10 +88,10 @@ class Store:
             Path(folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"store {folder}: cannot be made: {error.strerror or error}") from None
-        with self._one_line():
+        with self.told_in_one_line():
             self._database = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
         try:
-            with self._one_line():
+            with self.told_in_one_line():
                 self._prepare()
         except BaseException:
             self._database.close()
@@ -144,7 +145,7 @@ class Store:
             WorkbenchError: it cannot be written, e.g. because the disk is full.
         """
         row = (self._settings, point, json.dumps(value))
-        with self._one_line(WorkbenchError):
+        with self.told_in_one_line(WorkbenchError):
             self._database.execute("INSERT OR REPLACE INTO measurements (settings, point, value) VALUES (?, ?, ?)", row)
 
     def load(self) -> dict[str, Any]:
@@ -156,22 +157,30 @@ class Store:
         return {m.point: m for m in self._select(_SAME_SUBJECT, _hash(self._subject))}
 
     def _select(self, query: str, key: int | str) -> list[StoredMeasurement]:
-        with self._one_line():
+        with self.told_in_one_line():
             rows = self._database.execute(query, (key,)).fetchall()
             return [
-                StoredMeasurement(point, json.loads(value), json.loads(text)["effort"]) for point, value, text in rows
+                StoredMeasurement(point, from_json(value), from_json(text)["effort"]) for point, value, text in rows
             ]
 
     @contextmanager
-    def _one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
-        """Turn what SQLite raises into one line."""
+    def told_in_one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
+        """Turn what SQLite raises into one line, and what is raised by whoever takes apart what somebody changed there.
+
+        Args:
+            kind: of the error that tells it.
+
+        Raises:
+            WorkbenchError: of that kind.
+        """
         try:
             yield
         except sqlite3.OperationalError as error:
             raise kind(f"{self.path}: cannot be used: {error}") from None
-        except (sqlite3.DatabaseError, json.JSONDecodeError, KeyError, TypeError) as error:
+        except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
             raise kind(
-                f"{self.path}: is damaged or no store of the workbench ({error}); move it away or name another folder"
+                f"{self.path}: is damaged or no store of the workbench ({_first_line(error)}); move it away or name "
+                "another folder"
             ) from None
 
     def close(self) -> None:
@@ -188,6 +197,10 @@ class Store:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)
 
 
 def _canonical(value: Mapping[str, Any]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
@@ -27,6 +26,7 @@ from typing import (
 
 from workbench.core.csv_file import write_csv
 from workbench.core.named import named
+from workbench.core.parsing import from_json, from_toml
 from workbench.errors import InputError, suggest
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         InputError: no such file, or not JSON.
     """
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        return from_json(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
@@ -350,12 +350,12 @@ def read_toml_table(path: Path) -> dict[str, Any]:
         InputError: no such file, or not TOML.
     """
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        return from_toml(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         twice = "; a key appears twice" if "overwrite" in str(error) else ""
         raise InputError(f"{path}: is not TOML: {error}{twice}") from None
 

@@ -118,7 +118,8 @@ class Workers(Worker):
         if len(asked) > 1:
             raise InputError(f"{' and '.join(asked)}: choose one place to run the points")
         if asked and self.limits != Limits(timeout=type(self).timeout):
-            raise InputError(f"{asked[0]}: limits and confinement need the workbench's own worker processes")
+            what = "confinement needs" if self.confine else "time and memory limits need"
+            raise InputError(f"{asked[0]}: {what} the workbench's own worker processes")
 
 
 class InWorker(Options):

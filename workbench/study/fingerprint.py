@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache
 from html import unescape
 from pathlib import Path
 from typing import Any
 
+from workbench.core.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.model.recipe import content_hash
@@ -128,8 +128,8 @@ def _named_in(path: Path) -> Iterator[str]:
 
 def _toml(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return read_toml_table(path)
+    except InputError:
         return {}  # whoever opens it says what is wrong with it
 
 

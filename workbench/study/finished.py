@@ -12,7 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from pydantic import TypeAdapter
+
 from workbench import __version__
+from workbench.core.parsing import from_json
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import InputError
 from workbench.store import Store
@@ -34,9 +37,9 @@ class _Results(Store):
 
     def get(self, point: str) -> dict[str, Any] | None:
         """Return what was saved under a name, if anything was."""
-        with self._one_line():
+        with self.told_in_one_line():
             row = self._database.execute(_ONE, (self._settings, point)).fetchone()
-            return None if row is None else dict(json.loads(row[0]))
+            return None if row is None else dict(from_json(row[0]))
 
 
 def _name(run: Run) -> str:
@@ -81,7 +84,8 @@ class Finished:
         if not self.folder.is_dir():
             return None  # a study that was never run leaves no folder behind when something in it is wrong
         found = self._results().get(_name(run))
-        return None if found is None else Outcome.from_store(found)
+        with self._results().told_in_one_line():
+            return None if found is None else Outcome.from_store(found)
 
     def save(self, run: Run, outcome: Outcome) -> None:
         """Keep an outcome; an analysis that failed is not kept, but what it left behind is.
@@ -100,7 +104,8 @@ class Finished:
         if self._fresh or not self._keeps or not self.folder.is_dir():
             return None
         found = self._results().get(_name_of(questions))
-        return None if found is None else [Compliance(**finding) for finding in found["findings"]]
+        with self._results().told_in_one_line():
+            return None if found is None else TypeAdapter(list[Compliance]).validate_python(found["findings"])
 
     def save_findings(self, checked: Sequence[Checked]) -> None:
         """Keep how requirements came out.

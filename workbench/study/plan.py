@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from workbench import __version__
 from workbench.errors import InputError
 from workbench.study.commands import Command, Reference
@@ -98,7 +100,8 @@ class Outcome:
     @classmethod
     def from_store(cls, data: Mapping[str, Any]) -> Outcome:
         """Return what `to_store` describes."""
-        return cls(**{**data, "notes": tuple(data["notes"]), "reused": True})
+        found: Outcome = TypeAdapter(cls).validate_python({**data, "reused": True})
+        return found
 
 
 def _words(command: Command, models: Sequence[Change], options: Mapping[str, Any]) -> list[str]:

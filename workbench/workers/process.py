@@ -35,7 +35,9 @@ _DYING = 5.0
 _LAST_WORDS = 1 << 16
 _LOG = 1 << 26
 
-_START = "import sys; sys.path[:] = {path!r}; {first}from workbench.workers.child import main; main({link!r}, *{rest!r})"
+_START = (
+    "import sys; sys.path[:] = {path!r}; {first}from workbench.workers.child import main; main({link!r}, *{rest!r})"
+)
 _CONFINED = "from workbench.core.confine import confine; confine({folder!r}); "  # before a library begins a thread
 
 

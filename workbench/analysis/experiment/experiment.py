@@ -24,6 +24,7 @@ from workbench.analysis.experiment.checks import (
 from workbench.analysis.experiment.data_table import DataTable, read_table
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.csv_file import write_csv
+from workbench.core.parsing import from_json
 from workbench.core.record import Part, entry
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
@@ -320,7 +321,7 @@ def read_experiment(
 
 def _loop(name: str, remark: str) -> ClosedLoop:
     try:
-        return ClosedLoop.from_dict(json.loads(remark.removeprefix(_LOOP)))
+        return ClosedLoop.from_dict(from_json(remark.removeprefix(_LOOP)))
     except (ValueError, InputError):
         raise InputError(
             f"{name}: cannot read the comment '{remark}'; remove the line, or record the data again"

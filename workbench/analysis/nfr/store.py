@@ -89,8 +89,9 @@ class NfrStore:
                 counts, whatever its effort was; without, only those made with the present effort.
         """
         found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
-        values = [v for k, v in found.items() if k not in (_ZERO_INPUT, _STANDING) and self._counts(v)]
-        points = [NfrPoint.from_dict(v["point"]) for v in values]
+        with self.store.told_in_one_line():
+            values = [v for k, v in found.items() if k not in (_ZERO_INPUT, _STANDING) and self._counts(v)]
+            points = [NfrPoint.from_dict(v["point"]) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
     def _counts(self, value: Mapping[str, Any]) -> bool:

@@ -1,0 +1,333 @@
+"""Files that are almost what the workbench reads, and how it reads them.
+
+Each reader takes bytes: valid ones with some of their words replaced, or bytes out of place. It returns, or raises the
+workbench's own error in one line; anything else is a finding.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sqlite3
+import warnings
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from hypothesis import strategies as st
+
+import workbench as wb
+from tests.record_examples import Maker
+from workbench.analysis.experiment.data_table import read_table
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nfr.result import NfrResult
+from workbench.analysis.nfr.store import NfrStore
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.analysis.trim.result import TrimResult
+from workbench.core.where import Limits
+from workbench.errors import UNSEEN
+from workbench.fmi.archive import unpack
+from workbench.fmi.bundled import bundled_path
+from workbench.fmi.description import read_description
+from workbench.signals import read_table as read_signal
+from workbench.study.read import read_study
+from workbench.system.read import read_system
+
+__all__ = ["READERS", "Reader", "finding"]
+
+ROOT = Path(__file__).resolve().parent.parent
+
+Names = Sequence[bytes]
+
+# In place of a word of any format.
+_ANY = (
+    b"", b"0", b"-1", b"1e999", b"-1e999", b"NaN", b"nan", b"inf", b"1" + b"0" * 400, b"9" * 5000, b"99999999999999999999",
+    b"4294967296", b"1e-400", b"true", b"null", b"\x00", b"\xff\xfe", b"\x1b[31m", b"\xe2\x80\xae", b"\xc2\x9b", b"$", b"=cmd",
+    b"../../x", b"/dev/zero", b"fmu:", b"x" * 70000, b"\n", b"\r", b"'", b'"', b"%s", b"{}", b"[]", b"1970-01-01", b"0x10",
+)  # fmt: skip
+_NESTED = (b"[" * 100_000, b'{"a":' * 5000, b"[" * 150 + b"]" * 150, b"<a>" * 5000, b"{a=" * 2000)
+_XML = (b"<a>" * 5000, b"&x;", b"<!DOCTYPE x [<!ENTITY x 'y'>]>", b"]]>", b"<!--", b"/>", b'"<Real/>"')
+_WORD = re.compile(rb'"[^"]*"|[\w.+-]+|\S')
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One thing that is read.
+
+    Attributes:
+        read: reads a file of the folder that it gets, made of the bytes.
+        seeds: makes valid ones.
+        words: that are put in place of others, besides those for all formats.
+    """
+
+    read: Callable[[Path, bytes], object]
+    seeds: Callable[[], Names]
+    words: Names = ()
+
+    def bytes(self) -> st.SearchStrategy[bytes]:
+        """Return what hypothesis draws from."""
+        return _changed(self.seeds(), (*_ANY, *_NESTED, *self.words))
+
+
+@st.composite
+def _changed(draw: st.DrawFn, seeds: Names, words: Names) -> bytes:
+    data = draw(st.sampled_from(seeds))
+    for _ in range(draw(st.integers(1, 3))):
+        if draw(st.integers(0, 3)):
+            spans = [found.span() for found in _WORD.finditer(data)] or [(0, 0)]
+            begin, end = spans[draw(st.integers(0, len(spans) - 1))]
+            new = draw(st.sampled_from(words))
+            data = data[:begin] + (b'"' + new + b'"' if draw(st.booleans()) else new) + data[end:]
+        else:
+            begin = draw(st.integers(0, len(data)))
+            data = data[:begin] + draw(st.binary(max_size=8)) + data[begin + draw(st.integers(0, 60)) :]
+    return data
+
+
+def finding(reader: Reader, data: bytes) -> str:
+    """Read once; return what is wrong with how it went, empty: nothing."""
+    with TemporaryDirectory() as name, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            reader.read(Path(name), data)
+        except wb.WorkbenchError as error:
+            text = str(error)
+            return f"not one line: {text[:300]!r}" if "\n" in text or UNSEEN.search(text) else ""
+        except Exception as error:  # noqa: BLE001 - that is what is looked for
+            import traceback
+
+            last = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__)][-4:]
+            return f"{type(error).__name__}: {str(error)[:200]} ({' '.join(last)})"
+    return ""
+
+
+# -- readers -----------------------------------------------------------------------------------
+
+
+def _file(suffix: str, read: Callable[[Path], object]) -> Callable[[Path, bytes], object]:
+    def of(folder: Path, data: bytes) -> object:
+        path = folder / f"file{suffix}"
+        path.write_bytes(data)
+        return read(path)
+
+    return of
+
+
+def _unpack(path: Path) -> None:
+    with unpack(path) as unpacked:
+        read_description(unpacked.folder, source=path.name)
+
+
+def _description(folder: Path, data: bytes) -> object:
+    (folder / "modelDescription.xml").write_bytes(data)
+    return read_description(folder, source="fuzzed.fmu")
+
+
+def _zipped(**files: bytes) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name.replace("__", "."), content)
+    return buffer.getvalue()
+
+
+def _inside(suffix: str, name: str, read: Callable[[Path], object]) -> Callable[[Path, bytes], object]:
+    return _file(suffix, lambda path: read(_put(path, name)))
+
+
+def _put(path: Path, name: str) -> Path:
+    data = path.read_bytes()
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(name, data)
+    return path
+
+
+def _xml_of(name: str) -> bytes:
+    with zipfile.ZipFile(bundled_path(name)) as archive:
+        return archive.read("modelDescription.xml")
+
+
+_SHORT = b"""<?xml version="1.0"?>
+<fmiModelDescription fmiVersion="2.0" modelName="M" guid="{g}" numberOfEventIndicators="1">
+<ModelExchange modelIdentifier="m" /><CoSimulation modelIdentifier="m" />
+<UnitDefinitions><Unit name="deg"><BaseUnit rad="1" factor="0.0174" /></Unit></UnitDefinitions>
+<TypeDefinitions><SimpleType name="E"><Enumeration><Item name="a" value="1" /></Enumeration></SimpleType></TypeDefinitions>
+<DefaultExperiment startTime="0" stopTime="1" tolerance="1e-4" stepSize="0.01" />
+<ModelVariables>
+<ScalarVariable name="u" valueReference="0" causality="input"><Real start="1" unit="deg" min="0" max="2" nominal="3" />
+</ScalarVariable>
+<ScalarVariable name="x" valueReference="1" initial="exact"><Real start="0" /></ScalarVariable>
+<ScalarVariable name="der(x)" valueReference="2"><Real derivative="2" /></ScalarVariable>
+<ScalarVariable name="n" valueReference="3" causality="parameter" variability="fixed"><Integer start="3" />
+</ScalarVariable>
+<ScalarVariable name="e" valueReference="4"><Enumeration declaredType="E" start="1" /></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Outputs><Unknown index="2" dependencies="1" dependenciesKind="fixed" /></Outputs>
+<Derivatives><Unknown index="3" /></Derivatives></ModelStructure></fmiModelDescription>"""
+
+_STRUCTURE = b"""<?xml version="1.0"?>
+<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" name="s" version="1.0"><ssd:System name="s">
+<ssd:Connectors><ssd:Connector name="u" kind="input"><ssc:Real unit="deg" /></ssd:Connector></ssd:Connectors>
+<ssd:Elements><ssd:Component name="p" source="resources/p.fmu" type="application/x-fmu-sharedlibrary">
+<ssd:Connectors><ssd:Connector name="u" kind="input" /><ssd:Connector name="y" kind="output" /></ssd:Connectors>
+<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet name="a" version="1.0"
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters><ssv:Parameter name="k">
+<ssv:Real value="2.0" unit="s" /></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>
+</ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component></ssd:Elements><ssd:Connections>
+<ssd:Connection startConnector="u" endElement="p" endConnector="u"><ssc:LinearTransformation factor="2" offset="1" />
+</ssd:Connection></ssd:Connections></ssd:System><ssd:DefaultExperiment startTime="0" stopTime="1" />
+</ssd:SystemStructureDescription>"""
+
+_SYSTEM = b"""name = "loop"
+[components]
+plant = "fmu:FirstOrderLag"
+lag = {model = "fmu:FirstOrderLag", set = {tau = 2.0}, interface = "me"}
+sum = {sum = "+-"}
+gain = {gain = -2.0}
+g = {A = [[-1.0]], B = [[1.0]], C = [[1.0]], D = [[0.0]]}
+[connections]
+"plant.u" = {from = "gain.y", gain = -1.0, unit = "deg", closes_at = 2.0}
+"gain.u" = "plant.y"
+[inputs]
+r = "lag.u"
+[outputs]
+y = "plant.y"
+[experiment]
+start = 0.0
+stop = 1.0
+step = 0.01
+tolerance = 1e-6
+"""
+
+_STUDY = b"""name = "s"
+[models]
+lag = "fmu:FirstOrderLag"
+two = {model = "fmu:FirstOrderLag", set = {tau = 2.0}}
+[grid]
+tau = [0.5, 1.0]
+[configurations.worn]
+lag = {set = {tau = 3.0}}
+[analyses.rest]
+command = "trim"
+model = "lag"
+u0 = {u = 2.0}
+[analyses.response]
+command = "nfr"
+model = "lag"
+input = "u"
+output = "y"
+band = "0.1:1"
+amplitude = 1.0
+[[requirements]]
+name = "gain"
+analysis = "rest"
+kind = "value"
+path = "y.y"
+equal = 2.0
+tolerance = 1e-9
+"""
+
+_RECORDS = (SimulationResult, LinResult, TrimResult, NfrResult)
+
+
+@cache
+def _records() -> Names:
+    kinds = [json.dumps({"kind": kind.__name__, "data": Maker().of(kind).to_dict()}) for kind in _RECORDS]
+    return tuple(text.encode() for text in kinds)
+
+
+def _record(path: Path) -> object:
+    from workbench.core.record import read_json
+
+    whole = read_json(path)
+    if not isinstance(whole, dict):
+        raise wb.InputError("no record")
+    kind = next((k for k in _RECORDS if k.__name__ == whole.get("kind")), LinResult)
+    return kind.from_dict(whole.get("data"))
+
+
+_SETTINGS: dict[str, object] = {"u": "y"}
+
+
+@cache
+def _stored() -> tuple[tuple[object, ...], ...]:
+    """Return the rows of a store with one measurement."""
+    with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
+        found = wb.nfr(model, "u", "y", [1.0], [1.0], workers=wb.Workers(in_process=True))
+        with NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits()).store as store:
+            value = {"point": found.points[0].to_dict(), "lost_under": None}
+            store.save(repr((1.0, 1.0)), value)
+            return tuple(store._database.execute("SELECT point, value FROM measurements"))
+
+
+def _store(folder: Path, data: bytes) -> object:
+    """Read a store whose row holds the bytes, as text or as they are, and whose settings hold them next."""
+    from workbench.model import Model
+
+    point = str(_stored()[0][0])
+    column, _, content = data.partition(b":")
+    value: object = content if column == b"blob" else content.decode("utf-8", "replace")
+    model: Model
+    with wb.load("fmu:FirstOrderLag") as model:
+        kept = NfrStore.open(folder, model, settings=_SETTINGS, effort={}, limits=Limits())
+        with kept.store as store:
+            given = {"point": point, "value": str(_stored()[0][1])} | ({"point": value} if column == b"point" else {})
+            given |= {"value": value} if column in (b"value", b"blob") else {}
+            row = (store._settings, given["point"], given["value"])
+            store._database.execute("INSERT INTO measurements (settings, point, value) VALUES (?, ?, ?)", row)
+            if column == b"text":
+                store._database.execute("UPDATE settings SET text = ?", (value,))
+            return kept.finished(()), kept.finished(("failed",))
+
+
+def _store_file(path: Path) -> object:
+    folder = path.parent / "store"
+    folder.mkdir()
+    path.rename(folder / "measurements.sqlite")
+    with wb.load("fmu:FirstOrderLag") as model:
+        kept = NfrStore.open(folder, model, settings=_SETTINGS, effort={}, limits=Limits())
+        with kept.store:
+            return kept.finished(())
+
+
+@cache
+def _database() -> bytes:
+    with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
+        kept = NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits())
+        with kept.store as store:
+            store.save(*map(str, _stored()[0]))
+        path = Path(name) / "measurements.sqlite"
+        with sqlite3.connect(path) as database:
+            database.execute("PRAGMA journal_mode = DELETE")
+        database.close()
+        return path.read_bytes()
+
+
+_CSV = (
+    b"# recorded\ntime [s],u [deg],y\n0,1,2\n0.1,1,3\n0.2,-1,1\n0.3,1,0\n",
+    b"time;u;y\n0,0;1,5;2\n0,1;1,5;3\n",
+    b"t u\n0 1\n1 2\n",
+)
+
+READERS: Mapping[str, Reader] = {
+    "archive": Reader(
+        _file(".fmu", _unpack),
+        lambda: (_zipped(modelDescription__xml=_SHORT), _zipped(modelDescription__xml=_SHORT, other__txt=b"x" * 100)),
+    ),
+    "description": Reader(_description, lambda: (_SHORT, _SHORT, _xml_of("fmu:FirstOrderLag@3")), _XML),
+    "ssp": Reader(_inside(".ssp", "SystemStructure.ssd", read_system), lambda: (_STRUCTURE,), _XML),
+    "system": Reader(_file(".toml", read_system), lambda: (_SYSTEM,)),
+    "study": Reader(_file(".toml", read_study), lambda: (_STUDY,)),
+    "record": Reader(_file(".json", _record), _records),
+    "store": Reader(
+        _store, lambda: tuple(c + b":" + str(_stored()[0][1]).encode() for c in (b"value", b"value", b"blob", b"text", b"point"))
+    ),
+    "store file": Reader(_file(".sqlite", _store_file), lambda: (_database(),)),
+    "csv": Reader(_file(".csv", read_table), lambda: _CSV),
+    "signal": Reader(_file(".csv", read_signal), lambda: _CSV),
+}  # fmt: skip

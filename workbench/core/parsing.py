@@ -1,0 +1,61 @@
+"""JSON and TOML that somebody else wrote: read, or refused with one reason."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from typing import Any
+
+__all__ = ["from_json", "from_toml"]
+
+_DEEPEST = 100  # whatever goes through it later does so by recursion
+_LARGEST = int(sys.float_info.max)
+
+
+def from_json(text: str) -> Any:  # noqa: ANN401 - whatever JSON holds
+    """Return what a text holds.
+
+    Args:
+        text: JSON.
+
+    Raises:
+        ValueError: it is not JSON, nested too deeply, or has a number beyond all that can be calculated with.
+    """
+    try:
+        return _sound(json.loads(text))
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+
+
+def from_toml(text: str) -> dict[str, Any]:
+    """Return what a text holds.
+
+    Args:
+        text: TOML.
+
+    Raises:
+        ValueError: it is not TOML, nested too deeply, or has a number beyond all that can be calculated with.
+    """
+    try:
+        found: dict[str, Any] = _sound(tomllib.loads(text))
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    return found
+
+
+_TOO_DEEP = f"it is nested more than {_DEEPEST} deep"
+
+
+def _sound(whole: Any) -> Any:  # noqa: ANN401
+    """Return it unchanged; by levels, so that no depth is too deep to be found."""
+    level = [whole]
+    for _ in range(_DEEPEST):
+        for item in level:
+            if isinstance(item, int) and abs(item) > _LARGEST:
+                raise ValueError(f"the number {str(item)[:12]}… of {len(str(abs(item)))} digits is too large")
+        inner = [item.values() if isinstance(item, dict) else item for item in level if isinstance(item, dict | list)]
+        level = [item for items in inner for item in items]
+        if not level:
+            return whole
+    raise ValueError(_TOO_DEEP)
