@@ -29,7 +29,7 @@ BATCH = 500
 def fuzz(reader: Reader, seconds: float, first: int) -> tuple[int, Counter[str], dict[str, bytes]]:
     """Return the number of executions, how often each finding was made, and what leads to it."""
     count, found, causes = 0, Counter[str](), dict[str, bytes]()
-    end = time.monotonic() + seconds
+    end = 0.0
 
     def once(data: bytes) -> None:
         nonlocal count
@@ -44,9 +44,12 @@ def fuzz(reader: Reader, seconds: float, first: int) -> tuple[int, Counter[str],
             found[what] += 1
             causes.setdefault(what, data)
 
+    for sound in reader.seeds():
+        finding(reader, sound)  # loads what it needs
     batch = settings(
         max_examples=BATCH, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
     )
+    end = time.monotonic() + seconds
     while time.monotonic() < end:
         seed(first)(batch(given(reader.bytes())(once)))()
         first += 1

@@ -24,6 +24,7 @@ import workbench as wb
 from tests.record_examples import Maker
 from workbench.analysis.experiment.data_table import read_table
 from workbench.analysis.lin.result import LinResult
+from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.nfr.store import NfrStore
 from workbench.analysis.simulate.result import SimulationResult
@@ -143,7 +144,11 @@ def _put(path: Path, name: str) -> Path:
     data = path.read_bytes()
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(name, data)
+        archive.writestr("resources/p.fmu", _BUNDLED.read_bytes())
     return path
+
+
+_BUNDLED = bundled_path("fmu:FirstOrderLag")
 
 
 def _xml_of(name: str) -> bytes:
@@ -176,8 +181,8 @@ _STRUCTURE = b"""<?xml version="1.0"?>
 <ssd:Elements><ssd:Component name="p" source="resources/p.fmu" type="application/x-fmu-sharedlibrary">
 <ssd:Connectors><ssd:Connector name="u" kind="input" /><ssd:Connector name="y" kind="output" /></ssd:Connectors>
 <ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet name="a" version="1.0"
- xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters><ssv:Parameter name="k">
-<ssv:Real value="2.0" unit="s" /></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters><ssv:Parameter name="tau">
+<ssv:Real value="2.0" /></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>
 </ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component></ssd:Elements><ssd:Connections>
 <ssd:Connection startConnector="u" endElement="p" endConnector="u"><ssc:LinearTransformation factor="2" offset="1" />
 </ssd:Connection></ssd:Connections></ssd:System><ssd:DefaultExperiment startTime="0" stopTime="1" />
@@ -209,7 +214,7 @@ _STUDY = b"""name = "s"
 lag = "fmu:FirstOrderLag"
 two = {model = "fmu:FirstOrderLag", set = {tau = 2.0}}
 [grid]
-tau = [0.5, 1.0]
+"lag.tau" = [0.5, 1.0]
 [configurations.worn]
 lag = {set = {tau = 3.0}}
 [analyses.rest]
@@ -237,7 +242,7 @@ _RECORDS = (SimulationResult, LinResult, TrimResult, NfrResult)
 
 @cache
 def _records() -> Names:
-    kinds = [json.dumps({"kind": kind.__name__, "data": Maker().of(kind).to_dict()}) for kind in _RECORDS]
+    kinds = [json.dumps({"kind": kind.__name__, "data": Maker(empty=False).record(kind).to_dict()}) for kind in _RECORDS]
     return tuple(text.encode() for text in kinds)
 
 
@@ -258,11 +263,17 @@ _SETTINGS: dict[str, object] = {"u": "y"}
 def _stored() -> tuple[tuple[object, ...], ...]:
     """Return the rows of a store with one measurement."""
     with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
-        found = wb.nfr(model, "u", "y", [1.0], [1.0], workers=wb.Workers(in_process=True))
+        point = Maker(empty=False).record(NfrPoint)
         with NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits()).store as store:
-            value = {"point": found.points[0].to_dict(), "lost_under": None}
+            value = {"point": point.to_dict(), "lost_under": None}
             store.save(repr((1.0, 1.0)), value)
             return tuple(store._database.execute("SELECT point, value FROM measurements"))
+
+
+def _rows() -> Names:
+    value = str(_stored()[0][1]).encode()
+    rows = [column + b":" + value for column in (b"value", b"blob", b"point")]
+    return (*rows, b'text:{"subject": {"u": "y"}, "effort": {"errcrit": 0.01}}')
 
 
 def _store(folder: Path, data: bytes) -> object:
@@ -300,7 +311,7 @@ def _database() -> bytes:
     with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
         kept = NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits())
         with kept.store as store:
-            store.save(*map(str, _stored()[0]))
+            store.save(str(_stored()[0][0]), json.loads(str(_stored()[0][1])))
         path = Path(name) / "measurements.sqlite"
         with sqlite3.connect(path) as database:
             database.execute("PRAGMA journal_mode = DELETE")
@@ -324,10 +335,8 @@ READERS: Mapping[str, Reader] = {
     "system": Reader(_file(".toml", read_system), lambda: (_SYSTEM,)),
     "study": Reader(_file(".toml", read_study), lambda: (_STUDY,)),
     "record": Reader(_file(".json", _record), _records),
-    "store": Reader(
-        _store, lambda: tuple(c + b":" + str(_stored()[0][1]).encode() for c in (b"value", b"value", b"blob", b"text", b"point"))
-    ),
+    "store": Reader(_store, _rows),
     "store file": Reader(_file(".sqlite", _store_file), lambda: (_database(),)),
     "csv": Reader(_file(".csv", read_table), lambda: _CSV),
-    "signal": Reader(_file(".csv", read_signal), lambda: _CSV),
+    "signal": Reader(_file(".csv", read_signal), lambda: (b"t,u\n0,1\n1,2\n", b"0;1.5\n1;2.5\n")),
 }  # fmt: skip

@@ -360,7 +360,10 @@ def read_table(path: str | Path) -> Table:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as a table of time and value: {error}") from None
     delimiter = next((d for d in ";\t" if d in text), ",")
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: is not a table of time and value: {error}") from None
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]
     try:

@@ -62,7 +62,10 @@ def read_table(path: str | Path) -> DataTable:
     separator = _separator([line for _, line in lines])
     if separator != ",":
         notes.append(f"{path}: the separator is {_spoken(separator)}")
-    rows = [(number, _cells(line, separator)) for number, line in lines if not _is_remark(line)]
+    try:
+        rows = [(number, _cells(line, separator)) for number, line in lines if not _is_remark(line)]
+    except csv.Error as error:
+        raise InputError(f"{path}: is not a table: {error}") from None
     start = _first_numbers(rows, separator)
     if start is None:
         raise InputError(f"{path}: contains no row of numbers; a table with one column per signal is needed")

@@ -1,0 +1,125 @@
+"""Readers under fuzzing, bounded and the same in every run; scripts/fuzz.py goes on for as long as is wanted."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+
+import workbench as wb
+from tests.fuzzed import READERS, finding
+from workbench.cli.app import run
+from workbench.core.parsing import from_json, from_toml
+
+BOUNDED = settings(
+    max_examples=40, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck),
+    phases=[Phase.explicit, Phase.generate, Phase.shrink],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_what_they_are_made_of_is_read(name: str, tmp_path: Path) -> None:
+    for k, data in enumerate(READERS[name].seeds()):
+        (folder := tmp_path / str(k)).mkdir()
+        READERS[name].read(folder, data)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_reader_reads_or_says_in_one_line_what_is_wrong(name: str) -> None:
+    @BOUNDED
+    @given(READERS[name].bytes())
+    def holds(data: bytes) -> None:
+        assert finding(READERS[name], data) == ""
+
+    holds()
+
+
+# -- what once was a traceback -----------------------------------------------------------------
+
+DEEP = "[" * 100_000
+HUGE = "1" + "0" * 400
+
+
+@pytest.mark.parametrize("text", [DEEP, "[" * 150 + "]" * 150, '{"a": ' * 5000, HUGE, "9" * 5000, f"[{HUGE}]"])
+def test_json_is_refused_with_one_reason(text: str) -> None:
+    with pytest.raises(ValueError, match="nested|too large|Exceeds the limit|Expecting"):
+        from_json(text)
+
+
+@pytest.mark.parametrize("text", [f"a = {DEEP}", f"a = {HUGE}", f"a = {'9' * 5000}", "a = " + "{b = " * 3000])
+def test_toml_is_refused_with_one_reason(text: str) -> None:
+    with pytest.raises(ValueError, match="nested|too large|Exceeds the limit|Invalid|Unclosed"):
+        from_toml(text)
+
+
+def test_what_is_sound_is_unchanged() -> None:
+    whole = {"a": [1, 2.5, None, True, {"b": 10**300}], "c": float("inf")}
+    assert from_json(json.dumps(whole)) == whole
+    assert from_toml("a = [1, {b = 2}]\nc = 1e999") == {"a": [1, {"b": 2}], "c": float("inf")}
+
+
+@pytest.mark.parametrize("content", [f"models = {DEEP}", f"models.a = {HUGE}", "[analyses.a]\ncommand = 3\n"])
+@pytest.mark.parametrize("command", ["run", "info", "trim"])
+def test_the_program_says_one_line(
+    command: str, content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file.toml"
+    file.write_text(content)
+    assert run([command, str(file)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+GARBAGE = [None, 3, 1e300, "", "x", b"\xff\x00", "[]", "{}", "null", "NaN", HUGE, DEEP, '{"point": 1}', "\x1b[31m"]
+
+
+@pytest.mark.parametrize("column", ["value", "point", "text", "subject"])
+def test_a_tampered_store_says_one_line(column: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1"]
+    words += ["--store", str(tmp_path), "--in-process", "--no-drift-check", "--json", "-"]
+    assert run(words) == 0
+    table = "settings" if column in ("text", "subject") else "measurements"
+    sound = (tmp_path / "measurements.sqlite").read_bytes()
+    for value in GARBAGE:
+        (tmp_path / "measurements.sqlite").write_bytes(sound)
+        with sqlite3.connect(tmp_path / "measurements.sqlite") as database:
+            try:
+                database.execute(f"UPDATE OR REPLACE {table} SET {column} = ?", (value,))
+            except sqlite3.IntegrityError:
+                continue  # no such row can be there
+            finally:
+                database.commit()
+        database.close()
+        capsys.readouterr()
+        code = run(words)
+        err = capsys.readouterr().err
+        assert code in (0, 2), err
+        assert "Traceback" not in err
+        if code == 2:
+            (line,) = err.splitlines()
+            assert "is damaged or no store" in line or "cannot be used" in line
+
+
+def test_a_tampered_store_of_a_study_says_one_line(tmp_path: Path) -> None:
+    study, store = tmp_path / "study.toml", tmp_path / "store"
+    study.write_text(
+        'models.lag = "fmu:FirstOrderLag"\nanalyses.rest = {command = "trim", model = "lag", u0 = {u = 2.0}}\n'
+        '[[requirements]]\nname = "gain"\nanalysis = "rest"\nkind = "value"\npath = "y.y"\nequal = 2.0\ntolerance = 1e-9\n'
+    )
+    assert wb.run_study(study, store=store).passed
+    (file,) = store.rglob("measurements.sqlite")
+    sound = file.read_bytes()
+    for value in [*GARBAGE, '{"findings": 3}', '{"findings": [{}]}', '{"result": 3, "code": "x", "notes": 1}']:
+        file.write_bytes(sound)
+        with sqlite3.connect(file) as database:
+            try:
+                database.execute("UPDATE measurements SET value = ?", (value,))
+            except sqlite3.IntegrityError:
+                continue
+        database.close()
+        try:
+            wb.run_study(study, store=store)
+        except wb.InputError as error:
+            assert "\n" not in str(error)
