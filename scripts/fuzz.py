@@ -47,7 +47,11 @@ def fuzz(reader: Reader, seconds: float, first: int) -> tuple[int, Counter[str],
     for sound in reader.seeds():
         finding(reader, sound)  # loads what it needs
     batch = settings(
-        max_examples=BATCH, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+        max_examples=BATCH,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
     )
     end = time.monotonic() + seconds
     while time.monotonic() < end:

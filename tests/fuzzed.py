@@ -242,7 +242,9 @@ _RECORDS = (SimulationResult, LinResult, TrimResult, NfrResult)
 
 @cache
 def _records() -> Names:
-    kinds = [json.dumps({"kind": kind.__name__, "data": Maker(empty=False).record(kind).to_dict()}) for kind in _RECORDS]
+    kinds = [
+        json.dumps({"kind": kind.__name__, "data": Maker(empty=False).record(kind).to_dict()}) for kind in _RECORDS
+    ]
     return tuple(text.encode() for text in kinds)
 
 

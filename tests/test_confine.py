@@ -92,15 +92,26 @@ LINES = {
     "trim": ["--interface", "me"],
     "info": [],
     "check": ["--timeout", "60"],
-    "excite": ["--input", "u", "--output", "y", "--prbs", "amplitude=1", "--step", "0.01", "--samples", "100", "--interface", "cs"],
+    "excite": [
+        "--input",
+        "u",
+        "--output",
+        "y",
+        "--prbs",
+        "amplitude=1",
+        "--step",
+        "0.01",
+        "--samples",
+        "100",
+        "--interface",
+        "cs",
+    ],
 }
 
 
 @needs_landlock
 @pytest.mark.parametrize("command", LINES)
-def test_every_command_confines(
-    tmp_path: Path, home: Path, command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_command_confines(tmp_path: Path, home: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
     fmu = build_misbehaving(tmp_path, "escape", "instantiate")
     assert run([command, str(fmu), *LINES[command], "--confine", "--json", str(tmp_path / "out.json")]) in (0, 1)
     assert (tmp_path / "out.json").exists(), capsys.readouterr().err

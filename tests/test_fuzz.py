@@ -61,8 +61,10 @@ def test_what_is_sound_is_unchanged() -> None:
     assert from_toml("a = [1, {b = 2}]\nc = 1e999") == {"a": [1, {"b": 2}], "c": float("inf")}
 
 
-@pytest.mark.parametrize("content", [f"models = {DEEP}", f"models.a = {HUGE}", "[analyses.a]\ncommand = 3\n"])
-@pytest.mark.parametrize("command", ["run", "info", "trim"])
+@pytest.mark.parametrize(
+    ("command", "content"),
+    [("run", f"models = {DEEP}"), ("run", f"models.a = {HUGE}"), ("info", f"a = {DEEP}"), ("trim", f"a = {HUGE}")],
+)
 def test_the_program_says_one_line(
     command: str, content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,7 +74,7 @@ def test_the_program_says_one_line(
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-GARBAGE = [None, 3, 1e300, "", "x", b"\xff\x00", "[]", "{}", "null", "NaN", HUGE, DEEP, '{"point": 1}', "\x1b[31m"]
+GARBAGE = [None, 3, "x", b"\xff\x00", "[]", "{}", "null", "NaN", HUGE, DEEP, '{"point": 1}', "\x1b[31m"]
 
 
 @pytest.mark.parametrize("column", ["value", "point", "text", "subject"])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import lzma
 import shutil
 import stat
+import struct
 import weakref
 import zipfile
 import zlib
@@ -17,7 +19,10 @@ from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
 from workbench.fmi.platforms import is_foreign, note_foreign
 
-__all__ = ["Unpacked", "extract", "locate", "unpack"]
+__all__ = ["DAMAGED", "Unpacked", "extract", "locate", "unpack"]
+
+# What reading a zip archive raises that is not one, or not a whole one.
+DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError)
 
 MAX_BYTES = 4 << 30  # unpacked, all files together
 MAX_FILES = 100_000
@@ -139,7 +144,7 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
                 if wanted(name):
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
             return [name for name in names if not wanted(name)]
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+    except DAMAGED as error:
         raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be unpacked: {error}") from None

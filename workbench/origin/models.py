@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import weakref
 import zipfile
-import zlib
 from pathlib import Path
 from typing import BinaryIO
 
 from lxml import etree
 
 from workbench.errors import WorkbenchError
+from workbench.fmi.archive import DAMAGED
 from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import Description
 from workbench.model.base import Model
@@ -132,7 +132,7 @@ def _head(path: Path) -> tuple[str, str, str, str]:
                 return _read_head(file)
         with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as inside:
             return _read_head(inside)  # type: ignore[arg-type]  # a zip's member is read as a file is
-    except (OSError, KeyError, zipfile.BadZipFile, zlib.error, etree.XMLSyntaxError):
+    except (OSError, KeyError, RuntimeError, etree.XMLSyntaxError, *DAMAGED):
         return "", "", "", ""
 
 

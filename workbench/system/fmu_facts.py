@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,7 +13,7 @@ from lxml import etree
 from workbench.core.names import plain_unit
 from workbench.core.scratch import scratch
 from workbench.errors import FmuError
-from workbench.fmi.archive import locate
+from workbench.fmi.archive import DAMAGED, locate
 from workbench.fmi.description import MAX_XML_BYTES, read_description
 from workbench.fmi.variable import Variable
 from workbench.system.units import BASE_UNITS, Unit
@@ -73,7 +72,7 @@ def _description_in(path: Path) -> bytes:
             return archive.read(_DESCRIPTION)
     except KeyError:
         raise FmuError(f"{path}: no {_DESCRIPTION} inside; this is not an FMU") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+    except DAMAGED as error:
         raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be read: {error}") from None

@@ -142,9 +142,7 @@ def _surroundings() -> tuple[int, tuple[str, ...], int]:
     return os.getpid(), tuple(sys.path), hash(frozenset(os.environ.items()))
 
 
-def _started(
-    theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int, first: str
-) -> subprocess.Popen[bytes]:
+def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int, first: str) -> subprocess.Popen[bytes]:
     """Start a process: spawned, not forked, so that no thread or library of this one is copied half way.
 
     Args:
