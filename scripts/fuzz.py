@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for the files that lead to findings")
     asked = parser.parse_args()
     if sys.platform != "win32":
-        import resource
+        import resource  # noqa: PLC0415 - not on Windows
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     wrong = 0

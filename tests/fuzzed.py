@@ -46,9 +46,10 @@ Names = Sequence[bytes]
 
 # In place of a word of any format.
 _ANY = (
-    b"", b"0", b"-1", b"1e999", b"-1e999", b"NaN", b"nan", b"inf", b"1" + b"0" * 400, b"9" * 5000, b"99999999999999999999",
-    b"4294967296", b"1e-400", b"true", b"null", b"\x00", b"\xff\xfe", b"\x1b[31m", b"\xe2\x80\xae", b"\xc2\x9b", b"$", b"=cmd",
-    b"../../x", b"/dev/zero", b"fmu:", b"x" * 70000, b"\n", b"\r", b"'", b'"', b"%s", b"{}", b"[]", b"1970-01-01", b"0x10",
+    b"", b"0", b"-1", b"1e999", b"-1e999", b"NaN", b"nan", b"inf", b"1" + b"0" * 400, b"9" * 5000,
+    b"99999999999999999999", b"4294967296", b"1e-400", b"true", b"null", b"\x00", b"\xff\xfe", b"\x1b[31m", b"\xe2\x80\xae", b"\xc2\x9b", b"$",
+    b"=cmd", b"../../x", b"/dev/zero", b"fmu:", b"x" * 70000, b"\n", b"\r", b"'", b'"', b"%s", b"{}",
+    b"[]", b"1970-01-01", b"0x10",
 )  # fmt: skip
 _NESTED = (b"[" * 100_000, b'{"a":' * 5000, b"[" * 150 + b"]" * 150, b"<a>" * 5000, b"{a=" * 2000)
 _XML = (b"<a>" * 5000, b"&x;", b"<!DOCTYPE x [<!ENTITY x 'y'>]>", b"]]>", b"<!--", b"/>", b'"<Real/>"')
@@ -160,7 +161,8 @@ _SHORT = b"""<?xml version="1.0"?>
 <fmiModelDescription fmiVersion="2.0" modelName="M" guid="{g}" numberOfEventIndicators="1">
 <ModelExchange modelIdentifier="m" /><CoSimulation modelIdentifier="m" />
 <UnitDefinitions><Unit name="deg"><BaseUnit rad="1" factor="0.0174" /></Unit></UnitDefinitions>
-<TypeDefinitions><SimpleType name="E"><Enumeration><Item name="a" value="1" /></Enumeration></SimpleType></TypeDefinitions>
+<TypeDefinitions>
+<SimpleType name="E"><Enumeration><Item name="a" value="1" /></Enumeration></SimpleType></TypeDefinitions>
 <DefaultExperiment startTime="0" stopTime="1" tolerance="1e-4" stepSize="0.01" />
 <ModelVariables>
 <ScalarVariable name="u" valueReference="0" causality="input"><Real start="1" unit="deg" min="0" max="2" nominal="3" />

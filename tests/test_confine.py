@@ -91,7 +91,7 @@ LINES = {
     "lin": ["--interface", "me"],
     "trim": ["--interface", "me"],
     "info": [],
-    "check": ["--timeout", "60"],
+    "check": ["--only", "runs"],
     "excite": [
         "--input",
         "u",
@@ -170,7 +170,7 @@ def test_it_is_refused_in_this_process() -> None:
         Worker(confine=True, in_process=True)
     with pytest.raises(wb.InputError, match="confinement needs the workbench's own worker processes"):
         Workers(confine=True, scheduler="tcp://localhost:1")
-    with pytest.raises(wb.InputError, match="confine: not possible: .* exists only in this process"):
+    with pytest.raises(wb.InputError, match=r"confine: not possible: .* exists only in this process"):
         wb.trim(FakeModel(EulerOscillator), confine=True)
 
 

@@ -45,13 +45,13 @@ HUGE = "1" + "0" * 400
 
 @pytest.mark.parametrize("text", [DEEP, "[" * 150 + "]" * 150, '{"a": ' * 5000, HUGE, "9" * 5000, f"[{HUGE}]"])
 def test_json_is_refused_with_one_reason(text: str) -> None:
-    with pytest.raises(ValueError, match="nested|too large|Exceeds the limit|Expecting"):
+    with pytest.raises(ValueError, match=r"nested|too large|Exceeds the limit|Expecting"):
         from_json(text)
 
 
 @pytest.mark.parametrize("text", [f"a = {DEEP}", f"a = {HUGE}", f"a = {'9' * 5000}", "a = " + "{b = " * 3000])
 def test_toml_is_refused_with_one_reason(text: str) -> None:
-    with pytest.raises(ValueError, match="nested|too large|Exceeds the limit|Invalid|Unclosed"):
+    with pytest.raises(ValueError, match=r"nested|too large|Exceeds the limit|Invalid|Unclosed"):
         from_toml(text)
 
 
@@ -88,7 +88,7 @@ def test_a_tampered_store_says_one_line(column: str, tmp_path: Path, capsys: pyt
         (tmp_path / "measurements.sqlite").write_bytes(sound)
         with sqlite3.connect(tmp_path / "measurements.sqlite") as database:
             try:
-                database.execute(f"UPDATE OR REPLACE {table} SET {column} = ?", (value,))
+                database.execute(f"UPDATE OR REPLACE {table} SET {column} = ?", (value,))  # noqa: S608 - our own
             except sqlite3.IntegrityError:
                 continue  # no such row can be there
             finally:
@@ -108,7 +108,8 @@ def test_a_tampered_store_of_a_study_says_one_line(tmp_path: Path) -> None:
     study, store = tmp_path / "study.toml", tmp_path / "store"
     study.write_text(
         'models.lag = "fmu:FirstOrderLag"\nanalyses.rest = {command = "trim", model = "lag", u0 = {u = 2.0}}\n'
-        '[[requirements]]\nname = "gain"\nanalysis = "rest"\nkind = "value"\npath = "y.y"\nequal = 2.0\ntolerance = 1e-9\n'
+        '[[requirements]]\nname = "gain"\nanalysis = "rest"\nkind = "value"\npath = "y.y"\nequal = 2.0\n'
+        "tolerance = 1e-9\n"
     )
     assert wb.run_study(study, store=store).passed
     (file,) = store.rglob("measurements.sqlite")
@@ -124,4 +125,4 @@ def test_a_tampered_store_of_a_study_says_one_line(tmp_path: Path) -> None:
         try:
             wb.run_study(study, store=store)
         except wb.InputError as error:
-            assert "\n" not in str(error)
+            assert "\n" not in str(error)  # noqa: PT017 - or it is measured again

@@ -1,7 +1,7 @@
 """Confine this process: the system refuses it networks, and files to write but in one folder (Linux).
 
 Landlock [1] takes the right to change files; a filter of system calls, seccomp [2], takes sockets and what Landlock
-does not know: owners, permissions, times and attributes of files, input to terminals, rings of requests that pass it by.
+does not know: owners, permissions, times and attributes of files, input to terminals, rings of requests that pass it.
 Both hold for every thread and process that begins here later, and nothing takes them back.
 
 Sources: [1] Linux, Documentation/userspace-api/landlock.rst; [2] Documentation/userspace-api/seccomp_filter.rst.
