@@ -1,31 +1,28 @@
 """Build hook: compiles the inner loop (workbench/kernel/*.c) when a wheel is built or the project is installed.
 
-The compiler is a wheel, too (ziglang): the machine needs none. An installation compiles for this machine
-only; with WORKBENCH_ALL_PLATFORMS=1 in the environment the wheel holds the libraries of all platforms
-and runs on each of them.
+The compiler is a wheel, too (ziglang): the machine needs none. It compiles for this machine, or for the
+platform that WORKBENCH_PLATFORM in the environment names (`scripts/dev.py release`): one wheel, one platform.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-import sysconfig
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
-from packaging.tags import platform_tags
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from workbench.toolchain import PLATFORMS, compile_kernel, host_only
+from workbench.toolchain import PLATFORMS, Platform, compile_kernel, host_only
 
 if TYPE_CHECKING:
     _Hook = BuildHookInterface[Any]
 else:
     _Hook = BuildHookInterface
 
-ALL_PLATFORMS = "WORKBENCH_ALL_PLATFORMS"
+PLATFORM = "WORKBENCH_PLATFORM"
 
 
 class KernelHook(_Hook):
@@ -33,8 +30,7 @@ class KernelHook(_Hook):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile, and tell the builder what to include and which platforms the wheel is for."""
-        everywhere = os.environ.get(ALL_PLATFORMS, "") not in ("", "0")
-        platforms = PLATFORMS if everywhere else host_only()
+        platforms = _asked()
         if not platforms:
             self.app.display_warning(
                 "the inner loop cannot be compiled for this platform; models cannot be loaded here"
@@ -44,14 +40,16 @@ class KernelHook(_Hook):
         libraries = compile_kernel(root / "workbench" / "kernel", platforms)
         if version != "editable":
             build_data["force_include"].update({str(p): p.relative_to(root).as_posix() for p in libraries.values()})
-        if not everywhere:
-            build_data["pure_python"] = False
-            build_data["tag"] = f"py3-none-{_platform_tag()}"
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{platforms[0].wheel}"
 
 
-def _platform_tag() -> str:
-    """Return this machine's platform as the name of a wheel says it."""
-    if sys.platform == "darwin":
-        return next(platform_tags())
-    # On Linux the tags say which C library this machine has; ours asks for an older one.
-    return sysconfig.get_platform().replace("-", "_").replace(".", "_")
+def _asked() -> tuple[Platform, ...]:
+    """Return the one platform to compile for; nothing if this machine is none of them."""
+    name = os.environ.get(PLATFORM)
+    if not name:
+        return host_only()
+    found = tuple(p for p in PLATFORMS if p.name == name)
+    if not found:
+        raise ValueError(f"{PLATFORM}={name}: no such platform; there are {', '.join(p.name for p in PLATFORMS)}")
+    return found

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Everything a developer or newcomer starts: install, demo, test, build.
+"""Everything a developer or newcomer starts: install, demo, test, build, release.
 
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
     python3 scripts/dev.py test       lint, types, tests, documentation
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
     python3 scripts/dev.py build      rebuild the bundled FMUs from modelica_src/ (--check: only compare)
+    python3 scripts/dev.py release    source archive, wheels of all platforms, bill of materials into dist/ (--out)
     python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
 
 Standard library only; Linux, macOS, Windows. Needs Python 3.11 or newer with venv and pip, and a
@@ -62,12 +63,15 @@ def main() -> int:
     for name, function in COMMANDS.items():
         commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
     commands.choices["build"].add_argument("--check", action="store_true", help="compare with fmus/, change nothing")
+    commands.choices["release"].add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files")
     arguments = parser.parse_args()
     if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
         return _complain(f"needs Python 3.11 or newer, this is {sys.version.split()[0]}")
     try:
         if arguments.command == "build":
             return build(check=arguments.check)
+        if arguments.command == "release":
+            return release(arguments.out)
         return COMMANDS[arguments.command]()
     except subprocess.CalledProcessError as error:
         return _complain(f"failed ({error.returncode}): {shlex.join(map(str, error.cmd))}")
@@ -143,6 +147,16 @@ def build(*, check: bool = False) -> int:
     return 0
 
 
+def release(out: Path = ROOT / "dist") -> int:
+    """Make a reproducible source archive, a wheel for each platform, and their bill of materials.
+
+    Args:
+        out: folder for the files.
+    """
+    _ensure_installed()
+    return subprocess.call([PYTHON, "-m", "scripts.release", "--out", str(out.resolve())], cwd=ROOT)
+
+
 def _fmus(folder: Path) -> dict[str, bytes]:
     """Return the bytes of all FMUs in a folder by their name in it."""
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("fmi*/*.fmu")}
@@ -186,6 +200,7 @@ COMMANDS: dict[str, Callable[[], int]] = {
     "test": test,
     "numerical": numerical,
     "build": build,
+    "release": release,
 }
 
 if __name__ == "__main__":

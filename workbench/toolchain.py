@@ -44,6 +44,7 @@ class Platform:
         name_2: FMI 2 folder; aarch64 has none in the standard, the tuple is used.
         target: the compiler's name for it.
         suffix: of shared libraries.
+        wheel: platform tag of a wheel; the oldest C library and the oldest macOS in it are those of `target`.
         link: options for the linker; `{stem}` stands for the library's name.
     """
 
@@ -51,16 +52,17 @@ class Platform:
     name_2: str
     target: str
     suffix: str
+    wheel: str
     link: tuple[str, ...] = ()
 
 
 _INSTALL_NAME = "-Wl,-install_name,@rpath/{stem}.dylib"
 PLATFORMS = (
-    Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so", ("-lm",)),
-    Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so", ("-lm",)),
-    Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll"),
-    Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", ".dylib", (_INSTALL_NAME,)),
-    Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib", (_INSTALL_NAME,)),
+    Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so", "manylinux_2_17_x86_64", ("-lm",)),
+    Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so", "manylinux_2_17_aarch64", ("-lm",)),
+    Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll", "win_amd64"),
+    Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", ".dylib", "macosx_11_0_x86_64", (_INSTALL_NAME,)),
+    Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib", "macosx_11_0_arm64", (_INSTALL_NAME,)),
 )
 
 # No fused multiply-add and no fast math: the same source gives the same numbers everywhere.

@@ -1,0 +1,1 @@
+"""Making a release: `python scripts/dev.py release`."""
