@@ -67,10 +67,10 @@ def release(folder: Path, out: Path) -> None:
     changes = _git("status", "--porcelain")
     if changes:
         raise ReleaseError(f"not committed: {', '.join(line[3:] for line in changes.splitlines())}; commit or remove")
-    epoch = _git("log", "-1", "--format=%ct")
-    say(f"building commit {_git('rev-parse', '--short', 'HEAD')} twice, times as of {epoch} (SOURCE_DATE_EPOCH)")
-    files = build(folder / "one", epoch, TZ="UTC")
-    again = build(folder / "the second time", epoch, TZ="Asia/Kolkata", XDG_CACHE_HOME=str(folder / "cache"))
+    commit, epoch = _git("log", "-1", "--format=%H %ct").split()
+    say(f"building commit {commit[:10]} twice, times as of {epoch} (SOURCE_DATE_EPOCH)")
+    files = build(folder / "one", commit, epoch, TZ="UTC")
+    again = build(folder / "the second time", commit, epoch, TZ="Asia/Kolkata", XDG_CACHE_HOME=str(folder / "cache"))
     differing = different(files, again)
     if differing:
         raise ReleaseError(f"not reproducible, two builds differ: {', '.join(differing)}")
@@ -92,17 +92,18 @@ def release(folder: Path, out: Path) -> None:
     say(f"ready in {out}")
 
 
-def build(folder: Path, epoch: str, **settings: str) -> list[Path]:
+def build(folder: Path, commit: str, epoch: str, **settings: str) -> list[Path]:
     """Make the source archive and, from it, the wheels; return them.
 
     Args:
         folder: where all is done; it is made.
+        commit: what to build.
         epoch: time of the commit [s], which the files in the archives get.
         settings: of the environment.
     """
     tree, made, source = folder / "tree", folder / "made", folder / "source"
     tree.mkdir(parents=True)
-    _git("archive", "--format=tar", "--output", str(folder / "tree.tar"), "HEAD")
+    _git("archive", "--format=tar", "--output", str(folder / "tree.tar"), commit)
     unpack(folder / "tree.tar", tree)
     common = {**settings, "SOURCE_DATE_EPOCH": epoch}
     hatchling: list[str | Path] = [sys.executable, "-m", "hatchling", "build", "--directory", made]

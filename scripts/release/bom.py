@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from cyclonedx.factory.license import LicenseFactory
+from cyclonedx.contrib.license.factories import LicenseFactory
 from cyclonedx.model import HashAlgorithm, HashType, Property
 from cyclonedx.model.bom import Bom
 from cyclonedx.model.component import Component, ComponentScope, ComponentType
@@ -26,10 +26,11 @@ from packageurl import PackageURL
 
 from workbench.toolchain import FLAGS
 
-__all__ = ["invalid", "write_bom"]
+__all__ = ["invalid", "source_parts", "write_bom"]
 
 PACKAGE = "fmi-workbench"
 OWN_LICENCE = "BSD-3-Clause"
+UNDECLARED = {"FMPy": "BSD-2-Clause"}  # by the text of its licence; its metadata name none
 BUILDERS = (("ziglang", "MIT"), ("hatchling", "MIT"))
 
 
@@ -49,16 +50,7 @@ def write_bom(files: Sequence[Path], source: Path, python: Path, *, epoch: int) 
     package = bom.metadata.component
     assert package is not None  # noqa: S101 - `of_environment` has put it there
     package.components.update(_file(file, file.parent) for file in files)
-    kernel = _sources("workbench_kernel", "The inner loop; compiled in each wheel.", source, "workbench/kernel")
-    runtime = _sources("workbench-fmu-runtime", "C runtime of built FMUs.", source, "workbench/build/runtime")
-    headers = Component(
-        type=ComponentType.LIBRARY,
-        name="fmi-headers",
-        version="2.0 and 3.0",
-        licenses=[LicenseFactory().make_from_string("BSD-2-Clause")],
-        description="Headers of the FMI standard as FMPy has them; copies in the sources of the bundled FMUs.",
-        bom_ref="fmi-headers",
-    )
+    kernel, runtime, headers = source_parts(source)
     builders = [_builder(name, licence) for name, licence in BUILDERS]
     for component in (kernel, runtime, headers, *builders):
         bom.components.add(component)
@@ -75,6 +67,27 @@ def write_bom(files: Sequence[Path], source: Path, python: Path, *, epoch: int) 
     return target
 
 
+def source_parts(source: Path) -> tuple[Component, Component, Component]:
+    """Return what the native code is made of: the kernel, the runtime of FMUs, the standard's headers.
+
+    Args:
+        source: a checkout, or the unpacked source archive.
+    """
+    headers = Component(
+        type=ComponentType.LIBRARY,
+        name="fmi-headers",
+        version="2.0 and 3.0",
+        licenses=[LicenseFactory().make_from_string("BSD-2-Clause")],
+        description="Headers of the FMI standard as FMPy has them; copies in the sources of the bundled FMUs.",
+        bom_ref="fmi-headers",
+    )
+    return (
+        _sources("workbench_kernel", "The inner loop; compiled in each wheel.", source, "workbench/kernel"),
+        _sources("workbench-fmu-runtime", "C runtime of built FMUs.", source, "workbench/build/runtime"),
+        headers,
+    )
+
+
 def of_environment(python: Path, epoch: int) -> Bom:
     """Return the packages of an environment, the workbench as what the bill is about."""
     done = subprocess.run(
@@ -87,6 +100,9 @@ def of_environment(python: Path, epoch: int) -> Bom:
     package.purl = PackageURL("pypi", name=PACKAGE, version=package.version)  # not where this machine had its wheel
     package.external_references.clear()
     bom.metadata.component = package
+    for component in bom.components:
+        if not component.licenses and component.name in UNDECLARED:
+            component.licenses.add(LicenseFactory().make_from_string(UNDECLARED[component.name]))
     return bom
 
 
