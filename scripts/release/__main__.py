@@ -43,7 +43,7 @@ class ReleaseError(Exception):
 def main() -> int:
     """Make the release and return the exit code."""
     parser = argparse.ArgumentParser(prog="dev.py release", description=__doc__.partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files (made anew)")
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files; those of an earlier release in it go")
     out = parser.parse_args().out.resolve()
     try:
         with tempfile.TemporaryDirectory(prefix="workbench-release-") as folder:
@@ -84,8 +84,9 @@ def release(folder: Path, out: Path) -> None:
         _call([python, "-m", "workbench", *trial], folder, {"PATH": ""}, show=False)
         say(f"with an empty PATH: workbench {' '.join(trial)}")
     bom = write_bom(files, folder / "the second time" / "source", python, epoch=int(epoch))
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    out.mkdir(parents=True, exist_ok=True)
+    for old in out.glob("fmi_workbench-*"):
+        old.unlink()
     for file in [*files, bom]:
         shutil.copy(file, out)
         print(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}")
