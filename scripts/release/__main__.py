@@ -43,7 +43,9 @@ class ReleaseError(Exception):
 def main() -> int:
     """Make the release and return the exit code."""
     parser = argparse.ArgumentParser(prog="dev.py release", description=__doc__.partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files; those of an earlier release in it go")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "dist", help="folder for the files; those of an earlier release in it go"
+    )
     out = parser.parse_args().out.resolve()
     try:
         with tempfile.TemporaryDirectory(prefix="workbench-release-") as folder:
