@@ -43,7 +43,7 @@ from workbench.core.option import (
     with_options,
 )
 from workbench.core.where import InWorker, Worker
-from workbench.errors import InputError, StoppedError, WorkbenchError
+from workbench.errors import InputError, SimulationError, StoppedError, WorkbenchError
 from workbench.origin import origin_of, remember, with_origin
 
 if TYPE_CHECKING:
@@ -155,9 +155,22 @@ class Request(Options, Generic[_Subject, _Record]):
             from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
 
             prepare(self.algorithm.partition(":")[0])
-        record: _Record = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, self, job)
+        with self._reached(job) as asked:
+            record: _Record = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
         job.ended(self.command, record)
         return record
+
+    @contextmanager
+    def _reached(self, job: Job) -> Iterator[Self]:
+        """Yield the request with a cluster that is connected, where its parts run on one."""
+        place = getattr(self, "place", None)
+        if getattr(place, "scheduler", None) is None:
+            yield self
+            return
+        with named("workbench.workers.cluster:reached")(place) as (workers, words):
+            if words:
+                job.say(words)
+            yield replace(self, workers=workers)  # type: ignore[call-arg]
 
     @classmethod
     def loading(cls, given: Mapping[str, Any]) -> Loading:
@@ -324,6 +337,10 @@ def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -
         record: Any = asked.run(subject, job)
     except KeyboardInterrupt as error:
         raise StoppedError(job.partial()) from error
+    except SimulationError as error:
+        if error.before is None:
+            error.before = job.partial()  # nothing is lost
+        raise
     if job.notes and isinstance(getattr(record, "notes", None), tuple):
         noted = replace(record, notes=tuple(dict.fromkeys([*record.notes, *job.notes])))
         if (origin := origin_of(record)) is not None:

@@ -92,6 +92,7 @@ class _Work:
 def _under_way() -> Iterator[_Work]:
     """Show how far a request is while it is run here; whatever ends it, what it has is kept."""
     from workbench.cli.interrupt import OnInterrupt
+    from workbench.cli.notes import say
     from workbench.core.job import Job
     from workbench.core.progress import Bar
 
@@ -99,6 +100,7 @@ def _under_way() -> Iterator[_Work]:
         bar.update(done / total, str(what))
 
     bar, work = Bar(1.0), _Work(Job(tell))
+    work.job.say = say
     with bar, OnInterrupt(work.job.stop):
         try:
             yield work

@@ -10,7 +10,7 @@ import sys
 from workbench.cli.asked import spoken
 from workbench.errors import one_line
 
-__all__ = ["drop", "flush", "note", "said"]
+__all__ = ["drop", "flush", "note", "said", "say"]
 
 _waiting: list[str] = []  # of the one command that a process runs
 _said: list[str] = []  # all of them, also those that are written already
@@ -21,6 +21,12 @@ def note(text: str) -> None:
     if text not in _waiting:
         _waiting.append(text)
         _said.append(text)
+
+
+def say(text: str) -> None:
+    """Write a remark at once, for whoever waits."""
+    note(text)
+    flush()
 
 
 def said() -> tuple[str, ...]:

@@ -53,6 +53,22 @@ def run(
         bool,
         typer.Option("--confine", help="Keep FMUs from networks, and from writing files; see any analysis's --help."),
     ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="tcp://..",
+            help="Dask cluster on which the analyses run, as for nfr; the study must lie on a shared file system.",
+        ),
+    ] = None,
+    scheduler_tls: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler-tls",
+            metavar="CA,CERT,KEY",
+            help="Files for tls://..: certificate of the authority, own certificate, own key.",
+        ),
+    ] = None,
     example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
     json: Annotated[
         str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
@@ -89,7 +105,8 @@ def run(
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    result = _run(prepared, lambda: Workers(jobs=jobs, timeout=timeout, confine=confine))
+    place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
+    result = _run(prepared, place)
     _show(result, out)
     out.write(result.to_dict(), csv=result.to_csv, page=result.page)
     if junit is not None:
@@ -116,14 +133,14 @@ def _check_junit(path: Path | None) -> None:
         file_to_write(path, option="--junit")
 
 
-def _run(prepared: StudyRun, workers: Callable[[], Workers]) -> StudyResult:
+def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays."""
     from workbench.cli.asked import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
 
     with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
-        result = prepared.run(workers, progress=progress.update, command=command_line())
+        result = prepared.run(lambda: workers, progress=progress.update, command=command_line())
     for text in result.notes:
         note(text)
     if result.missing:

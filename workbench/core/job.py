@@ -21,6 +21,7 @@ class Job:
     Attributes:
         partial: returns the record of what is finished so far; None: there is nothing yet.
         notes: remarks on how the analysis runs.
+        say: is told what is of use only while it runs.
         reached: number of parts finished, and their total number; (0, 0): nothing was told yet.
         stopped: whether `stop` was called.
     """
@@ -30,6 +31,7 @@ class Job:
         self._ends: list[Callable[[], None]] = []
         self.partial: Callable[[], object] = lambda: None
         self.notes: list[str] = []
+        self.say: Callable[[str], None] = lambda _: None
         self.reached = 0, 0
         self.stopped = False
         self._stage = 1, 1

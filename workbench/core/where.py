@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import KW_ONLY, dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
+from workbench.core.forms import Form
 from workbench.core.option import Options, option, recast
 from workbench.errors import InputError
 
-__all__ = ["DEFAULT_TIMEOUT", "InWorker", "InWorkers", "Limits", "Worker", "Workers"]
+__all__ = [
+    "DEFAULT_TIMEOUT",
+    "InParts",
+    "InWhole",
+    "InWorker",
+    "InWorkers",
+    "Limits",
+    "Parts",
+    "Scheduler",
+    "Worker",
+    "Workers",
+]
 
 _Place = TypeVar("_Place", bound="Worker")
 
@@ -85,6 +98,47 @@ class Worker(Options):
         return Limits(timeout=self.timeout, memory=self.memory_limit, confine=self.confine)
 
 
+class Scheduler:
+    """What stands for the address of a Dask scheduler; see `workbench.workers.cluster`.
+
+    Attributes:
+        address: of the scheduler.
+    """
+
+    address: str
+
+
+def _take_scheduler(value: object) -> object:
+    if isinstance(value, Scheduler) or (isinstance(value, str) and value):
+        return value
+    raise ValueError(f"{value!r} is not the address of a scheduler, such as tcp://host:8786, nor a Cluster")
+
+
+def _take_files(value: Sequence[str]) -> tuple[str, ...]:
+    found = tuple(str(name).strip() for name in (value.split(",") if isinstance(value, str) else value))
+    if len(found) != 3 or not all(found):
+        raise ValueError("takes three files: certificate of the authority, own certificate, own key")
+    return found
+
+
+_ADDRESS = Form(
+    metavar="tcp://..",
+    read=lambda texts: texts[-1],
+    write=lambda value: [getattr(value, "address", value)],
+    take=_take_scheduler,
+)
+_FILES = Form(
+    metavar="CA,CERT,KEY", read=lambda texts: texts[-1], write=lambda value: [",".join(value)], take=_take_files
+)
+
+if TYPE_CHECKING:
+    _Address = str | Scheduler
+    _Files = Sequence[str]
+else:
+    _Address = Annotated[object, _ADDRESS]
+    _Files = Annotated[object, _FILES]
+
+
 class Workers(Worker):
     """Where and under which limits an analysis runs its FMU.
 
@@ -92,7 +146,8 @@ class Workers(Worker):
         jobs: most worker processes at a time; None: as many as cores.
         in_process, timeout, memory_limit, confine: see `Worker`.
         executor: anything that is a `concurrent.futures.Executor`, in place of worker processes.
-        scheduler: address of a Dask scheduler, in place of worker processes.
+        scheduler: a Dask cluster in place of worker processes of this machine: an address, or a `Cluster`.
+        tls: files for an address that begins with tls://.
 
     Raises:
         InputError: fewer than one job, or two places at once.
@@ -100,8 +155,15 @@ class Workers(Worker):
 
     _: KW_ONLY
     jobs: int | None = option("Number of worker processes; by default one per core.", metavar="N", default=None)
-    scheduler: str | None = option(
-        "Address of a Dask scheduler; the points run on its cluster.", metavar="tcp://..", default=None
+    scheduler: _Address | None = option(
+        "Dask cluster on which the parts run: address of its scheduler (tcp://.., tls://..), scheduler file (.json), "
+        "or local:N for N workers on this machine.",
+        default=None,
+    )
+    tls: _Files | None = option(
+        "Files for tls://..: certificate of the authority, own certificate, own key.",
+        flag="--scheduler-tls",
+        default=None,
     )
     executor: Executor | None = option(
         "Executor to use instead of worker processes; it stays open.", default=None, python=True
@@ -117,9 +179,33 @@ class Workers(Worker):
         asked = [name for name, wanted in places.items() if wanted]
         if len(asked) > 1:
             raise InputError(f"{' and '.join(asked)}: choose one place to run the points")
-        if asked and self.limits != Limits(timeout=type(self).timeout):
+        if self.tls and self.scheduler is None:
+            raise InputError("tls: names the files for a scheduler; give its address, too")
+        if self.scheduler is not None and self.jobs is not None:
+            raise InputError("a scheduler: its cluster decides how many jobs run at a time; leave jobs out")
+        if (self.in_process or self.executor) and self.limits != Limits(timeout=type(self).timeout):
             what = "confinement needs" if self.confine else "time and memory limits need"
             raise InputError(f"{asked[0]}: {what} the workbench's own worker processes")
+
+
+class Parts(Workers):
+    """Where the parts of an analysis run that does them one after the other unless told otherwise.
+
+    Attributes:
+        jobs: most worker processes at a time; None: the parts run one after the other where the analysis does.
+        in_process, timeout, memory_limit, executor, scheduler, tls: see `Workers`.
+    """
+
+    _: KW_ONLY
+    jobs: int | None = option(
+        "Number of worker processes for the parts; by default they run one after the other.", metavar="N", default=None
+    )
+
+    @property
+    def apart(self) -> Workers:
+        """Where each part runs."""
+        alone = (self.jobs or 1) == 1 and self.executor is None and self.scheduler is None
+        return Workers(in_process=True) if alone else self
 
 
 class InWorker(Options):
@@ -149,6 +235,9 @@ class InWorker(Options):
         return self._place(Worker)
 
     def _place(self, kind: type[_Place]) -> _Place:
+        elsewhere = isinstance(self.workers, Workers) and (self.workers.scheduler or self.workers.executor)
+        if elsewhere and not issubclass(kind, Workers):
+            raise InputError("a scheduler or executor: this analysis has no parts to run there; leave it out")
         found = recast(kind, self.workers) if self.workers is not None else kind()
         own = {name: True for name in ("in_process", "confine") if getattr(self, name)}
         return recast(kind, found, **own) if own else found
@@ -169,3 +258,51 @@ class InWorkers(InWorker):
     def place(self) -> Workers:
         """Where the FMU runs."""
         return self._place(Workers)
+
+
+class Whole(Workers):
+    """Where an analysis runs as a whole.
+
+    Attributes:
+        jobs: 1.
+        in_process, timeout, memory_limit, executor, scheduler, tls: see `Workers`.
+    """
+
+    _: KW_ONLY
+    jobs: int | None = option("Not for one run.", default=None, python=True)
+
+
+class InParts(InWorker):
+    """The part of a request that says where it runs, and where its parts do."""
+
+    _: KW_ONLY
+    workers: Workers | None = option(
+        "Limits of the worker process that runs the FMU, and where the parts of the analysis run; by default one after "
+        "the other.",
+        default=None,
+        group="Where it runs",
+        part=Parts,
+    )
+
+    @property
+    def place(self) -> Parts:
+        """Where the FMU runs."""
+        return self._place(Parts)
+
+
+class InWhole(InWorker):
+    """The part of a request that says where all of it runs, on this machine or on a cluster."""
+
+    _: KW_ONLY
+    workers: Workers | None = option(
+        "Limits of the worker process that runs the FMU, or the cluster that it runs on; by default an hour for one "
+        "result.",
+        default=None,
+        group="Where it runs",
+        part=Whole,
+    )
+
+    @property
+    def place(self) -> Whole:
+        """Where the FMU runs."""
+        return self._place(Whole)

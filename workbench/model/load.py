@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
+import threading
 import zipfile
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, field, replace
 from pathlib import Path
@@ -102,10 +105,7 @@ class FmuRecipe(LoadRecipe):
             if not Path(self.folder).is_dir():
                 raise FmuError(f"{self.source}: the folder in which it was unpacked is gone; was the model closed?")
             return Unpacked(Path(self.source), Path(self.folder), owned=False)
-        with scratch("packed") as holder:
-            file = holder / "packed.fmu"
-            file.write_bytes(self.archive)
-            unpacked = unpack(file)
+        unpacked = _unpack_bytes(self.archive)
         unpacked.source = Path(self.source)
         return unpacked
 
@@ -123,6 +123,18 @@ class FmuRecipe(LoadRecipe):
     def packed(self) -> FmuRecipe:
         return replace(self._with_archive(), sha256=self.content())
 
+    def settled(self) -> FmuRecipe:
+        if self.archive is None:
+            return self
+        key = self.sha256 or hashlib.sha256(self.archive).hexdigest()
+        with _settling:
+            if key not in _settled:
+                _settled[key] = _unpack_bytes(self.archive)
+            _settled.move_to_end(key)
+            while len(_settled) > _MOST_SETTLED:
+                _settled.popitem(last=False)[1].close()
+            return replace(self, folder=str(_settled[key].folder.absolute()), archive=None)
+
     def _with_archive(self) -> FmuRecipe:
         source = Path(self.source)
         if source.is_file():  # with the binaries of other platforms, which were not unpacked here
@@ -133,6 +145,19 @@ class FmuRecipe(LoadRecipe):
             for file in files_of(folder):
                 archive.write(file, file.relative_to(folder).as_posix())
         return replace(self, archive=buffer.getvalue())
+
+
+# FMUs that came packed, by the SHA-256 of the archive.
+_settled: OrderedDict[str, Unpacked] = OrderedDict()
+_settling = threading.Lock()
+_MOST_SETTLED = 64
+
+
+def _unpack_bytes(archive: bytes) -> Unpacked:
+    with scratch("packed") as holder:
+        file = holder / "packed.fmu"
+        file.write_bytes(archive)
+        return unpack(file)
 
 
 def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:

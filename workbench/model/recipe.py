@@ -65,6 +65,10 @@ class Recipe(ABC):
         """Return a recipe that needs no file of this machine."""
         return self
 
+    def settled(self) -> Recipe:
+        """Return what `packed` gave with its files in folders of this process, each FMU once for all recipes."""
+        return self
+
 
 class LoadRecipe(Loading, Recipe):
     """What `load` was told, and the file.

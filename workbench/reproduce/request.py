@@ -22,7 +22,6 @@ _LONGEST = 600.0  # [s], of one experiment: a hundred times what it takes
 class _Experiments(Workers):
     """How many experiments are measured at a time, each in a process of its own."""
 
-    scheduler: str | None = option("Not for experiments.", default=None, python=True)
     timeout: float | None = option(
         "Time limit for one experiment [s]; 600 by default, inf for no limit.", metavar="S", default=_LONGEST
     )
@@ -36,7 +35,8 @@ class Reproduce(Request[Sequence[str], "ReproduceResult"]):
     go on.
 
     Raises:
-        InputError: a word that is not a chapter, figure or target; not a folder; an executor or a cluster.
+        InputError: a word that is not a chapter, figure or target; not a folder; an executor; pictures for a
+            folder, or no answer, from a cluster.
     """
 
     command = "reproduce"

@@ -15,9 +15,9 @@ from workbench.reproduce.result import Outcome, ReproduceResult, TargetList
 from workbench.reproduce.select import select
 from workbench.reproduce.targets import Target
 from workbench.reproduce.work import Found, Job, perform
-from workbench.workers import InProcess, Lost, Runner, Workers
+from workbench.workers import Lost, Runner, Workers
+from workbench.workers.choose import runner_for
 from workbench.workers.limits import cores
-from workbench.workers.pool import Pool
 
 __all__ = ["run", "run_command"]
 
@@ -41,6 +41,7 @@ def run(selection: Sequence[str], asked: Reproduce, job: RequestJob) -> Reproduc
     experiments_asked = _jobs(chosen, everything=not selection, svg=asked.drawings, folder=into)
     measuring = {name: one for one in experiments_asked for name in one.targets}
     found: dict[str, Found] = {}
+    processes = _processes(where)
 
     def result() -> ReproduceResult:
         done = {one.experiment: found.get(one.experiment, _INTERRUPTED) for one in experiments_asked}
@@ -49,14 +50,14 @@ def run(selection: Sequence[str], asked: Reproduce, job: RequestJob) -> Reproduc
             drawings=tuple(drawing for one in done.values() for drawing in one.drawings),
             seconds=time.monotonic() - begin,
             processor_seconds={name: one.processor_seconds for name, one in done.items()},
-            jobs=_processes(where),
+            jobs=processes,
             interrupted=len(found) < len(done),
             selection=tuple(selection),
         )
 
     # The longest first, so that no long one is left for one process alone at the end.
     queue = deque(sorted(experiments_asked, key=lambda one: -experiments()[one.experiment].seconds))
-    with _runner(where) as runner, job.ended_by(runner.end_soon):
+    with _runner(where, into) as runner, job.ended_by(runner.end_soon):
         for reply in runner.run(perform, queue):
             name = reply.job.experiment
             found[name] = Found(problem=reply.reason) if isinstance(reply, Lost) else reply.value
@@ -92,15 +93,19 @@ def _jobs(chosen: Sequence[Target], *, everything: bool, svg: bool, folder: Path
     return found
 
 
-def _runner(workers: Workers) -> Runner:
-    if workers.executor is not None or workers.scheduler is not None:
-        raise InputError("the figures are measured on this machine: no executor and no cluster")
-    if workers.in_process:
-        return InProcess(None)
-    return Pool(None, jobs=_processes(workers), limits=workers.limits)
+def _runner(workers: Workers, folder: Path | None) -> Runner:
+    if workers.executor is not None:
+        raise InputError("the figures are measured in worker processes or on a cluster: no executor")
+    if workers.scheduler is not None and folder is not None:
+        raise InputError("pictures are written where they are measured: leave --pictures out with a scheduler")
+    return runner_for(workers)
 
 
 def _processes(workers: Workers) -> int:
+    if workers.scheduler is not None:
+        from workbench.workers.cluster import Cluster  # noqa: PLC0415 - seldom needed
+
+        return Cluster.at(workers).size
     return 1 if workers.in_process else workers.jobs or cores()
 
 

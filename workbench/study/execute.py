@@ -6,10 +6,11 @@ import json
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.option import recast
+from workbench.core.where import Workers
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError
 from workbench.study.commands import Reference, filled
@@ -18,7 +19,7 @@ from workbench.study.plan import Outcome, Plan, Run
 
 if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
     from workbench.study.worker import Job
-    from workbench.workers import Runner, Workers
+    from workbench.workers import Runner
 
 __all__ = ["Execution", "Progress"]
 
@@ -77,14 +78,14 @@ class Execution:
             InputError: an analysis asks for what cannot be done, at every point.
             WorkbenchError: the store cannot be written.
         """
+        from workbench.workers.choose import runner_for  # noqa: PLC0415
         from workbench.workers.limits import cores  # noqa: PLC0415
-        from workbench.workers.pool import Pool  # noqa: PLC0415
 
-        self._jobs = workers.jobs or cores()
+        self._jobs = 1 if workers.scheduler is not None else workers.jobs or cores()
         progress(len(self.outcomes), "")
         # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
         self._confine = workers.confine
-        with Pool(None, jobs=self._jobs, limits=replace(workers.limits, confine=False)) as self._runner:
+        with runner_for(recast(Workers, workers, confine=False)) as self._runner:
             if self._stopped:
                 self._runner.stop()
             with suppress(KeyboardInterrupt):  # what is missing tells

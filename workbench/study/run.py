@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.core.where import Scheduler
 from workbench.errors import InputError
 from workbench.study.description import Point, Study
 from workbench.study.execute import Execution, Progress
@@ -128,6 +129,7 @@ def run_study(
     jobs: int | None = None,
     timeout: float | None = None,
     confine: bool = False,
+    scheduler: str | Scheduler | None = None,
 ) -> StudyResult:
     """Run a study: analyses over a grid of parameters, compared with requirements.
 
@@ -139,6 +141,8 @@ def run_study(
         jobs: worker processes at a time; None: one per core.
         timeout: longest time for one analysis [s]; None: an hour.
         confine: keep FMUs from networks, and from writing files outside their own temporary folders.
+        scheduler: Dask cluster on which the analyses run, an address or a `Cluster`; study and store must lie on a
+            file system that its machines share.
 
     Returns:
         Values, limits and margins, with `.passed`, `.to_dict()`, `.to_csv()`, `.to_junit()` and `.report()`.
@@ -170,7 +174,7 @@ def run_study(
     limit = DEFAULT_TIMEOUT if timeout is None else timeout
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit, confine=confine))
+    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit, confine=confine, scheduler=scheduler))
 
 
 # -- requirements ------------------------------------------------------------------------------

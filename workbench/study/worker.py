@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import time
 import traceback
 from collections import deque
@@ -59,6 +60,12 @@ class Job:
 
 def perform(_model: None, job: Job) -> Iterator[Outcome]:
     """Do an analysis and yield what it gave, once."""
+    if not (job.folder.is_dir() and job.workplace.is_dir()):  # on another machine
+        yield Outcome(
+            reason=f"{job.folder} or {job.workplace} is not on {platform.node()}: on a cluster the folders of a study "
+            "and of its store must lie on a file system that all machines share"
+        )
+        return
     os.chdir(job.folder)
     known = command(job.command)
     begin = time.monotonic()

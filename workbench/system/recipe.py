@@ -151,6 +151,9 @@ class SystemRecipe(LoadRecipe):
     def packed(self) -> Self:
         return replace(self, parts={name: recipe.packed() for name, recipe in self.parts.items()})
 
+    def settled(self) -> Self:
+        return replace(self, parts={name: recipe.settled() for name, recipe in self.parts.items()})
+
     def __getstate__(self) -> dict[str, Any]:
         """Send no folder along: who opens the recipe there does not own it."""
         state = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -15,7 +15,7 @@ from workbench.workers.runner import InProcess, Runner
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["choose"]
+__all__ = ["choose", "runner_for"]
 
 
 def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
@@ -46,16 +46,29 @@ def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
     return _MAKE[place](model.recipe, workers), notes
 
 
+def runner_for(workers: Workers) -> Runner:
+    """Return what runs tasks that have no model.
+
+    Args:
+        workers: what was asked for.
+
+    Raises:
+        InputError: the cluster cannot be reached.
+    """
+    place = _place(workers)
+    return InProcess(None) if place == "here" else _MAKE[place](None, workers)
+
+
 def _place(workers: Workers) -> str:
     asked = {"here": workers.in_process, "executor": workers.executor, "scheduler": workers.scheduler}
     return next((place for place, wanted in asked.items() if wanted), "workers")
 
 
-def _pool(recipe: Recipe, workers: Workers) -> Runner:
+def _pool(recipe: Recipe | None, workers: Workers) -> Runner:
     return Pool(recipe, jobs=workers.jobs or cores(), limits=workers.limits)
 
 
-def _on_executor(recipe: Recipe, workers: Workers) -> Runner:
+def _on_executor(recipe: Recipe | None, workers: Workers) -> Runner:
     from workbench.workers.executor import OnExecutor  # noqa: PLC0415 - seldom needed
 
     if workers.executor is None:
@@ -63,13 +76,13 @@ def _on_executor(recipe: Recipe, workers: Workers) -> Runner:
     return OnExecutor(workers.executor, recipe)
 
 
-def _on_cluster(recipe: Recipe, workers: Workers) -> Runner:
-    from workbench.workers.cluster import OnCluster  # noqa: PLC0415 - seldom needed
+def _on_cluster(recipe: Recipe | None, workers: Workers) -> Runner:
+    from workbench.workers.cluster import Cluster, OnCluster  # noqa: PLC0415 - seldom needed
 
-    return OnCluster(workers.scheduler or "", recipe)
+    return OnCluster(Cluster.at(workers), recipe, limits=workers.limits)
 
 
-_MAKE: dict[str, Callable[[Recipe, Workers], Runner]] = {
+_MAKE: dict[str, Callable[[Recipe | None, Workers], Runner]] = {
     "executor": _on_executor,
     "scheduler": _on_cluster,
     "workers": _pool,

@@ -1,71 +1,429 @@
-"""An existing Dask cluster as the place where tasks run."""
+"""A Dask cluster as the place where tasks run, in batches of about a second."""
 
 from __future__ import annotations
 
+import logging
+import math
+import pickle
+import queue
+import re
+import time
+import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from importlib import import_module
-from typing import Any
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
-from workbench.errors import InputError, one_line
+from workbench.core.where import Limits, Scheduler, Workers
+from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task
-from workbench.workers.executor import OnExecutor
+from workbench.workers.in_cluster import Batch, Done, do_batch, proof, take_apart, the_same
+from workbench.workers.local_cluster import LocalCluster
 from workbench.workers.runner import Lost, Reply, Runner
+from workbench.workers.stamp import Stamp, stamp
 
-__all__ = ["OnCluster"]
+__all__ = ["Cluster", "OnCluster", "reached"]
 
-_CONNECT = "10s"
+_CONNECT = 10.0  # [s]
+_PATIENCE = 30.0  # without any worker [s]
+_CLOSING = 1.0  # [s]
+_WAIT = 0.1  # [s]: so often is looked whether somebody wants to stop
+_LOOK = 1.0  # [s]: so often is looked how many workers there are
+
+_WORTH = 1.0  # [s]: work in a batch
+_REMEMBERED = 8  # batches from whose times the size of the next follows
+_WAITING = 2  # batches for each thread of a worker: one in work, one that waits
+_SHARE = 2  # the last batches are smaller: so many for each thread are left to share out
+
+_LOCAL = re.compile(r"local:(\d+)")
+_DISTRIBUTION = "fmi-workbench"
+
+
+class Cluster(Scheduler):
+    """A Dask cluster that stays connected for several analyses.
+
+    Wherever `Workers(scheduler=…)` takes an address it takes a cluster. Its workers need the same workbench and no
+    FMU. Each proves its state (versions of workbench and kernel, all sources) before it gets work; one that differs
+    is refused. Without a `with` block around it each analysis connects anew.
+
+    Args:
+        scheduler: address of the scheduler (tcp://.., tls://..), its scheduler file (.json), or local:N for N workers
+            on this machine, which end with the cluster.
+        tls: files for tls://: certificate of the authority, own certificate, own key.
+        patience: longest time without any worker [s].
+
+    Attributes:
+        address: of the scheduler.
+
+    Raises:
+        InputError: `distributed` is not installed, no scheduler answers there, it has no workers, or these run
+            another state of the workbench.
+
+    Examples:
+        Two workers on this machine, two analyses.
+
+        ```python
+        with wb.Cluster("local:2") as cluster, wb.load("fmu:Rudder") as rudder:
+            there = wb.Workers(scheduler=cluster)
+            response = wb.nfr(rudder, "delC", "del", band=(0.5, 20.0), amplitudes=[1.0, 4.0], workers=there)
+            models = wb.lin_over(rudder, {"mH": [0.0, 50.0, 100.0]}, inputs=["delC"], workers=there)
+        ```
+    """
+
+    def __init__(self, scheduler: str, *, tls: Sequence[str] | None = None, patience: float = _PATIENCE) -> None:
+        self.address = scheduler
+        self.tls = None if tls is None else tuple(tls)
+        self.patience = patience
+        self._client: Any = None
+        self._closing = ExitStack()
+
+    @classmethod
+    def at(cls, workers: Workers) -> Cluster:
+        """Return the cluster that is asked for.
+
+        Args:
+            workers: with a scheduler.
+        """
+        found = workers.scheduler
+        return found if isinstance(found, Cluster) else cls(str(found), tls=workers.tls)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process connects by itself."""
+        return _again, (self.address, self.tls, self.patience)
+
+    def __repr__(self) -> str:
+        return f"Cluster({self.address!r})"
+
+    @property
+    def connected(self) -> bool:
+        """Whether it is."""
+        return self._client is not None
+
+    @property
+    def client(self) -> Any:  # noqa: ANN401 - distributed is untyped
+        """The `distributed.Client`.
+
+        Raises:
+            InputError: it is not connected.
+        """
+        if self._client is None:
+            raise InputError(f"scheduler {self.address}: is not connected; use it in a with block")
+        return self._client
+
+    @property
+    def lost(self) -> bool:
+        """Whether the scheduler does not answer any more."""
+        return bool(self.client.status != "running")
+
+    @property
+    def dashboard(self) -> str:
+        """Address of the page that shows what the cluster does; empty: there is none."""
+        try:
+            return str(self.client.dashboard_link)
+        except (KeyError, OSError, AttributeError, ValueError):
+            return ""
+
+    @property
+    def words(self) -> str:
+        """Where it is, how many work there, and where that can be watched."""
+        size = self.size
+        shown = f"; dashboard: {self.dashboard}" if self.dashboard else ""
+        return f"scheduler {self.address}: {size} worker{'s' if size != 1 else ''}{shown}"
+
+    @property
+    def size(self) -> int:
+        """How many tasks it does at a time; 0 where it is not connected."""
+        return sum(self.threads().values()) if self.connected else 0
+
+    def threads(self) -> Mapping[str, int]:
+        """Return address of each worker → how many tasks it does at a time.
+
+        Raises:
+            LostError: the scheduler does not answer.
+        """
+        try:
+            return dict(self.client.nthreads())
+        except (OSError, ValueError, AttributeError, RuntimeError):
+            raise self.gone() from None
+
+    def gone(self) -> LostError:
+        """Return the error of a scheduler that does not answer."""
+        return LostError(f"scheduler {self.address}: the connection was lost; what was finished before is kept")
+
+    def __enter__(self) -> Self:
+        with ExitStack() as undo:
+            undo.enter_context(_quiet())
+            local = _LOCAL.fullmatch(self.address)
+            if local:
+                _distributed()
+                self.address = undo.enter_context(LocalCluster(int(local[1]))).address
+            self._client = _connected(self.address, self.tls)
+            undo.callback(self._disconnect)
+            self._wait_for_workers()
+            self._compare(self.client.run(proof, on_error="return"))
+            self._closing = undo.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of it; any number of times."""
+        self._closing.close()
+
+    def _disconnect(self) -> None:
+        client, self._client = self._client, None
+        with suppress(Exception):  # nobody is there who could listen
+            client.close(timeout=_CLOSING)
+
+    def _wait_for_workers(self) -> None:
+        with suppress(TimeoutError, OSError):  # asyncio's and distributed's are the former
+            self.client.wait_for_workers(1, timeout=self.patience)
+        if not self.threads():
+            raise InputError(
+                f"scheduler {self.address}: has no workers after {self.patience:g} s; "
+                f"start some with: dask worker {self.address}"
+            )
+
+    def _compare(self, proofs: Mapping[str, Any]) -> None:
+        """Refuse workers whose workbench is not in the state of this one."""
+        for worker, found in proofs.items():
+            if not isinstance(found, tuple):
+                self.refuse(worker, f"no workbench that can prove its state ({self._version_at(worker)})")
+            if found != tuple(stamp()):
+                self.refuse(worker, str(Stamp(*found)) if len(found) == len(stamp()) else repr(found))
+
+    def _version_at(self, worker: str) -> str:
+        found = self.client.run(version, _DISTRIBUTION, workers=[worker], on_error="return").get(worker)
+        return f"workbench {found}" if isinstance(found, str) else "none is installed"
+
+    def refuse(self, worker: str, found: str) -> None:
+        """Raise the error of a worker in another state.
+
+        Args:
+            worker: its address.
+            found: its state.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            f"scheduler {self.address}: worker {worker} has {found}; here is {stamp()}; install the same there"
+        )
+
+    def prove(self) -> None:
+        """Compare the state of all workers again.
+
+        Raises:
+            InputError: one differs.
+        """
+        self._compare(self.client.run(proof, on_error="return"))
+
+
+@contextmanager
+def reached(workers: Workers) -> Iterator[tuple[Workers, str]]:
+    """Yield where parts run with a cluster that is connected, and words on it where it was not before.
+
+    Args:
+        workers: with a scheduler.
+
+    Raises:
+        InputError: see `Cluster`.
+    """
+    cluster = Cluster.at(workers)
+    if cluster.connected:
+        yield workers, ""
+        return
+    with cluster:
+        yield replace(workers, scheduler=cluster, tls=None), cluster.words
+
+
+def _again(scheduler: str, tls: tuple[str, ...] | None, patience: float) -> Cluster:
+    return Cluster(scheduler, tls=tls, patience=patience)
+
+
+def _distributed() -> Any:  # noqa: ANN401 - distributed is untyped
+    try:
+        return import_module("distributed")  # optional, slow to import, untyped
+    except ImportError:
+        raise InputError('a cluster needs distributed: pip install "fmi-workbench[cluster]"') from None
+
+
+def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 - distributed is untyped
+    distributed = _distributed()
+    for file in (*(tls or ()), *([address] if address.endswith(".json") else [])):
+        if not Path(file).is_file():
+            raise InputError(f"scheduler {address}: {file}: no such file")
+    where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
+    if tls is not None:
+        names = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+        where["security"] = distributed.Security(require_encryption=True, **dict(zip(names, tls, strict=True)))
+    try:
+        return distributed.Client(**where, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
+        raise InputError(f"scheduler {address}: cannot be reached: {one_line(str(error))}") from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let what goes wrong be told in our words alone, not in the log of the libraries underneath as well."""
+    logs = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    before = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for log, level in zip(logs, before, strict=True):
+            log.setLevel(level)
 
 
 class OnCluster(Runner):
-    """Runs tasks on the workers of a Dask scheduler, which need the workbench installed, not the FMU.
+    """Runs tasks on a cluster: each in a worker process of its own, as `Pool` does, inside a worker of the cluster.
 
-    The FMU's files are sent to the workers once. A worker that dies is the cluster's affair: it tries
-    the task on another one and gives it up after some deaths (`distributed.scheduler.allowed-failures`).
+    One task of the scheduler is a batch of jobs of about a second, as measured. As many batches are there as keep all
+    workers busy, which may come and go. The FMU goes to each worker once, whatever is varied of it. A worker that
+    dies costs nothing: its batches are done elsewhere, those that keep killing workers job by job.
 
     Args:
-        address: of the scheduler, e.g. tcp://host:8786.
-        recipe: of the model.
+        cluster: is connected for as long as the runner lives, unless it is already.
+        recipe: of the model; None: the tasks have none.
+        limits: time and memory for each job.
 
     Raises:
-        InputError: `distributed` is not installed, no scheduler answers there, or its workers lack the workbench.
+        InputError: see `Cluster`.
     """
 
-    def __init__(self, address: str, recipe: Recipe) -> None:
-        self._client = _connect(address)
-        try:
-            # One future for all tasks; the executor's workers get the recipe itself.
-            shared = self._client.scatter(recipe.packed(), broadcast=True)
-        except Exception as error:  # noqa: BLE001 - it passes on whatever its workers raise
-            self._client.close()
-            text = one_line(f"{type(error).__name__}: {error}")
-            raise InputError(
-                f"scheduler {address}: its workers cannot load the model ({text}); install the same workbench there"
-            ) from None
-        self._runner: Runner = OnExecutor(self._client.get_executor(pure=False), shared)
+    def __init__(self, cluster: Cluster, recipe: Recipe | None, *, limits: Limits) -> None:
+        self._cluster, self._limits = cluster, limits
+        self._closing = ExitStack()
+        if not cluster.connected:
+            self._closing.enter_context(cluster)
+        self._recipe, archives = take_apart(recipe)
+        self._archives = tuple(archives)
+        client = cluster.client
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of large arguments, which these are on purpose
+            self._sent = [
+                client.submit(the_same, archive, key=f"workbench-fmu-{key}", pure=True)
+                for key, archive in archives.items()
+            ]
+        self._in_work: dict[Any, list[Any]] = {}
+        self._ready: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._alone: deque[Any] = deque()  # jobs whose batch killed workers
+        self._times: deque[tuple[int, float]] = deque(maxlen=_REMEMBERED)
+        self._slots, self._looked = 0, -math.inf
+        self._worked = time.monotonic()
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
-        return self._runner.run(task, jobs)
-
-    def stop(self) -> None:
-        self._runner.stop()
+        self._worked = time.monotonic()
+        try:
+            while jobs or self._alone or self._in_work:
+                self._look()
+                self._send(task, jobs)
+                for future in self._finished():
+                    yield from self._take(future)
+        finally:
+            self._cancel()
 
     def close(self) -> None:
-        self._runner.close()
-        self._client.close()
+        self._cancel()
+        self._sent = []
+        self._closing.close()
 
+    # -- sending -------------------------------------------------------------------------------
 
-def _connect(address: str) -> Any:  # noqa: ANN401 - distributed is untyped
-    try:
-        distributed = import_module("distributed")  # optional, slow to import, untyped
-    except ImportError:
-        raise InputError('a cluster needs distributed: pip install "fmi-workbench[cluster]"') from None
-    try:
-        client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"scheduler {address}: cannot be reached: {one_line(str(error))}") from None
-    if not client.scheduler_info()["workers"]:
-        client.close()
-        raise InputError(f"scheduler {address}: has no workers; start some with: dask worker {address}")
-    return client
+    def _look(self) -> None:
+        """Count the workers now and then, which come and go."""
+        now = time.monotonic()
+        if now < self._looked + _LOOK:
+            return
+        self._slots, self._looked = self._cluster.size, now
+        if self._slots:
+            self._worked = now
+        elif now > self._worked + self._cluster.patience:
+            raise LostError(
+                f"scheduler {self._cluster.address}: has had no workers for {self._cluster.patience:g} s; what was "
+                "finished before is kept"
+            )
+
+    def _send(self, task: Task, jobs: deque[Any]) -> None:
+        """Let enough batches be under way."""
+        while (jobs or self._alone) and len(self._in_work) < _WAITING * self._slots:
+            count = self._size(len(jobs))
+            some = [self._alone.popleft()] if self._alone else [jobs.popleft() for _ in range(count)]
+            batch = Batch(self._recipe, self._archives, task, tuple(some), self._limits)
+            packed = pickle.dumps(batch, pickle.HIGHEST_PROTOCOL)
+            future = self._cluster.client.submit(do_batch, tuple(stamp()), packed, *self._sent, pure=False)
+            self._in_work[future] = some
+            future.add_done_callback(self._ready.put)
+
+    def _size(self, left: int) -> int:
+        """Return how many jobs take about a second; towards the end fewer, so that all workers end together."""
+        jobs, seconds = (sum(column) for column in zip(*self._times, strict=True)) if self._times else (1, _WORTH)
+        worth = int(_WORTH * jobs / max(seconds, 1e-9))
+        return max(1, min(worth, math.ceil(left / (_SHARE * max(self._slots, 1))), left))
+
+    def _cancel(self) -> None:
+        if self._in_work and self._cluster.connected and not self._cluster.lost:
+            with suppress(OSError, RuntimeError, TimeoutError):
+                self._cluster.client.cancel(list(self._in_work))
+        self._in_work = {}
+
+    # -- taking --------------------------------------------------------------------------------
+
+    def _finished(self) -> list[Any]:
+        """Wait a little; return what is finished."""
+        found = []
+        with suppress(queue.Empty):
+            found.append(self._ready.get(timeout=_WAIT))
+            while True:
+                found.append(self._ready.get_nowait())
+        if self.stopped:
+            raise KeyboardInterrupt
+        if self._cluster.lost:
+            raise self._cluster.gone()
+        return [future for future in found if future in self._in_work]
+
+    def _take(self, future: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401 - distributed is untyped
+        jobs = self._in_work.pop(future)
+        try:
+            found, packed = future.result(timeout=_PATIENCE)
+        except Exception as error:  # noqa: BLE001 - whatever a worker raises
+            yield from self._failed(jobs, error)
+            return
+        if tuple(found) != tuple(stamp()) or not packed:
+            self._cluster.prove()
+            self._cluster.refuse("that came later", str(Stamp(*found)))
+        done: Done = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
+        self._times.append((len(jobs), done.seconds))
+        self.printed += done.printed
+        for number, (job, items) in enumerate(zip(jobs, done.found, strict=True)):
+            yield from (Reply(job, item) for item in items)
+            if number in done.lost:
+                yield Lost(job, done.lost[number])
+        if done.error is not None:
+            raise done.error
+
+    def _failed(self, jobs: list[Any], error: Exception) -> Iterator[Lost]:
+        """Take a batch that gave nothing."""
+        if self._cluster.lost:
+            raise self._cluster.gone()
+        if type(error).__name__ == "KilledWorker":
+            if len(jobs) > 1:
+                self._alone.extend(jobs)
+            else:
+                yield Lost(jobs[0], LostError("each worker of the cluster that did this died; see the workers' log"))
+            return
+        self._cluster.prove()
+        raise WorkbenchError(
+            f"scheduler {self._cluster.address}: a worker could not do its part: {type(error).__name__}: {error}"
+        )

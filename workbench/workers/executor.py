@@ -27,9 +27,9 @@ _AHEAD = 64
 _opened = threading.local()
 
 
-def run_to_end(recipe: Recipe, task: Task, job: Any) -> list[Any]:  # noqa: ANN401 - any task's
+def run_to_end(recipe: Recipe | None, task: Task, job: Any) -> list[Any]:  # noqa: ANN401 - any task's
     """Do one task wherever this is called; the model stays open for the next call in the same thread."""
-    return list(task(_model(recipe), job))
+    return list(task(None if recipe is None else _model(recipe), job))
 
 
 def _model(recipe: Recipe) -> Model:
@@ -54,10 +54,10 @@ class OnExecutor(Runner):
 
     Args:
         executor: it stays open.
-        recipe: of the model, or what the executor turns into one.
+        recipe: of the model; None: the tasks have none.
     """
 
-    def __init__(self, executor: Executor, recipe: Any) -> None:  # noqa: ANN401 - a future of one on a cluster
+    def __init__(self, executor: Executor, recipe: Recipe | None) -> None:
         self._executor, self._recipe = executor, recipe
         self._pending: dict[Future[list[Any]], Any] = {}
 

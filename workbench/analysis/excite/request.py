@@ -10,6 +10,7 @@ from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Form, Names
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
+from workbench.core.where import InWhole
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ else:
     _Multisine = Annotated[object, _form("multisine")]
 
 
-class Excite(AtPoint, Analysis["ExciteResult"]):
+class Excite(AtPoint, InWhole, Analysis["ExciteResult"]):
     """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
 
     One session starts at the operating point: it settles if requested, then the identification and the

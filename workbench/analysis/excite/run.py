@@ -14,12 +14,11 @@ from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.option import recast
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
-from workbench.workers import Job, Remark, Reply, Workers, choose, perform
+from workbench.workers import Job, Remark, Reply, choose, perform
 
 __all__ = ["run"]
 
@@ -29,8 +28,7 @@ WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
 def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
     """Record an experiment; see `Excite`."""
     point, remarks = find_point(model, asked.at)
-    here = asked.workers is None and not asked.confine
-    runner, notes = choose(model, Workers(in_process=True) if here else recast(Workers, asked.place, jobs=1))
+    runner, notes = choose(model, asked.place)
     plain = replace(
         asked,
         inputs=tuple(dict.fromkeys(asked.inputs)),

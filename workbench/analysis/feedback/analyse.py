@@ -217,7 +217,7 @@ class _Work:
             return result
         study = settling_study(
             self.place, start, gains, watch=watch, y0=self.y0, actuator=self.actuator, settings=self.settings,
-            job=job,
+            workers=self.asked.place.apart, job=job,
         )  # fmt: skip
         result = replace(result, settling=study)
         for note in _study_notes(study):

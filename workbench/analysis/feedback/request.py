@@ -13,6 +13,7 @@ from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Form, Names, Numbers, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
+from workbench.core.where import InParts
 from workbench.errors import InputError
 from workbench.signals import Signals
 
@@ -82,7 +83,7 @@ else:
     _Size = Annotated[object, _SIZE]
 
 
-class Feedback(AtPoint, Analysis["FeedbackResult"]):
+class Feedback(AtPoint, InParts, Analysis["FeedbackResult"]):
     """Feed an output back to an input, u = g·y: stabilising gains, their effect on a limit cycle, settling times.
 
     The system is linearised at rest from the target to the source, a nonlinear block by its slope there.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from workbench.analysis.feedback.actuator import Actuator
 from workbench.analysis.feedback.optimum import Optimum, optimum_of
-from workbench.analysis.feedback.place import FeedbackPath, Wish
+from workbench.analysis.feedback.place import FeedbackPath, Wish, find_place
 from workbench.analysis.feedback.request import THRESHOLDS
 from workbench.analysis.feedback.start import PER_CYCLE, Start, mean_magnitude
 from workbench.core.job import Job
@@ -20,6 +21,7 @@ from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Signal
+from workbench.workers import Lost, Workers, choose
 
 __all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]
 
@@ -183,6 +185,7 @@ def settling_study(
     y0: float,
     actuator: Actuator | None,
     settings: SettlingSettings,
+    workers: Workers,
     job: Job,
 ) -> SettlingStudy:
     """Close the feedback with each gain on the same motion and measure how fast it settles.
@@ -195,18 +198,26 @@ def settling_study(
         y0: value of the source at rest.
         actuator: between gain and target; None: none.
         settings: threshold, polynomial, patience.
+        workers: where the motions run.
         job: is told each gain.
 
     Raises:
         InputError, FmuError: the system with feedback cannot be opened.
     """
-    runs = []
-    for number, gain in enumerate(gains):
-        closes = start.closes if start.opens < start.closes else None
-        wish = Wish(gain, y0, actuator, closes)
-        with place.opened(place.closed(wish)) as model:
-            runs.append(_run(model, place, start, wish, watch, settings))
-        job.done(f"gain {gain:.4g}", number + 1, len(gains))
+    closes = start.closes if start.opens < start.closes else None
+    wishes = [Wish(gain, y0, actuator, closes) for gain in gains]
+    jobs = [_Closing(path=place.shown, start=start, wish=wish, watch=watch, settings=settings) for wish in wishes]
+    found: dict[float, GainRun] = {}
+    runner, notes = choose(place.model, workers)
+    job.notes += notes
+    with runner, job.ended_by(runner.stop):
+        for event in runner.run(_closed, deque(jobs)):
+            gain = event.job.wish.gain
+            if isinstance(event, Lost):
+                raise event.error
+            found[gain] = event.value
+            job.done(f"gain {gain:.4g}", len(found), len(gains))
+    runs = [found[gain] for gain in gains]
     units = {v.name: v.unit for v in place.model.description.variables}
     return SettlingStudy(
         variable=watch,
@@ -219,6 +230,24 @@ def settling_study(
         runs=tuple(runs),
         optima=tuple(optimum_of(runs, threshold, settings.order) for threshold in settings.every),
     )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Closing:
+    """A run of the study, for a worker."""
+
+    path: tuple[str, str]
+    start: Start
+    wish: Wish
+    watch: str
+    settings: SettlingSettings
+
+
+def _closed(model: DescribedModel, job: _Closing) -> Iterator[GainRun]:
+    """Do one run of the study; what a worker runs."""
+    place = find_place(model, *job.path)
+    with place.opened(place.closed(job.wish)) as system:
+        yield _run(system, place, job.start, job.wish, job.watch, job.settings)
 
 
 def _run(  # noqa: PLR0917 - one run of the study

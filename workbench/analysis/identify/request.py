@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from workbench.analysis.request import Request, Subject, function
 from workbench.core.forms import FILE, File, Form, Names
-from workbench.core.option import option
+from workbench.core.option import option, recast
+from workbench.core.where import DEFAULT_TIMEOUT, Parts, Workers
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,6 +55,15 @@ else:
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]
     _Data = Annotated[object, FILE]
+
+
+class _Replicates(Parts):
+    """Where the bootstrap runs; no FMU does."""
+
+    _: KW_ONLY
+    in_process: bool = option("Not for replicates.", default=False, python=True)
+    timeout: float | None = option("Time limit for one replicate [s].", default=DEFAULT_TIMEOUT, python=True)
+    memory_limit: float | None = option("Not for replicates.", default=None, python=True)
 
 
 class Identify(Request["Experiment | File", "IdentifyResult"]):
@@ -178,6 +188,12 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Validation",
     )
     seed: int = option("Seed of the bootstrap's random numbers.", python=True, default=0)
+    workers: Workers | None = option(
+        "Where the bootstrap's replicates are identified; by default one after the other in this process.",
+        default=None,
+        group="Where it runs",
+        part=_Replicates,
+    )
     lin: LinResult | LinearModel | File | None = option(
         "Linear model to compare the frequency response with.",
         metavar="LIN.JSON",
@@ -211,6 +227,11 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             record: of this request.
         """
         return not record.failed
+
+    @property
+    def place(self) -> Parts:
+        """Where the bootstrap's replicates are identified."""
+        return recast(Parts, self.workers or Parts())
 
 
 identify = function(Identify)

@@ -51,7 +51,7 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
     job.done("model estimated", 2, 3)
     model = _named(found, prepared)
     other = _other(asked, prepared.data)
-    regions = _regions(found.with_model(model), prepared, asked.bootstrap, asked.seed)
+    regions = _regions(found.with_model(model), prepared, asked)
     result = IdentifyResult(
         data=prepared.data,
         advice=advice,
@@ -96,11 +96,17 @@ def _other(asked: Identify, data: Experiment) -> Experiment | None:
     return cut(other, asked.settle)
 
 
-def _regions(found: SubspaceEstimate, prepared: Prepared, replicates: int, seed: int) -> PoleBootstrap | None:
-    if not replicates:
+def _regions(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> PoleBootstrap | None:
+    if not asked.bootstrap:
         return None
-    again = same_settings(found)
-    return bootstrap_poles(found.model, prepared.data, again, replicates=replicates, seed=seed)
+    return bootstrap_poles(
+        found.model,
+        prepared.data,
+        same_settings(found),
+        replicates=asked.bootstrap,
+        seed=asked.seed,
+        workers=asked.place.apart,
+    )
 
 
 def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:

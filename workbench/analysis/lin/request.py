@@ -10,6 +10,7 @@ from workbench.core.forms import File, Grid, Names, Numbers, Values, Widths
 from workbench.core.job import Job
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import Options, option, recast, with_options
+from workbench.core.where import InParts
 from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.signals import Signals
@@ -157,7 +158,7 @@ class Lin(_Single, Analysis["LinResult"]):
     example = "workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json"
 
 
-class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
+class LinOver(PointOptions, _Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
     """Linearise at every combination of parameters, inputs or states.
 
     The point is not trimmed again: if the equilibrium moves with what is varied, trim first and
@@ -182,7 +183,6 @@ class LinOver(PointOptions, _Perturbed, _Chosen, Analysis["LinGrid"]):
 
     over: Grid = option("Parameters, inputs or states to vary, with their values.")
     _: KW_ONLY
-    jobs: int = option("Number of worker processes; 1: run in this process.", default=1)
     store: File | None = option(
         "Folder in which finished models are kept; the same call continues from there.", default=None
     )
@@ -262,7 +262,7 @@ class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
     measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
 
 
-class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
+class LinCommand(_Single, InParts, Analysis["LinResult | LinGrid | LinComparison"]):
     """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
 
     If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
@@ -278,7 +278,6 @@ class LinCommand(_Single, Analysis["LinResult | LinGrid | LinComparison"]):
         default_factory=dict,
         group=_SEVERAL,
     )
-    jobs: int = option("Number of worker processes for --over.", default=1, group=_SEVERAL)
     store: File | None = option(
         "Folder in which finished models of --over are kept; the same command continues from there.",
         metavar="DIR",

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench import __version__
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinAlong, LinOver
 from workbench.analysis.lin.result import LinResult
@@ -25,6 +24,7 @@ from workbench.model import DescribedModel, Model
 from workbench.signals import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
+from workbench.workers.stamp import stamp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,21 +120,38 @@ class _Job:
 def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
     """Linearise at every combination; see `LinOver`."""
     grid = {name: several(values) for name, values in asked.over.items()}
-    _check(model, grid)
-    common = recast(Lin, asked, at=None, progress=None, **point_in_full(model, asked)[0])
-    todo = [_job(model, dict(zip(grid, values, strict=True)), common) for values in itertools.product(*grid.values())]
+    every = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
     found: dict[str, LinPoint] = {}
 
     def result() -> LinGrid:
-        points = (found.get(_label(j.varied)) or LinPoint(j.varied, None, "not reached") for j in todo)
+        points = (found.get(_label(varied)) or LinPoint(varied, None, "not reached") for varied in every)
         return LinGrid(model.name, model.interface, model.solver, grid, tuple(points))
 
     job.partial = lambda: result() if found else None
-    with _open_store(asked.store, model, common) as kept:
-        for point in _all(model, todo, asked.jobs, kept, job):
-            found[str(point)] = point
-            job.done(point, len(found), len(todo))
+    for point in points_over(model, asked, asked.place.apart, job):
+        found[str(point)] = point
+        job.done(point, len(found), len(every))
     return result()
+
+
+def points_over(model: Model, asked: LinOver, workers: Workers, job: Job) -> Iterator[LinPoint]:
+    """Linearise at every combination; yield the models as they are finished.
+
+    Args:
+        model: stays open.
+        asked: see `LinOver`.
+        workers: where.
+        job: can end it.
+
+    Raises:
+        InputError, FmuError: see `LinOver`.
+    """
+    grid = {name: several(values) for name, values in asked.over.items()}
+    _check(model, grid)
+    common = recast(Lin, asked, at=None, progress=None, workers=None, **point_in_full(model, asked)[0])
+    todo = [_job(model, dict(zip(grid, values, strict=True)), common) for values in itertools.product(*grid.values())]
+    with _open_store(asked.store, model, common) as kept:
+        yield from _all(model, todo, workers, kept, job)
 
 
 def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
@@ -158,15 +175,15 @@ def _job(model: Model, varied: dict[str, float], common: Lin) -> _Job:
     return _Job(varied=varied, parameters={n: v for n, v in varied.items() if n not in inputs | states}, asked=asked)
 
 
-def _all(model: Model, todo: Sequence[_Job], jobs: int, kept: Store | None, job: Job) -> Iterator[LinPoint]:
+def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
     """Yield every point: those on disk, then those that are made now, each on disk before the next."""
     done = kept.load() if kept is not None else {}
     for one in todo:
         if _label(one.varied) in done:
             yield LinPoint(one.varied, LinResult.from_dict(done[_label(one.varied)]))
     queue = deque(j for j in todo if _label(j.varied) not in done)
-    workers = Workers(in_process=True) if jobs == 1 else Workers(jobs=jobs)
-    runner, _ = choose(model, workers)
+    runner, notes = choose(model, workers)
+    job.notes += notes
     with runner, job.ended_by(runner.stop):
         for answer in runner.run(linearise_one, queue):
             point = _point(answer)
@@ -212,7 +229,7 @@ def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | n
     subject = {
         "analysis": "lin",
         "algorithm": _ALGORITHM,
-        "workbench": __version__,
+        **stamp().in_store,
         "model": model.recipe.identity(),
         "interface": model.interface,
         **{name: getattr(asked, name) for name in _DECIDING},

@@ -55,7 +55,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
             job.stage(number, len(configured))
             label = _label(settings or _own(model, common, against))
             source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
-            source.prepare(grid, jobs=asked.jobs, progress=_told(job, label or vary))
+            source.prepare(grid, asked.place.apart, job, label=label or vary)
             found.append(_one_set(source, grid, label, dict(settings), width))
             moving += _moving(source, label)
             first = first or next(
@@ -84,10 +84,6 @@ def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -
 
 def _label(settings: Settings) -> str:
     return ", ".join(f"{n} = {_word(v)}" for n, v in settings.items())
-
-
-def _told(job: Job, label: str) -> Callable[[int, int], None]:
-    return lambda done, total: job.done(label, done, total)
 
 
 def _word(value: Value) -> str:

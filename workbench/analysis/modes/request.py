@@ -9,6 +9,7 @@ from workbench.analysis.lin.request import METHOD_NAMES, PointOptions
 from workbench.analysis.request import Analysis, function
 from workbench.core.forms import VARIED, Band, Configurations, Numbers, Settings
 from workbench.core.option import option
+from workbench.core.where import InParts
 
 if TYPE_CHECKING:
     from workbench.analysis.modes.result import ModesResult  # noqa: F401 - the record's type, below
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Modes", "modes"]
 
 
-class Modes(PointOptions, Analysis["ModesResult"]):
+class Modes(PointOptions, InParts, Analysis["ModesResult"]):
     """Follow every mode over a parameter, through crossings, and find where modes become unstable: a flutter diagram.
 
     The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left
@@ -72,7 +73,6 @@ class Modes(PointOptions, Analysis["ModesResult"]):
         positive=True,
         default=None,
     )
-    jobs: int = option("Number of worker processes.", metavar="N", default=1)
 
 
 modes = function(Modes)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinOver
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinPoint, over, with_parameters
+from workbench.analysis.lin.sweep import LinPoint, points_over, with_parameters
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.trim.request import trim
 from workbench.core.job import Job
@@ -20,8 +21,11 @@ from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model
 from workbench.system.description import GainComponent
 from workbench.system.recipe import SystemRecipe
+from workbench.workers import Lost, Workers, choose
 
 __all__ = ["ModelSource", "check_parameter"]
+
+_HERE = Workers(in_process=True)
 
 # How accurate the entries of A are, relative to its size, by method; those not named: rounding.
 _ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
@@ -62,6 +66,46 @@ def _with_gain(model: Model, name: str, value: float) -> AbstractContextManager[
     return replace(recipe, system=replace(recipe.system, components=parts)).open()
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Single:
+    """A value at which is linearised what `lin_over` does not: about an equilibrium of its own, with another gain."""
+
+    vary: str
+    value: float
+    lin: Lin
+    trimmed: bool
+
+
+def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
+    """Linearise at one value; what a worker process runs."""
+    varied = {job.vary: job.value}
+    try:
+        with _set(model, job) as opened:
+            point = _trimmed(opened, job) if job.trimmed else None
+            lin = job.lin
+            asked = lin if point is None else replace(lin, x0={**point.x, **point.discrete}, u0=point.u)
+            yield LinPoint(varied, run(make_task(opened, asked), asked.method))
+    except SimulationError as error:
+        yield LinPoint(varied, None, str(error))
+
+
+def _set(model: Model, job: _Single) -> AbstractContextManager[Model]:
+    if job.vary in _gains(model):
+        return _with_gain(model, job.vary, job.value)
+    return with_parameters(model, {job.vary: job.value} if job.vary in {v.name for v in model.parameters} else {})
+
+
+def _trimmed(model: Model, job: _Single) -> OperatingPoint:
+    x0, u0, states = job.lin.x0 or {}, job.lin.u0 or {}, {v.name for v in model.states}
+    fixed = {job.vary: job.value} if job.vary in states else {}
+    forced = {job.vary: job.value} if job.vary in {v.name for v in model.inputs} else {}
+    begin = {n: v for n, v in x0.items() if n in states}
+    found = trim(model, x0=begin, u0={**u0, **forced}, fix=fixed, time=job.lin.time)
+    if not found.converged:
+        raise SimulationError("no equilibrium was found there")
+    return found.operating_point
+
+
 class ModelSource:
     """Linearises at each value that is asked for, once.
 
@@ -78,30 +122,23 @@ class ModelSource:
 
     def __init__(self, model: Model, vary: str, lin: Lin, *, trimmed: bool) -> None:
         self._model, self._vary, self._lin, self._trimmed = model, vary, lin, trimmed
-        self._is_parameter = vary in {v.name for v in model.parameters}
-        self._is_gain = vary in _gains(model)
-        self._one_by_one = trimmed or self._is_gain
+        self._one_by_one = trimmed or vary in _gains(model)
         self.results: dict[float, LinResult] = {}
         self.failed: dict[float, str] = {}
         self._poles: dict[float, Poles] = {}
 
-    def prepare(self, values: Sequence[float], *, jobs: int, progress: Callable[[int, int], None] | None) -> None:
+    def prepare(self, values: Sequence[float], workers: Workers, job: Job, *, label: str) -> None:
         """Linearise at many values, several at a time.
 
         Args:
             values: of the parameter.
-            jobs: worker processes.
-            progress: called with the number done and in all.
+            workers: where.
+            job: is told each, and can end it.
+            label: words for it.
         """
-        if self._one_by_one:
-            for number, value in enumerate(values, 1):
-                self(value)
-                if progress is not None:
-                    progress(number, len(values))
-            return
-        shown = None if progress is None else lambda _p, done, total: progress(done, total)
-        for point in self._over(values, jobs, shown):
+        for done, point in enumerate(self._points(values, workers, job), 1):
             self._take(point)
+            job.done(label, done, len(values))
 
     def __call__(self, value: float) -> Poles | None:
         """Return the poles at a value; None: there is no linear model.
@@ -113,7 +150,7 @@ class ModelSource:
         if value in self.failed:
             return None
         if value not in self.results:
-            self._take(self._single(value) if self._one_by_one else self._over([value], 1, None)[0])
+            self._take(next(iter(self._points([value], _HERE, Job()))))
             if value in self.failed:
                 return None
         if value not in self._poles:
@@ -128,35 +165,18 @@ class ModelSource:
         else:
             self.results[value] = point.result
 
-    def _over(
-        self, values: Sequence[float], jobs: int, progress: Callable[[LinPoint, int, int], None] | None
-    ) -> tuple[LinPoint, ...]:
-        asked = recast(LinOver, self._lin, over={self._vary: values}, jobs=jobs)
-        return over(self._model, asked, Job(progress)).points
-
-    def _single(self, value: float) -> LinPoint:
-        """Linearise at one value what `lin_over` does not: about an equilibrium of its own, with another gain."""
-        varied = {self._vary: value}
-        try:
-            with self._set(value) as model:
-                point = self._point(model, value) if self._trimmed else None
-                asked = self._lin if point is None else replace(self._lin, x0={**point.x, **point.discrete}, u0=point.u)
-                return LinPoint(varied, run(make_task(model, asked), asked.method))
-        except SimulationError as error:
-            return LinPoint(varied, None, str(error))
-
-    def _set(self, value: float) -> AbstractContextManager[Model]:
-        if self._is_gain:
-            return _with_gain(self._model, self._vary, value)
-        return with_parameters(self._model, {self._vary: value} if self._is_parameter else {})
-
-    def _point(self, model: Model, value: float) -> OperatingPoint:
-        x0, u0, states = self._lin.x0 or {}, self._lin.u0 or {}, {v.name for v in model.states}
-        held = {} if self._is_parameter or self._is_gain else {self._vary: value}
-        fixed = {n: v for n, v in held.items() if n in states}
-        forced = {**u0, **{n: v for n, v in held.items() if n not in states}}
-        begin = {n: v for n, v in x0.items() if n in states}
-        found = trim(model, x0=begin, u0=forced, fix=fixed, time=self._lin.time)
-        if not found.converged:
-            raise SimulationError("no equilibrium was found there")
-        return found.operating_point
+    def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
+        """Yield the linear models as they are finished."""
+        if not self._one_by_one:
+            yield from points_over(self._model, recast(LinOver, self._lin, over={self._vary: values}), workers, job)
+            return
+        jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
+        runner, notes = choose(self._model, workers)
+        job.notes += notes
+        with runner, job.ended_by(runner.stop):
+            for event in runner.run(_linearised, jobs):
+                yield (
+                    LinPoint({self._vary: event.job.value}, None, event.reason)
+                    if isinstance(event, Lost)
+                    else event.value
+                )

@@ -9,7 +9,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from workbench import __version__
 from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.result import MISSING, NfrResult
@@ -19,6 +18,7 @@ from workbench.errors import InputError, suggest
 from workbench.model import Model
 from workbench.store import Store
 from workbench.workers import Limits
+from workbench.workers.stamp import stamp
 
 __all__ = ["STATUSES", "NfrStore", "check_redo", "from_result"]
 
@@ -74,7 +74,7 @@ class NfrStore:
         subject = {
             "analysis": "nfr",
             "algorithm": _ALGORITHM,
-            "workbench": __version__,
+            **stamp().in_store,
             "model": model.recipe.identity(),
             "runs": [model.interface, model.solver],
             **settings,

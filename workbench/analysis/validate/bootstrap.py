@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +22,8 @@ from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.origin import with_origin
 from workbench.session.base import Floats
+from workbench.workers import InProcess, Reply, Runner, Workers
+from workbench.workers.choose import runner_for
 
 __all__ = ["PoleBootstrap", "bootstrap_poles", "match", "match_clouds"]
 
@@ -123,6 +127,7 @@ def bootstrap_poles(
     confidence: float = 0.95,
     joint: bool = True,
     seed: int = 0,
+    workers: Workers | None = None,
 ) -> PoleBootstrap:
     """Return confidence regions of a model's poles.
 
@@ -148,9 +153,11 @@ def bootstrap_poles(
         confidence: confidence of the regions.
         joint: all regions together hold the true poles with this confidence; False: each for itself.
         seed: seed of the random numbers.
+        workers: where the replicates are identified; None: one after the other in this process.
 
     Raises:
-        InputError: settings out of range, an unstable model, most replicates without a model of the same order.
+        InputError: settings out of range, an estimator that cannot be sent to other processes, an unstable
+            model, most replicates without a model of the same order.
 
     Examples:
         Is the true pole 0.5 in the region that belongs to the estimate?
@@ -171,11 +178,12 @@ def bootstrap_poles(
     length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
     poles = _without_delays(model.poles, sum(model.delay))
     found: list[Complex] = []
-    with one_thread():
-        for y in _records(model, data, replicates, length, np.random.default_rng(seed)) if len(poles) else ():
-            one = _estimated(estimator, data.u - model.u0, y, model)
-            if one is not None:
-                found.append(one)
+    if len(poles):
+        with one_thread():
+            every = _records(model, data, replicates, length, np.random.default_rng(seed))
+            wanted, u = model.order - sum(model.delay), data.u - model.u0
+            jobs = (_Replicate(k, estimator, u, y, sum(model.delay), wanted) for k, y in enumerate(every))
+            found = _identified(jobs, Workers(in_process=True) if workers is None else workers)
     if len(poles) and len(found) < max(LEAST, replicates // 2):
         raise InputError(f"only {len(found)} of {replicates} bootstrap replicates gave a model of order {len(poles)}")
     matched = match_clouds(poles, np.array(found)) if len(poles) else np.empty((0, 0), dtype=np.complex128)
@@ -236,13 +244,61 @@ def _errors(model: IdentifiedModel, data: Experiment, simulated: Floats) -> tupl
     return scaled, gain
 
 
-def _estimated(estimator: Estimator, u: Floats, y: Floats, model: IdentifiedModel) -> Complex | None:
+@dataclass(frozen=True, eq=False)
+class _Replicate:
+    """A record like the measured one, for a worker.
+
+    Attributes:
+        number: of the replicate.
+        estimator: finds the poles.
+        u: shape (N, m), without the operating point.
+        y: shape (N, p), likewise.
+        delays: so many poles are those of known delays.
+        wanted: so many others there are.
+    """
+
+    number: int
+    estimator: Estimator
+    u: Floats
+    y: Floats
+    delays: int
+    wanted: int
+
+
+def _identified(jobs: Iterator[_Replicate], workers: Workers) -> list[Complex]:
+    """Return the poles of the replicates that gave a model, in their order."""
+    runner = runner_for(workers)
+    found: dict[int, Complex] = {}
+    # In this process they are drawn as they are needed; elsewhere all are there.
+    queues = (deque([job]) for job in jobs) if isinstance(runner, InProcess) else iter([deque(jobs)])
+    with runner:
+        for queue in queues:
+            _check_portable(queue[0].estimator, runner)
+            for event in runner.run(_estimated, queue):
+                if isinstance(event, Reply) and event.value is not None:
+                    found[event.job.number] = event.value
+    return [found[number] for number in sorted(found)]
+
+
+def _check_portable(estimator: Estimator, runner: Runner) -> None:
+    if isinstance(runner, InProcess):
+        return
     try:
-        poles = _without_delays(np.asarray(estimator(u, y), dtype=np.complex128), sum(model.delay))
+        pickle.dumps(estimator)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"estimator: cannot be sent to other processes ({error}); take one that stands in a module, or no workers"
+        ) from None
+
+
+def _estimated(_model: None, job: _Replicate) -> Iterator[Complex | None]:
+    """Identify one replicate; what a worker runs."""
+    try:
+        poles = _without_delays(np.asarray(job.estimator(job.u, job.y), dtype=np.complex128), job.delays)
     except (InputError, np.linalg.LinAlgError):
-        return None
-    wanted = model.order - sum(model.delay)
-    return poles if len(poles) == wanted and np.all(np.isfinite(poles)) else None
+        yield None
+        return
+    yield poles if len(poles) == job.wanted and np.all(np.isfinite(poles)) else None
 
 
 def _without_delays(poles: Complex, delays: int) -> Complex:

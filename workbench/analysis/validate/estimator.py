@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,17 +35,34 @@ def same_settings(result: SubspaceEstimate) -> Estimator:
     Args:
         result: of the subspace identification.
     """
-    delays = as_tuple(result.model.delay or 0, len(result.model.u0))
+    return _SameSettings(
+        delays=as_tuple(result.model.delay or 0, len(result.model.u0)),
+        horizon=result.horizon,
+        method=result.method,
+        basis=result.basis,
+        biased=result.biased,
+        order=result.order,
+    )
 
-    def poles(u: Floats, y: Floats) -> Complex:
+
+@dataclass(frozen=True, kw_only=True)
+class _SameSettings:
+    """Identifies poles; see `same_settings`."""
+
+    delays: tuple[int, ...]
+    horizon: int
+    method: str
+    basis: str
+    biased: bool
+    order: int
+
+    def __call__(self, u: Floats, y: Floats) -> Complex:
         record = prepare(u, y)
-        factor = factorise(*advance(record.u, record.y, delays), result.horizon)
-        space = subspace(project(factor), result.method, result.basis)
-        if result.biased:
-            A = fit_states(factor, space.memory[: result.order], feedthrough=True).A
+        factor = factorise(*advance(record.u, record.y, self.delays), self.horizon)
+        space = subspace(project(factor), self.method, self.basis)
+        if self.biased:
+            A = fit_states(factor, space.memory[: self.order], feedthrough=True).A
         else:
-            A, _ = shifted_observability(space.observability[:, : result.order], factor.outputs)
+            A, _ = shifted_observability(space.observability[:, : self.order], factor.outputs)
         found = np.linalg.eigvals(A).astype(np.complex128)
-        return np.append(found, np.zeros(sum(delays)))
-
-    return poles
+        return np.append(found, np.zeros(sum(self.delays)))
