@@ -76,6 +76,7 @@ SPECIAL: dict[str, Callable[[random.Random], Any]] = {
     "vary": lambda _: "airspeed=150:350",
     "jobs": lambda c: c.randint(1, 8),
     "scheduler": lambda _: None,
+    "tls": lambda _: None,
     "in_process": lambda _: False,
 }
 

@@ -123,6 +123,7 @@ if TYPE_CHECKING:
     from workbench.system.ssp_write import write_ssp
     from workbench.to_fmu.request import export
     from workbench.workers import Workers
+    from workbench.workers.cluster import Cluster
 
 __version__ = "0.1.0"
 
@@ -134,6 +135,7 @@ __all__ = [
     "BranchPoint",
     "BuildError",
     "Certificate",
+    "Cluster",
     "Coherence",
     "Connection",
     "Constant",
@@ -396,6 +398,7 @@ _HOMES = {
     "workbench.system.read": ("read_system",),
     "workbench.system.ssp_write": ("write_ssp",),
     "workbench.workers": ("Workers",),
+    "workbench.workers.cluster": ("Cluster",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

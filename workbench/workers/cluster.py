@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -24,7 +23,7 @@ from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task
 from workbench.workers.in_cluster import Batch, Done, do_batch, proof, take_apart, the_same
-from workbench.workers.local_cluster import LocalCluster
+from workbench.workers.local_cluster import LocalCluster, distributed, security
 from workbench.workers.runner import Lost, Reply, Runner
 from workbench.workers.stamp import Stamp, stamp
 
@@ -161,7 +160,6 @@ class Cluster(Scheduler):
             undo.enter_context(_quiet())
             local = _LOCAL.fullmatch(self.address)
             if local:
-                _distributed()
                 self.address = undo.enter_context(LocalCluster(int(local[1]))).address
             self._client = _connected(self.address, self.tls)
             undo.callback(self._disconnect)
@@ -250,24 +248,15 @@ def _again(scheduler: str, tls: tuple[str, ...] | None, patience: float) -> Clus
     return Cluster(scheduler, tls=tls, patience=patience)
 
 
-def _distributed() -> Any:  # noqa: ANN401 - distributed is untyped
-    try:
-        return import_module("distributed")  # optional, slow to import, untyped
-    except ImportError:
-        raise InputError('a cluster needs distributed: pip install "fmi-workbench[cluster]"') from None
-
-
 def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 - distributed is untyped
-    distributed = _distributed()
     for file in (*(tls or ()), *([address] if address.endswith(".json") else [])):
         if not Path(file).is_file():
             raise InputError(f"scheduler {address}: {file}: no such file")
-    where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
+    where: dict[str, Any] = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
     if tls is not None:
-        names = ("tls_ca_file", "tls_client_cert", "tls_client_key")
-        where["security"] = distributed.Security(require_encryption=True, **dict(zip(names, tls, strict=True)))
+        where["security"] = security(tls)
     try:
-        return distributed.Client(**where, timeout=_CONNECT, set_as_default=False)
+        return distributed().Client(**where, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
         raise InputError(f"scheduler {address}: cannot be reached: {one_line(str(error))}") from None
 
@@ -406,7 +395,7 @@ class OnCluster(Runner):
         done: Done = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed
-        for number, (job, items) in enumerate(zip(jobs, done.found, strict=True)):
+        for number, (job, items) in enumerate(zip(jobs, done.found, strict=bool(done.found))):
             yield from (Reply(job, item) for item in items)
             if number in done.lost:
                 yield Lost(job, done.lost[number])

@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -51,18 +51,18 @@ class Done:
     """What came of a batch.
 
     Attributes:
-        found: for each job the items that it yielded.
+        found: for each job the items that it yielded; empty: none was begun.
         lost: number of the job → how its process was lost.
         error: that ended the batch; None: all of it was done.
         seconds: that it took.
         printed: by the FMU.
     """
 
-    found: tuple[tuple[Any, ...], ...]
-    lost: Mapping[int, LostError]
-    error: Exception | None
-    seconds: float
-    printed: str
+    found: tuple[tuple[Any, ...], ...] = ()
+    lost: Mapping[int, LostError] = field(default_factory=dict)
+    error: Exception | None = None
+    seconds: float = 0.0
+    printed: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,13 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     own = proof()
     if own != wanted:
         return own, b""
-    batch: Batch = pickle.loads(packed)  # noqa: S301 - of the same workbench
     begin = time.perf_counter()
+    try:
+        batch: Batch = pickle.loads(packed)  # noqa: S301 - of the same workbench
+    except (AttributeError, ImportError) as unknown:
+        return own, _packed(
+            Done(error=InputError(f"the cluster does not know what the program itself defines: {unknown}"))
+        )
     recipe = _put_together(batch.recipe, dict(zip(batch.archives, archives, strict=True)))
     pool = _pool(recipe, batch.limits)
     pool.stopped, pool.printed = False, ""
@@ -122,7 +127,11 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
         error = InputError("nobody waits for the result")
     seconds = time.perf_counter() - begin
     done = Done(found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed)
-    return own, pickle.dumps(done, pickle.HIGHEST_PROTOCOL)
+    return own, _packed(done)
+
+
+def _packed(done: Done) -> bytes:
+    return pickle.dumps(done, pickle.HIGHEST_PROTOCOL)
 
 
 # -- the worker process ------------------------------------------------------------------------

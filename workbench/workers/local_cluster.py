@@ -4,16 +4,75 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import TracebackType
 from typing import IO, Any, Self
 
 from workbench.errors import InputError
 
-__all__ = ["LocalCluster", "serve"]
+__all__ = ["LocalCluster", "distributed", "security", "serve", "started"]
 
 _ENDING = 5.0  # [s]
+
+
+def distributed() -> Any:  # noqa: ANN401 - it is untyped
+    """Return the library, which is optional and slow to import.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        return import_module("distributed")
+    except ImportError:
+        raise InputError('a cluster needs distributed: pip install "fmi-workbench[cluster]"') from None
+
+
+def security(tls: Sequence[str]) -> Any:  # noqa: ANN401 - distributed is untyped
+    """Return what `distributed` wants for TLS, the same for scheduler, workers and client.
+
+    Args:
+        tls: files: certificate of the authority, own certificate, own key.
+    """
+    ca, certificate, key = tls
+    own = {f"tls_{who}_{what}": file for who in ("scheduler", "worker", "client") for what, file in
+           (("cert", certificate), ("key", key))}  # fmt: skip
+    return distributed().Security(tls_ca_file=ca, require_encryption=True, **own)
+
+
+@contextmanager
+def started(workers: int, *, host: str = "127.0.0.1", port: int = 0, tls: Sequence[str] | None = None) -> Iterator[Any]:
+    """Yield a `distributed.LocalCluster`: a scheduler in this process, workers that do one task at a time in others.
+
+    Args:
+        workers: how many.
+        host: that the scheduler listens on.
+        port: likewise; 0: any.
+        tls: see `security`; None: without.
+
+    Raises:
+        InputError: none is asked for, or `distributed` is not installed.
+    """
+    if workers < 1:
+        raise InputError(f"local:{workers}: a cluster needs at least 1 worker")
+    with distributed().LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        host=f"tls://{host}" if tls else host,
+        scheduler_port=port,
+        dashboard_address=f"{host}:0",
+        security=security(tls) if tls else None,
+    ) as cluster:
+        yield cluster
+
+
+def serve(workers: int, until: IO[str]) -> None:
+    """Run a scheduler and workers in this process until a stream ends; tell the address on standard output."""
+    with started(workers) as cluster:
+        sys.stdout.write(f"{cluster.scheduler_address}\n")
+        sys.stdout.flush()
+        until.read()
 
 
 class LocalCluster:
@@ -32,6 +91,7 @@ class LocalCluster:
     def __init__(self, workers: int) -> None:
         if workers < 1:
             raise InputError(f"local:{workers}: a cluster needs at least 1 worker")
+        distributed()  # else there is no reason to begin
         code = f"from workbench.workers.local_cluster import serve; serve({workers}, sys.stdin)"
         flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as `process`
         self._process = subprocess.Popen(
@@ -42,12 +102,16 @@ class LocalCluster:
             text=True,
             start_new_session=True,  # Ctrl-C is for who uses it
         )
-        assert self._process.stdout is not None  # noqa: S101
-        told = self._process.stdout.readline()
+        told = "" if self._process.stdout is None else self._process.stdout.readline()
         if not told:
             self.close()
             raise InputError(f"local:{workers}: the cluster did not start (exit code {self._process.returncode})")
         self.address = told.strip()
+
+    @property
+    def pid(self) -> int:
+        """Number of the scheduler's process, the parent of the workers."""
+        return self._process.pid
 
     def close(self) -> None:
         """End it; any number of times."""
@@ -63,21 +127,3 @@ class LocalCluster:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def serve(workers: int, until: IO[str], *, host: str = "127.0.0.1", port: int = 0) -> None:
-    """Run a scheduler and workers in this process until a stream ends; tell the address on standard output.
-
-    Args:
-        workers: how many.
-        until: its end ends them.
-        host: that the scheduler listens on.
-        port: likewise; 0: any.
-    """
-    distributed: Any = import_module("distributed")  # optional, slow to import, untyped
-    with distributed.LocalCluster(
-        n_workers=workers, threads_per_worker=1, host=host, scheduler_port=port, dashboard_address=f"{host}:0"
-    ) as cluster:
-        sys.stdout.write(f"{cluster.scheduler_address}\n")
-        sys.stdout.flush()
-        until.read()

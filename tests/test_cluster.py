@@ -1,0 +1,254 @@
+"""A Dask cluster: isolated workers, batches, proof of the same state, and what is lost when parts of it die."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.worker_tasks import obey
+from workbench.cli.app import run
+from workbench.core.where import Limits
+from workbench.model import Model
+from workbench.model.load import FmuRecipe
+from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
+from workbench.workers import cluster as at_client
+from workbench.workers.cluster import Cluster, OnCluster
+from workbench.workers.in_cluster import do_batch, proof
+from workbench.workers.local_cluster import LocalCluster
+from workbench.workers.pool import Pool
+from workbench.workers.stamp import Stamp, stamp
+
+pytestmark = [
+    pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed"),
+    pytest.mark.skipif(os.name == "nt", reason="signals"),
+    pytest.mark.filterwarnings("default"),
+]
+
+STUDY = """
+models.lag = "fmu:FirstOrderLag"
+grid = {"lag.tau" = [0.5, 1.0, 2.0]}
+[analyses.rest]
+command = "trim"
+model = "lag"
+u0 = {u = 2.0}
+[[requirements]]
+name = "gain"
+analysis = "rest"
+kind = "value"
+path = "y.y"
+equal = 2.0
+tolerance = 1e-9
+"""
+
+SAY = [("say", k, k + 1) for k in range(40)]
+
+
+@pytest.fixture(scope="module")
+def model() -> Iterator[wb.DescribedModel]:
+    with wb.load("fmu:FirstOrderLag") as loaded:
+        yield loaded
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    with Cluster("local:2") as connected:
+        yield connected
+
+
+def values(runner: Runner, *jobs: tuple[Any, ...]) -> dict[tuple[Any, ...], list[Any]]:
+    found: dict[tuple[Any, ...], list[Any]] = {job: [] for job in jobs}
+    with runner:
+        for event in runner.run(obey, deque(jobs)):
+            found[event.job].append(event.value if isinstance(event, Reply) else event.reason)
+    return found
+
+
+def on(cluster: Cluster, model: wb.DescribedModel, limits: Limits | None = None) -> OnCluster:
+    return OnCluster(cluster, model.recipe, limits=limits or Limits())
+
+
+# -- the same as on one machine ----------------------------------------------------------------
+
+
+def test_what_misbehaves_costs_its_own_job_and_says_the_same_as_on_one_machine(
+    model: wb.DescribedModel, cluster: Cluster
+) -> None:
+    limits = Limits(timeout=2.0)
+    bad = [("segfault",), ("exit", 3), ("endless_in_c",)]
+    jobs = [*SAY[:5], *bad, *SAY[5:]]
+    there = values(on(cluster, model, limits), *jobs)
+    with Pool(model.recipe, jobs=2, limits=limits) as pool:
+        here = values(pool, *jobs)
+    assert there == here
+    assert "segmentation fault" in there["segfault",][0]
+
+
+def test_an_error_of_a_job_is_raised_and_the_cluster_goes_on(model: wb.DescribedModel, cluster: Cluster) -> None:
+    with pytest.raises(wb.SimulationError, match="fmi2DoStep"):
+        values(on(cluster, model), ("fail",), *SAY)
+    assert values(on(cluster, model), *SAY) == {job: list(job[1:]) for job in SAY}
+
+
+def test_stop_ends_soon_and_frees_the_workers(model: wb.DescribedModel, cluster: Cluster) -> None:
+    with on(cluster, model) as runner:
+        events = runner.run(obey, deque([("say", 1), ("sleep", 300.0), ("sleep", 300.5)]))
+        next(events)
+        runner.stop()
+        with pytest.raises(KeyboardInterrupt):
+            next(events)
+    assert values(on(cluster, model), ("say", 2)) == {("say", 2): [2]}  # not behind five minutes of sleep
+
+
+def where(model: Model, _job: object) -> Iterator[tuple[int, str]]:
+    """Say in which worker of the cluster this runs, and where the FMU lies there."""
+    assert isinstance(model.recipe, FmuRecipe)
+    yield os.getppid(), model.recipe.folder
+
+
+def test_an_fmu_goes_to_each_worker_once_whatever_is_varied_of_it(model: wb.DescribedModel, cluster: Cluster) -> None:
+    folders: dict[int, set[str]] = {}
+    for tau in (1.0, 2.0, 3.0):
+        varied = replace(model.recipe, start_values={"tau": tau})
+        with OnCluster(cluster, varied, limits=Limits()) as runner:
+            for event in runner.run(where, deque(range(20))):
+                assert isinstance(event, Reply)
+                folders.setdefault(event.value[0], set()).add(event.value[1])
+    assert all(len(some) == 1 for some in folders.values())
+    assert isinstance(model.recipe, FmuRecipe)
+    assert {model.recipe.folder}.isdisjoint(*folders.values())
+
+
+# -- records -----------------------------------------------------------------------------------
+
+
+def test_records_are_those_of_a_local_run(cluster: Cluster, tmp_path: Path) -> None:
+    there, here = Workers(scheduler=cluster), Workers(in_process=True)
+    with wb.load("fmu:FirstOrderLag") as lag:
+        for ask in (
+            lambda w: wb.nfr(lag, "u", "y", [0.1, 1.0], [1.0, 2.0], workers=w),
+            lambda w: wb.lin_over(lag, {"tau": [0.5, 1.0, 2.0]}, workers=w),
+            lambda w: wb.modes(lag, vary="tau", values=[0.5, 1.0, 2.0], trimmed=True, workers=w),
+            lambda w: wb.excite(lag, "u", "y", prbs="amplitude=2", dt=0.1, samples=300, workers=w),
+        ):
+            assert ask(there).to_dict() == ask(here).to_dict()
+        data = wb.excite(lag, "u", "y", prbs="amplitude=2", dt=0.1, samples=300, in_process=True).identification
+    noise = np.random.default_rng(1).normal(0.0, 0.05, data.y.shape)
+    noisy = wb.make_experiment(data.dt, data.u, data.y + noise)
+    found = [wb.identify(noisy, order=1, bootstrap=40, workers=w).to_dict() for w in (there, None)]
+    assert found[0] == found[1]
+    study = tmp_path / "lag.toml"
+    study.write_text(STUDY)
+    results = [wb.run_study(study, store=None, scheduler=scheduler).to_dict() for scheduler in (cluster, None)]
+    assert results[0]["requirements"] == results[1]["requirements"]
+    assert [r["passed"] for r in results[0]["requirements"]] == [True, True, True]
+
+
+def test_the_command_line_takes_an_address_and_an_analysis_without_parts_refuses_it(
+    cluster: Cluster, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    command = ["lin", "fmu:FirstOrderLag", "--over", "tau=0.5,1,2"]
+    for name, more in (("here", []), ("there", ["--scheduler", cluster.address])):
+        assert run([*command, *more, "--json", str(tmp_path / name)]) == 0
+    assert "note: scheduler tcp://127.0.0.1" in capfd.readouterr().err
+    here, there = (json.loads((tmp_path / name).read_text()) for name in ("here", "there"))
+    assert {k for k in here if here[k] != there[k]} <= {"asked", "seconds"}
+    with wb.load("fmu:FirstOrderLag") as lag, pytest.raises(wb.InputError, match="has no parts"):
+        wb.trim(lag, workers=Workers(scheduler=cluster))
+
+
+# -- who may work ------------------------------------------------------------------------------
+
+OTHER = Stamp("0.0.1", "3", "f" * 64)
+
+
+def test_a_worker_in_another_state_is_refused_before_it_gets_work(
+    model: wb.DescribedModel, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(at_client, "stamp", lambda: OTHER)
+    line = rf"{stamp()}; here is {OTHER}; install the same there"
+    with pytest.raises(wb.InputError, match=line), Cluster(cluster.address):
+        pass
+    with pytest.raises(wb.InputError, match=line):  # one that came after the connection was made
+        values(on(cluster, model), *SAY)
+
+
+def test_a_batch_for_another_state_is_not_even_unpickled() -> None:
+    assert do_batch(tuple(OTHER), b"no pickle") == (proof(), b"")
+    assert do_batch.__module__.startswith("workbench.workers")
+
+
+# -- what dies ---------------------------------------------------------------------------------
+
+
+def test_killed_workers_of_the_cluster_cost_nothing(model: wb.DescribedModel, cluster: Cluster) -> None:
+    jobs = [("sleep", 0.1 + 0.001 * k) for k in range(20)]
+    found: dict[tuple[Any, ...], list[Any]] = {job: [] for job in jobs}
+    with on(cluster, model) as runner:
+        victims = cluster.client.run(os.getpid)
+        for event in runner.run(obey, deque(jobs)):
+            found[event.job].append(event.value if isinstance(event, Reply) else event.reason)
+            if victims:
+                os.kill(victims.popitem()[1], signal.SIGKILL)
+    assert found == {job: [job[1]] for job in jobs}
+
+
+def test_the_scheduler_s_end_leaves_what_was_finished_and_one_line() -> None:
+    with LocalCluster(1) as local, Cluster(local.address) as doomed, wb.load("fmu:FirstOrderLag") as lag:
+        sweep = wb.NfrSweep(lag, "u", "y", [0.1, 0.2, 0.5, 1.0], [1.0, 2.0], workers=Workers(scheduler=doomed))
+        killed = (os.kill(local.pid, signal.SIGKILL) for _ in sweep.run())
+        with pytest.raises(wb.LostError, match=f"scheduler {local.address}: the connection was lost"):
+            deque(killed, 0)
+        assert 1 <= sweep.done < sweep.total
+        assert len(sweep.result().failed) == sweep.total - sweep.done
+
+
+def test_a_cluster_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(at_client, "_CONNECT", 0.2)
+    for address, why in (
+        ("tcp://127.0.0.1:9", "cannot be reached"),
+        ("nonsense://x", "cannot be reached"),
+        (str(tmp_path / "scheduler.json"), "no such file"),
+        ("local:0", "at least 1 worker"),
+    ):
+        with pytest.raises(wb.InputError, match=why), Cluster(address):
+            pass
+    with pytest.raises(wb.InputError, match="three files"):
+        Workers(scheduler="tls://x", tls=("ca.pem",))
+
+
+# -- batches -----------------------------------------------------------------------------------
+
+
+def test_batches_are_worth_a_second_and_shrink_towards_the_end(model: wb.DescribedModel, cluster: Cluster) -> None:
+    with on(cluster, model) as runner:
+        runner._slots = 100
+        assert runner._size(100_000) == 1  # nothing is known yet
+        runner._times.append((10, 0.1))
+        assert runner._size(100_000) == 100
+        assert runner._size(2000) == 10
+        assert runner._size(3) == 1
+        runner._times.append((1, 60.0))
+        assert runner._size(100_000) == 1
+
+
+def test_the_table_of_places(model: wb.DescribedModel, cluster: Cluster) -> None:
+    with choose(model, Workers(scheduler=cluster, timeout=7.0))[0] as runner:
+        assert isinstance(runner, OnCluster)
+    with pytest.raises(wb.InputError, match="leave jobs out"):
+        Workers(scheduler=cluster, jobs=2)
+    with ThreadPoolExecutor(1) as threads, pytest.raises(wb.InputError, match="choose one place"):
+        Workers(scheduler=cluster, executor=threads)
+    assert isinstance(choose(model, Workers(in_process=True))[0], InProcess)
+    assert not issubclass(Lost, Reply)
