@@ -207,9 +207,11 @@ def test_killed_workers_of_the_cluster_cost_nothing(model: wb.DescribedModel, cl
 def test_the_scheduler_s_end_leaves_what_was_finished_and_one_line() -> None:
     with LocalCluster(1) as local, Cluster(local.address) as doomed, wb.load("fmu:FirstOrderLag") as lag:
         sweep = wb.NfrSweep(lag, "u", "y", [0.1, 0.2, 0.5, 1.0], [1.0, 2.0], workers=Workers(scheduler=doomed))
-        killed = (os.kill(local.pid, signal.SIGKILL) for _ in sweep.run())
+        points = sweep.run()
+        next(points)
+        os.kill(local.pid, signal.SIGKILL)
         with pytest.raises(wb.LostError, match=f"scheduler {local.address}: the connection was lost"):
-            deque(killed, 0)
+            deque(points, 0)
         assert 1 <= sweep.done < sweep.total
         assert len(sweep.result().failed) == sweep.total - sweep.done
 

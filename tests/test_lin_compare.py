@@ -67,7 +67,7 @@ def test_a_grid_over_parameters_and_inputs_goes_on_from_its_store(tmp_path: Path
         first = lin_over(model, over, store=tmp_path, progress=lambda p, done, total: seen.append(total))
         again = lin_over(model, over, store=tmp_path)
     assert [tuple(p.values.values()) for p in first.points] == [(1.0, 0.0), (1.0, 3.0), (2.0, 0.0), (2.0, 3.0)]
-    assert seen == [4, 4, 4, 4]
+    assert set(seen) == {4}  # the last is told in any case, those within a tenth of a second before are not
     assert not first.failed
     for a, b in zip(first.points, again.points, strict=True):
         assert a.result is not None

@@ -30,7 +30,7 @@ from workbench.workers.stamp import Stamp, stamp
 __all__ = ["Cluster", "OnCluster", "reached"]
 
 _CONNECT = 10.0  # [s]
-_PATIENCE = 30.0  # without any worker [s]
+_PATIENCE = 60.0  # without any worker [s]
 _CLOSING = 1.0  # [s]
 _WAIT = 0.1  # [s]: so often is looked whether somebody wants to stop
 _LOOK = 1.0  # [s]: so often is looked how many workers there are
@@ -40,6 +40,7 @@ _REMEMBERED = 8  # batches from whose times the size of the next follows
 _WAITING = 2  # batches for each thread of a worker: one in work, one that waits
 _SHARE = 2  # the last batches are smaller: so many for each thread are left to share out
 
+_LOUD = ("distributed", "tornado", "asyncio")
 _LOCAL = re.compile(r"local:(\d+)")
 _DISTRIBUTION = "fmi-workbench"
 
@@ -264,7 +265,9 @@ def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Let what goes wrong be told in our words alone, not in the log of the libraries underneath as well."""
-    logs = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    distributed()  # which gives each of its loggers a level
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _LOUD]
+    logs = [logging.getLogger(name) for name in {*names, *_LOUD}]
     before = [log.level for log in logs]
     for log in logs:
         log.setLevel(logging.CRITICAL + 1)
@@ -384,6 +387,7 @@ class OnCluster(Runner):
 
     def _take(self, future: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401 - distributed is untyped
         jobs = self._in_work.pop(future)
+        self._worked = time.monotonic()
         try:
             found, packed = future.result(timeout=_PATIENCE)
         except Exception as error:  # noqa: BLE001 - whatever a worker raises
