@@ -186,9 +186,11 @@ def test_a_reason_counts_only_where_the_target_is_not_met() -> None:
     assert Outcome(target, "e", 2.0, remark="seen").reason == "2 measured; why; seen"
 
 
-def test_no_cluster() -> None:
-    with pytest.raises(InputError, match="no executor and no cluster"):
-        reproduce(["hysteresis"], workers=Workers(scheduler="tcp://nowhere:1"))
+def test_no_executor_and_no_pictures_from_a_cluster(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as threads, pytest.raises(InputError, match="no executor"):
+        reproduce(["hysteresis"], workers=Workers(executor=threads))
+    with pytest.raises(InputError, match="leave --pictures out"):
+        _runner(Workers(scheduler="tcp://nowhere:1"), tmp_path)
 
 
 # -- what comes out --------------------------------------------------------------------------------------

@@ -400,7 +400,7 @@ class OnCluster(Runner):
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed
         for number, (job, items) in enumerate(zip(jobs, done.found, strict=bool(done.found))):
-            yield from (Reply(job, item) for item in items)
+            yield from (Reply(job, pickle.loads(item)) for item in items)  # noqa: S301 - likewise
             if number in done.lost:
                 yield Lost(job, done.lost[number])
         if done.error is not None:

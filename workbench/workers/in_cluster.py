@@ -15,6 +15,7 @@ from typing import Any
 
 from workbench.core.where import Limits
 from workbench.errors import InputError, LostError
+from workbench.fmi.instance import end_now
 from workbench.model.base import Model
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task
@@ -51,14 +52,14 @@ class Done:
     """What came of a batch.
 
     Attributes:
-        found: for each job the items that it yielded; empty: none was begun.
+        found: for each job the items that it yielded, each pickled; empty: none was begun.
         lost: number of the job → how its process was lost.
         error: that ended the batch; None: all of it was done.
         seconds: that it took.
         printed: by the FMU.
     """
 
-    found: tuple[tuple[Any, ...], ...] = ()
+    found: tuple[tuple[bytes, ...], ...] = ()
     lost: Mapping[int, LostError] = field(default_factory=dict)
     error: Exception | None = None
     seconds: float = 0.0
@@ -66,16 +67,36 @@ class Done:
 
 
 @dataclass(frozen=True)
-class _Numbered:
-    """A job of a batch."""
+class _Some:
+    """Jobs that a worker process does without being asked for each: number → job."""
+
+    task: Task
+    jobs: Mapping[int, Any]
+
+
+@dataclass(frozen=True)
+class _Item:
+    """What a job yielded, pickled: this worker only passes it on."""
 
     number: int
-    task: Task
-    job: Any
+    value: bytes
 
 
-def _perform(model: Model | None, numbered: _Numbered) -> Iterator[Any]:
-    return numbered.task(model, numbered.job)
+@dataclass(frozen=True)
+class _Over:
+    """A job has yielded all; when it is `ended`, its FMU has, too."""
+
+    number: int
+    ended: bool
+
+
+def _perform(model: Model | None, some: _Some) -> Iterator[_Item | _Over]:
+    for number, job in some.jobs.items():
+        for value in some.task(model, job):
+            yield _Item(number, pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+        yield _Over(number, ended=False)
+        end_now()  # if the FMU crashes now, that costs nothing
+        yield _Over(number, ended=True)
 
 
 def proof() -> tuple[str, ...]:
@@ -112,15 +133,13 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     recipe = _put_together(batch.recipe, dict(zip(batch.archives, archives, strict=True)))
     pool = _pool(recipe, batch.limits)
     pool.stopped, pool.printed = False, ""
-    found: list[list[Any]] = [[] for _ in batch.jobs]
+    found: list[list[bytes]] = [[] for _ in batch.jobs]
     lost: dict[int, LostError] = {}
     error: Exception | None = None
+    left = dict(enumerate(batch.jobs))
     try:
-        for event in pool.run(_perform, deque(_Numbered(k, batch.task, job) for k, job in enumerate(batch.jobs))):
-            if isinstance(event, Lost):
-                lost[event.job.number] = event.error
-            else:
-                found[event.job.number].append(event.value)
+        while left:
+            _do_some(pool, batch, left, found, lost)
     except Exception as raised:  # noqa: BLE001 - it is raised where the batch came from
         error = raised
     except KeyboardInterrupt:
@@ -128,6 +147,32 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     seconds = time.perf_counter() - begin
     done = Done(found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed)
     return own, _packed(done)
+
+
+def _do_some(
+    pool: Pool, batch: Batch, left: dict[int, Any], found: list[list[bytes]], lost: dict[int, LostError]
+) -> None:
+    """Do jobs until all are done or one is lost; they leave `left`.
+
+    Raises:
+        WorkbenchError: raised by a job.
+    """
+    # Memory is counted from the beginning of a task.
+    some = dict(left) if batch.limits.memory is None else dict([next(iter(left.items()))])
+    told: int | None = None
+    for event in pool.run(_perform, deque([_Some(batch.task, some)])):
+        if isinstance(event, Lost):
+            number = next(iter(left)) if told is None else told
+            if told is None:
+                lost[number] = event.error
+            left.pop(number)
+        elif isinstance(event.value, _Item):
+            found[event.value.number].append(event.value.value)
+        elif event.value.ended:
+            left.pop(event.value.number)
+            told = None
+        else:
+            told = event.value.number
 
 
 def _packed(done: Done) -> bytes:

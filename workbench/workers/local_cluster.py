@@ -16,6 +16,13 @@ __all__ = ["LocalCluster", "distributed", "security", "serve", "started"]
 
 _ENDING = 5.0  # [s]
 
+# What Dask does while nothing happens takes 5 % of a core for each process otherwise.
+_IDLE = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+
 
 def distributed() -> Any:  # noqa: ANN401 - it is untyped
     """Return the library, which is optional and slow to import.
@@ -56,7 +63,9 @@ def started(workers: int, *, host: str = "127.0.0.1", port: int = 0, tls: Sequen
     """
     if workers < 1:
         raise InputError(f"local:{workers}: a cluster needs at least 1 worker")
-    with distributed().LocalCluster(
+    library = distributed()
+    import_module("dask").config.set(_IDLE)  # of this process, and of the workers that it starts
+    with library.LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         host=f"tls://{host}" if tls else host,
