@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +22,7 @@ from workbench.reproduce import reproduce
 from workbench.reproduce.measurement import Measured, Measurement, Picture
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.result import Outcome, ReproduceResult, TargetList, plain
+from workbench.reproduce.run import _runner
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 from workbench.workers import Workers
 

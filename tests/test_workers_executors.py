@@ -1,18 +1,14 @@
-"""Tasks on executors that somebody else owns: threads, processes, a Dask cluster."""
+"""Tasks on executors that somebody else owns: threads, processes."""
 
 from __future__ import annotations
 
 import io
-import json
 import os
-import subprocess
-import sys
 import zipfile
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
-from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -23,7 +19,6 @@ import pytest
 import workbench as wb
 from tests.fakes import lag
 from tests.worker_tasks import obey
-from workbench.cli.app import run
 from workbench.errors import LostError
 from workbench.model.load import load
 from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
@@ -31,7 +26,6 @@ from workbench.workers.executor import OnExecutor
 from workbench.workers.pool import Pool
 
 ROOT = Path(__file__).resolve().parent.parent
-needs_distributed = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -125,67 +119,6 @@ def test_contradictions_are_refused() -> None:
 
 def test_lost_jobs_name_the_job() -> None:
     assert Lost(("say", 1), LostError("why")).job == ("say", 1)
-
-
-@needs_distributed
-@pytest.mark.filterwarnings("default")
-def test_the_cli_on_a_cluster_gives_the_same_numbers(scheduler: str, capfd: pytest.CaptureFixture[str]) -> None:
-    command = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--band", "1:10", "--amplitude", "0.5,2"]
-    results = []
-    for where in (["--scheduler", scheduler], ["--in-process"]):
-        assert run([*command, *where, "--json", "-"]) == 0
-        results.append(json.loads(capfd.readouterr().out))
-    for key in ("gain", "phase_deg", "certificate"):
-        assert results[0][key] == results[1][key]
-
-
-CLUSTER = """
-if __name__ == "__main__":
-    import sys
-    from distributed import LocalCluster
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        sys.stdin.read()
-"""
-
-
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A local Dask cluster with two workers, in processes of its own."""
-    script = tmp_path_factory.mktemp("cluster") / "cluster.py"
-    script.write_text(CLUSTER)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
-    process = subprocess.Popen(
-        [sys.executable, str(script)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment,
-    )  # fmt: skip
-    assert process.stdout is not None
-    yield process.stdout.readline().strip()
-    process.communicate()
-
-
-@needs_distributed
-@pytest.mark.filterwarnings("default")
-def test_a_cluster_runs_tasks_and_survives_a_crash(model: wb.FmuModel, scheduler: str) -> None:
-    runner, notes = choose(model, Workers(scheduler=scheduler))
-    assert notes == ()
-    with runner:
-        found = values(runner, *SAY, ("name",))
-        # Separately: what a dying worker of the cluster holds at that moment is lost with it.
-        found |= values(runner, ("exit", 3))
-        found |= values(runner, ("sleep", 0.1))
-    assert {job: found[job] for job in SAY} == {job: [job[1], job[2]] for job in SAY}
-    assert found["name",][0][2] != os.getpid()  # type: ignore[index]
-    assert "the executor lost the task: KilledWorker" in str(found["exit", 3][0])
-    assert found["sleep", 0.1] == [0.1]
-
-
-@needs_distributed
-def test_a_scheduler_that_is_not_there_is_one_line(model: wb.FmuModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workbench.workers.cluster._CONNECT", "200ms")
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        with pytest.raises(wb.InputError, match="cannot be reached"):
-            choose(model, Workers(scheduler=address))
 
 
 def test_an_executor_that_is_used_again_answers_for_the_system_it_is_asked_about() -> None:

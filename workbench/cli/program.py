@@ -26,6 +26,7 @@ COMMANDS = tuple(name for one in REQUESTS for name in (("run", one) if one == "r
 
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
+_NO_PARTS = r"No such option: (--scheduler\S*).*"
 _IDLE = r" \(Possible options: --help\)|--help, "  # what typer proposes for any word
 
 
@@ -128,7 +129,8 @@ def said(error: typer.TyperException) -> str:
         if wanted := _WANTED.get(first["type"]):
             flag = next(iter(getattr(getattr(error, "param", None), "opts", [])), "")
             return f"{flag}: '{first['input']}' is not {wanted}"
-    return re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
+    text = re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
+    return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
 
 
 class Lazily(Mapping[str, Any]):

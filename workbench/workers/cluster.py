@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from importlib.metadata import version
+from importlib import import_module
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -41,6 +42,7 @@ _WAITING = 2  # batches for each thread of a worker: one in work, one that waits
 _SHARE = 2  # the last batches are smaller: so many for each thread are left to share out
 
 _LOUD = ("distributed", "tornado", "asyncio")
+_CONFIGURED = "distributed.comm.tls.ca-file"
 _LOCAL = re.compile(r"local:(\d+)")
 _DISTRIBUTION = "fmi-workbench"
 
@@ -253,11 +255,17 @@ def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 
     for file in (*(tls or ()), *([address] if address.endswith(".json") else [])):
         if not Path(file).is_file():
             raise InputError(f"scheduler {address}: {file}: no such file")
+    library = distributed()
+    if address.startswith("tls:") and tls is None and not import_module("dask").config.get(_CONFIGURED, None):
+        raise InputError(
+            f"scheduler {address}: needs certificates: tls (--scheduler-tls CA,CERT,KEY), or {_CONFIGURED} in "
+            "Dask's configuration"
+        )
     where: dict[str, Any] = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
     if tls is not None:
         where["security"] = security(tls)
     try:
-        return distributed().Client(**where, timeout=_CONNECT, set_as_default=False)
+        return library.Client(**where, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
         raise InputError(f"scheduler {address}: cannot be reached: {one_line(str(error))}") from None
 
