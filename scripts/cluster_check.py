@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 psutil: Any = import_module("psutil")  # distributed brings it; untyped
 
 POINTS = 100  # frequencies and amplitudes: 10,000 points
-SLEEP = 0.05  # [s]
+SLEEP = 0.1  # [s]
 _PLACE = ("seconds", "wall_seconds", "experiments", "words", "store", "jobs")
 CRASHING = "import ctypes; ctypes.string_at(0)"
 
@@ -145,23 +145,26 @@ def _own(pid: int) -> float:
 # -- a hundred workers -------------------------------------------------------------------------
 
 
-def hundred(workers: int = 100, seconds: float = 20.0) -> None:
-    """Let workers that only sleep do what would take a hundred of them some time."""
-    in_cluster._pool = lambda _recipe, _limits: InProcess(None)  # type: ignore[assignment,return-value]  # noqa: SLF001
+def hundred(processes: int = 4, threads: int = 25, seconds: float = 20.0) -> None:
+    """Let workers that only sleep, threads of a few processes, do what would take all of them some time."""
+    workers = processes * threads
     count = round(workers * seconds / SLEEP)
     with (
-        distributed().LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp://", dashboard_address=None
-        ) as cluster,
+        distributed().LocalCluster(n_workers=processes, threads_per_worker=threads, dashboard_address=None) as cluster,
         Cluster(cluster.scheduler_address) as connected,
         OnCluster(connected, None, limits=Limits()) as runner,
     ):
+        connected.client.run(_without_processes)
         begin, own = time.monotonic(), time.process_time()
         done = sum(isinstance(event, Reply) for event in runner.run(doze, deque([SLEEP] * count)))
         took, own = time.monotonic() - begin, time.process_time() - own
     ideal = done * SLEEP / workers
     print(f"{workers} workers, {done} jobs of {1e3 * SLEEP:g} ms: {took:.1f} s, ideally {ideal:.1f} s")
-    print(f"{100.0 * ideal / took:.1f} %; {own:.1f} s CPU for scheduler, client and all workers in one process")
+    print(f"{100.0 * ideal / took:.1f} %; {own:.1f} s CPU for scheduler and client in one process")
+
+
+def _without_processes() -> None:
+    in_cluster._pool = lambda _recipe, _limits: InProcess(None)  # type: ignore[assignment,return-value]  # noqa: SLF001
 
 
 def doze(_model: None, seconds: float) -> Iterator[float]:

@@ -13,8 +13,8 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
-from importlib.metadata import version
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -39,6 +39,7 @@ _LOOK = 1.0  # [s]: so often is looked how many workers there are
 _WORTH = 1.0  # [s]: work in a batch
 _REMEMBERED = 8  # batches from whose times the size of the next follows
 _WAITING = 2  # batches for each thread of a worker: one in work, one that waits
+_SMALLEST = 8  # of what is worth a task: what a task costs itself is small beside it
 _SHARE = 2  # the last batches are smaller: so many for each thread are left to share out
 
 _LOUD = ("distributed", "tornado", "asyncio")
@@ -329,8 +330,8 @@ class OnCluster(Runner):
             while jobs or self._alone or self._in_work:
                 self._look()
                 self._send(task, jobs)
-                for future in self._finished():
-                    yield from self._take(future)
+                for future, result in self._results(self._finished()):
+                    yield from self._take(future, result)
         finally:
             self._cancel()
 
@@ -357,7 +358,8 @@ class OnCluster(Runner):
 
     def _send(self, task: Task, jobs: deque[Any]) -> None:
         """Let enough batches be under way."""
-        while (jobs or self._alone) and len(self._in_work) < _WAITING * self._slots:
+        most = (_WAITING if self._times else 1) * self._slots
+        while (jobs or self._alone) and len(self._in_work) < most:
             count = self._size(len(jobs))
             some = [self._alone.popleft()] if self._alone else [jobs.popleft() for _ in range(count)]
             batch = Batch(self._recipe, self._archives, task, tuple(some), self._limits)
@@ -370,7 +372,8 @@ class OnCluster(Runner):
         """Return how many jobs take about a second; towards the end fewer, so that all workers end together."""
         jobs, seconds = (sum(column) for column in zip(*self._times, strict=True)) if self._times else (1, _WORTH)
         worth = int(_WORTH * jobs / max(seconds, 1e-9))
-        return max(1, min(worth, math.ceil(left / (_SHARE * max(self._slots, 1))), left))
+        shared = math.ceil(left / (_SHARE * max(self._slots, 1)))
+        return max(1, min(worth, max(shared, worth // _SMALLEST), left))
 
     def _cancel(self) -> None:
         if self._in_work and self._cluster.connected and not self._cluster.lost:
@@ -393,14 +396,26 @@ class OnCluster(Runner):
             raise self._cluster.gone()
         return [future for future in found if future in self._in_work]
 
-    def _take(self, future: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401 - distributed is untyped
+    def _results(self, futures: list[Any]) -> Iterator[tuple[Any, Any]]:
+        """Yield what finished futures hold, or the exception that they ended with: in one call if all is well."""
+        good = [future for future in futures if future.status == "finished"]
+        found: dict[Any, Any] = {}
+        with suppress(Exception):  # one of the holders died meanwhile; then each is asked for by itself
+            found = dict(zip(good, self._cluster.client.gather(good), strict=True))
+        for future in futures:
+            try:
+                result = found[future] if future in found else future.result(timeout=_PATIENCE)
+            except Exception as error:  # noqa: BLE001 - whatever a worker raises
+                result = error
+            yield future, result
+
+    def _take(self, future: Any, result: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401 - distributed is untyped
         jobs = self._in_work.pop(future)
         self._worked = time.monotonic()
-        try:
-            found, packed = future.result(timeout=_PATIENCE)
-        except Exception as error:  # noqa: BLE001 - whatever a worker raises
-            yield from self._failed(jobs, error)
+        if isinstance(result, Exception):
+            yield from self._failed(jobs, result)
             return
+        found, packed = result
         if tuple(found) != tuple(stamp()) or not packed:
             self._cluster.prove()
             self._cluster.refuse("that came later", str(Stamp(*found)))
