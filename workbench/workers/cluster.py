@@ -39,7 +39,8 @@ _LOOK = 1.0  # [s]: so often is looked how many workers there are
 _WORTH = 1.0  # [s]: work in a batch
 _REMEMBERED = 8  # batches from whose times the size of the next follows
 _WAITING = 2  # batches for each thread of a worker: one in work, one that waits
-_SMALLEST = 8  # of what is worth a task: what a task costs itself is small beside it
+_PROBES = 8  # batches of one job at the beginning
+_SMALLEST = 4  # of what is worth a task: what a task costs itself is small beside it
 _SHARE = 2  # the last batches are smaller: so many for each thread are left to share out
 
 _LOUD = ("distributed", "tornado", "asyncio")
@@ -322,10 +323,10 @@ class OnCluster(Runner):
         self._alone: deque[Any] = deque()  # jobs whose batch killed workers
         self._times: deque[tuple[int, float]] = deque(maxlen=_REMEMBERED)
         self._slots, self._looked = 0, -math.inf
-        self._worked = time.monotonic()
+        self._begun = self._worked = time.monotonic()
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
-        self._worked = time.monotonic()
+        self._begun = self._worked = time.monotonic()
         try:
             while jobs or self._alone or self._in_work:
                 self._look()
@@ -358,7 +359,9 @@ class OnCluster(Runner):
 
     def _send(self, task: Task, jobs: deque[Any]) -> None:
         """Let enough batches be under way."""
-        most = (_WAITING if self._times else 1) * self._slots
+        most = _WAITING * self._slots
+        if not self._times and time.monotonic() < self._begun + _WORTH:
+            most = min(_PROBES, most)  # the first tell how many are worth a task, unless they take longer
         while (jobs or self._alone) and len(self._in_work) < most:
             count = self._size(len(jobs))
             some = [self._alone.popleft()] if self._alone else [jobs.popleft() for _ in range(count)]
