@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from hypothesis import strategies as st
 
@@ -47,7 +48,8 @@ Names = Sequence[bytes]
 # In place of a word of any format.
 _ANY = (
     b"", b"0", b"-1", b"1e999", b"-1e999", b"NaN", b"nan", b"inf", b"1" + b"0" * 400, b"9" * 5000,
-    b"99999999999999999999", b"4294967296", b"1e-400", b"true", b"null", b"\x00", b"\xff\xfe", b"\x1b[31m", b"\xe2\x80\xae", b"\xc2\x9b", b"$",
+    b"99999999999999999999", b"4294967296", b"1e-400", b"true", b"null", b"\x00", b"\xff\xfe", b"\x1b[31m",
+    b"\xe2\x80\xae", b"\xc2\x9b", b"$",
     b"=cmd", b"../../x", b"/dev/zero", b"fmu:", b"x" * 70000, b"\n", b"\r", b"'", b'"', b"%s", b"{}",
     b"[]", b"1970-01-01", b"0x10",
 )  # fmt: skip
@@ -257,7 +259,8 @@ def _record(path: Path) -> object:
     if not isinstance(whole, dict):
         raise wb.InputError("no record")
     kind = next((k for k in _RECORDS if k.__name__ == whole.get("kind")), LinResult)
-    return kind.from_dict(whole.get("data"))
+    data: Any = whole.get("data")
+    return kind.from_dict(data)
 
 
 _SETTINGS: dict[str, object] = {"u": "y"}

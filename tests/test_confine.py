@@ -8,6 +8,7 @@ import pickle
 import socket
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from enum import IntFlag
 from pathlib import Path
@@ -154,12 +155,12 @@ def test_it_is_refused_where_it_cannot_be(monkeypatch: pytest.MonkeyPatch, capsy
 
 
 def test_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(confine.sys, "platform", "darwin")
+    monkeypatch.setattr("sys.platform", "darwin")
     assert "it needs Linux" in confine.why_not()
-    monkeypatch.setattr(confine.sys, "platform", "linux")
-    monkeypatch.setattr(confine.platform, "machine", lambda: "riscv64")
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
     assert confine.why_not() == "it is not known for the processor riscv64, only for x86_64 and aarch64"
-    monkeypatch.setattr(confine.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
     for version, words in ((-1, "has no Landlock"), (2, "only version 2")):
         monkeypatch.setattr(confine, "_syscall", lambda *_, v=version: v)
         assert words in confine.why_not()
@@ -169,14 +170,14 @@ def test_it_is_refused_in_this_process() -> None:
     with pytest.raises(wb.InputError, match="confine: this process cannot be confined"):
         Worker(confine=True, in_process=True)
     with pytest.raises(wb.InputError, match="confinement needs the workbench's own worker processes"):
-        Workers(confine=True, scheduler="tcp://localhost:1")
+        Workers(confine=True, executor=ThreadPoolExecutor(1))
     with pytest.raises(wb.InputError, match=r"confine: not possible: .* exists only in this process"):
         wb.trim(FakeModel(EulerOscillator), confine=True)
 
 
 @needs_landlock
 def test_a_process_with_threads_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(confine.os, "listdir", lambda _: ["1", "2"])
+    monkeypatch.setattr("os.listdir", lambda _: ["1", "2"])
     with pytest.raises(OSError, match="several threads"):
         confine.confine(str(tmp_path))
     assert not confine.confined()

@@ -21,7 +21,7 @@ from workbench.analysis.experiment.experiment import read_experiment
 from workbench.cli.app import run
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
-from workbench.core.where import Worker
+from workbench.core.where import Workers
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
@@ -238,7 +238,7 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
     told: list[tuple[object, int, int]] = []
     job = Job(lambda what, done, total: told.append((what, done, total)))
     with pytest.raises(SimulationError, match=r"not a finite number"):
-        Excite("u", "y", samples=300, dt=0.005, workers=Worker()).run(PythonModel(Failing, "me"), job)
+        Excite("u", "y", samples=300, dt=0.005, workers=Workers()).run(PythonModel(Failing, "me"), job)
     assert told[-1] == ("200 of 600 samples", 200, 600)
     result = job.partial()
     assert isinstance(result, ExciteResult)

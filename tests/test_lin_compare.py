@@ -16,6 +16,7 @@ from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.signals import Sine
+from workbench.workers import Workers
 
 
 @needs_gemseo
@@ -80,7 +81,7 @@ def test_a_grid_over_parameters_and_inputs_goes_on_from_its_store(tmp_path: Path
 
 def test_a_grid_runs_in_worker_processes() -> None:
     with load("fmu:Rudder", "me") as model:
-        found = lin_over(model, {"mH": [0.0, 100.0]}, inputs=["delC"], workers=wb.Workers(jobs=2))
+        found = lin_over(model, {"mH": [0.0, 100.0]}, inputs=["delC"], workers=Workers(jobs=2))
         alone = lin(model, u0={"mH": 100.0}, inputs=["delC"]).result
     assert found.points[1].result is not None
     assert np.array_equal(found.points[1].result.A, alone.A)

@@ -270,6 +270,6 @@ def test_reasons_name_what_happened(code: int | None, platform: str, text: str) 
 
 
 @pytest.mark.parametrize("limits", [{"timeout": 0.0}, {"timeout": float("nan")}, {"memory": -1.0}])
-def test_limits_are_checked(limits: dict[str, float]) -> None:
+def test_limits_are_checked(limits: dict[str, Any]) -> None:
     with pytest.raises(wb.InputError, match="not a positive number"):
         Limits(**limits)

@@ -94,7 +94,7 @@ class Output:
         from rich.text import Text
 
         class Shown(Console):
-            def render_str(self, text: str, **how: Any) -> Text:  # type: ignore[override]  # noqa: ANN401
+            def render_str(self, text: str, **how: Any) -> Text:  # noqa: ANN401
                 return super().render_str(visible(text), **how)
 
         quiet = "-" in {self.json_path, self.csv_path}

@@ -16,7 +16,7 @@ from workbench import __version__
 from workbench.analysis.request import function
 from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
-from workbench.core.option import asked_in_json, values_of
+from workbench.core.option import asked_in_json, recast, values_of
 from workbench.core.record import plain
 from workbench.core.where import InWorker
 from workbench.errors import InputError, WorkbenchError
@@ -89,7 +89,8 @@ def _by_request(known: Command, job: Job) -> Outcome:
     asked, written, loading = known.asked(job.options)
     if job.confine and isinstance(asked, InWorker):
         stored = asked.isolated and getattr(asked, "store", None) is not None
-        asked = replace(asked, confine=True, **({"store": None} if stored else {}))  # it could not write one
+        unwritten = {"store": None} if stored else {}  # it could not write one
+        asked = recast(type(asked), asked, confine=True, **unwritten)
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()
