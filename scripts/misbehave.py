@@ -121,8 +121,8 @@ def on_command_line(file: Path, case: Case, truth: Any) -> Seen:
         data = json.loads(done.stdout)
     except ValueError:
         return Seen(f"exit {done.returncode}, no JSON", last[0], right=False)
-    if "error" in data:
-        kind = data["error"]["kind"]
+    if "failure" in data:
+        kind = data["failure"]["kind"]
         return Seen(kind, last[0], done.returncode == 2 and kind in FITTING.get(case.way, set()))
     if data.get("converged") is False:
         return Seen("failed", data["message"], done.returncode == 1 and "failed" in FITTING.get(case.way, set()))

@@ -178,3 +178,16 @@ def test_messages_name_options_as_they_are_typed(tmp_path: Path, capsys: pytest.
     assert "there is no column 'max_order'" in capsys.readouterr().err
     with pytest.raises(InputError, match=r"^max order: 0 is too small"):
         identify_data(data, inputs=["u"], outputs=["y"], max_order=0)
+
+
+def test_a_slip_costs_no_good_result(tmp_path: Path) -> None:
+    """Bad input is told as JSON where no file stands; one that is there keeps its numbers."""
+    out = tmp_path / "found.json"
+    line = ["trim", "fmu:FirstOrderLag", "--json", str(out)]
+    assert run([*line, "--u0", "uu=1"]) == 2
+    assert json.loads(out.read_text())["failure"]["kind"] == "bad input"
+    out.unlink()
+    assert run(line) == 0
+    good = out.read_text()
+    assert run([*line, "--u0", "uu=1"]) == 2
+    assert out.read_text() == good

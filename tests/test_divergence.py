@@ -151,9 +151,9 @@ def test_a_bounded_run_of_an_unstable_system_is_left_alone() -> None:
     with closing(lambda u: 0.0 * u, 1e-6, a=1.0) as model:
         result = wb.simulate(model, stop=10.0)
         assert result.signals["y"][-1] == pytest.approx(1e-6 * math.exp(10.0), rel=1e-4)
-        assert result.notes == ()
+        assert not any("grows" in note for note in result.notes)
         # Longer, it says so.
-        (note,) = wb.simulate(model, stop=40.0).notes
+        (note,) = (n for n in wb.simulate(model, stop=40.0).notes if "this process" not in n)
         assert note.startswith("y grows exponentially, doubling every 0.693 s, to 2.35e+11")
 
 

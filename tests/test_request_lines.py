@@ -13,6 +13,7 @@ import typer
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.request import Request, Subject, asked_options, command_line_of
 from workbench.cli.derive import command, request_from
 from workbench.cli.program import program
@@ -153,3 +154,16 @@ def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None
     with pytest.raises(InputError) as told:
         typer.main.get_command(app).main(files, "on-several", standalone_mode=False)
     assert str(told.value) == f"on-several: {files}"
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"max_periods": 2.5}, "max periods: 2.5 is not a whole number"),
+        ({"carry": "false"}, "carry: 'false' is not True or False"),
+        ({"errcrit": True}, "errcrit: True is not a number"),
+    ],
+)
+def test_python_refuses_what_a_command_line_cannot_say(option: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Nfr("u", "y", frequencies=1.0, amplitudes=1.0, **option)

@@ -209,3 +209,29 @@ def test_small_responses_and_other_units_are_not_taken_for_rounding() -> None:
     assert np.abs(scaled.response(f)[-1, 0, 0]) < 1e-36
     assert not scaled.vanishes(f).any()
     assert not scaled.part().vanishes(f).any()
+
+
+@pytest.mark.parametrize(
+    ("gain", "crossings"),
+    [
+        ([4.0, 2.0, 1.0], [3.0]),
+        ([1.0, 2.0, 4.0], [1.0]),
+        ([0.5, 1.0, 0.5], [2.0]),
+        ([2.0, 1.0, 0.5], [2.0]),
+        ([1.0, 1.0, 1.0], []),
+        ([4.0, 3.0, 2.0], []),
+    ],
+)
+def test_a_gain_of_one_at_a_point_is_a_crossing_once(gain: list[float], crossings: list[float]) -> None:
+    curve = Response(np.array([1.0, 2.0, 3.0]), np.array(gain, dtype=complex))
+    assert curve.gain_crossings() == pytest.approx(crossings)
+
+
+def test_a_response_without_values_or_with_frequency_0_has_no_margins_beyond_them() -> None:
+    nothing = Response(np.array([1.0, 2.0]), np.array([np.nan, 0.0], dtype=complex))
+    assert np.isnan(nothing.between([1.0, 1.5])).all()
+    assert not nothing.margins().gain_crossovers
+    lag = Response(np.array([0.0, 1.0, 2.0]), np.array([3.0, 2.0, 0.5], dtype=complex))
+    assert len(lag.margins().gain_crossovers) == 1
+    with pytest.raises(InputError, match="frequencies of a response rise"):
+        Response(np.array([2.0, 1.0]), np.ones(2, dtype=complex)).margins()

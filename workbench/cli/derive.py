@@ -145,7 +145,7 @@ def _show(
 ) -> None:
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
-    from workbench.cli.output import error_in_json
+    from workbench.cli.output import failure_in_json
     from workbench.report.results import page_of
     from workbench.report.terminal import text_of
 
@@ -156,7 +156,7 @@ def _show(
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
     out.say(lambda width: text_of(page, width, how))
     out.write(
-        {"asked": asked_in_json(asked), **record.to_dict(), **error_in_json(stopped)},
+        {"asked": asked_in_json(asked), **record.to_dict(), **failure_in_json(stopped)},
         csv=getattr(record, "to_csv", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,

@@ -83,8 +83,9 @@ class Output:
         try:
             yield
         except WorkbenchError as error:
-            if self.json_path is not None and not self._has_json:
-                self._write_json(self._full(error_in_json(error)))
+            # A file that is there may hold a good result: no slip in a command's options shall cost it.
+            if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
+                self._write_json(self._full(failure_in_json(error)))
             raise
 
     @property
@@ -224,15 +225,15 @@ class Output:
             part.write_text(text, encoding="utf-8")
 
 
-def error_in_json(error: BaseException | None) -> dict[str, Any]:
+def failure_in_json(error: BaseException | None) -> dict[str, Any]:
     """Return what went wrong as JSON has it, with its kind, by which a program can tell it: see `WorkbenchError.kind`.
 
     Args:
         error: that ended a command; None: none.
     """
     if isinstance(error, WorkbenchError):
-        return {"error": {"kind": error.kind, "message": str(error)}}
-    return {"error": {"kind": "cancelled", "message": "interrupted"}} if error is not None else {}
+        return {"failure": {"kind": error.kind, "message": str(error)}}
+    return {"failure": {"kind": "cancelled", "message": "interrupted"}} if error is not None else {}
 
 
 def check_kind(option: str, path: str | None, suffix: str) -> None:

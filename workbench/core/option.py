@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from numbers import Real
+from numbers import Integral, Real
 from typing import (
     Annotated,
     Any,
@@ -168,9 +168,13 @@ class Declared:
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
         unit = f" [{self.option.unit}]" if self.option.unit else ""
         ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
+        if self.type is bool and value not in (True, False):
+            raise ValueError(f"{value!r} is not True or False")
         for x in value if isinstance(value, tuple) else (value,):
-            if (ranged or self.type in (int, float)) and not isinstance(x, Real):
+            if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
                 raise ValueError(f"{x!r} is not a number{unit}")
+            if self.type is int and not isinstance(x, Integral):
+                raise ValueError(f"{x!r} is not a whole number{unit}")
             if self.option.positive and not 0.0 < x < math.inf:
                 raise ValueError(f"{x:g} is not a positive{' finite' if x == math.inf else ''} number{unit}")
             if self.option.below is not None and not x < self.option.below:

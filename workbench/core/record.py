@@ -340,11 +340,12 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         raise InputError(f"{path}: is not JSON: {error}") from None
 
 
-def read_toml_table(path: Path) -> dict[str, Any]:
+def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:
     """Return what a TOML file holds.
 
     Args:
         path: path of the file.
+        twice: what to say besides where a key appears twice.
 
     Raises:
         InputError: no such file, or not TOML.
@@ -356,8 +357,8 @@ def read_toml_table(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
     except ValueError as error:
-        twice = "; a key appears twice" if "overwrite" in str(error) else ""
-        raise InputError(f"{path}: is not TOML: {error}{twice}") from None
+        hint = f"; a key appears twice{twice}" if "overwrite" in str(error) else ""
+        raise InputError(f"{path}: is not TOML: {error}{hint}") from None
 
 
 # -- writing -----------------------------------------------------------------------------------

@@ -84,7 +84,9 @@ class Response:
     @cached_property
     def _log(self) -> tuple[Floats, Complex]:
         """Log of the frequency, and of the values with their phase unwrapped, where they have any."""
-        has = known(self.value)
+        has = known(self.value) & (self.frequency_hz > 0.0)
+        if np.any(np.diff(self.frequency_hz[has]) <= 0.0):
+            raise InputError("the frequencies of a response rise, each stands once")
         phase = np.radians(unwrapped(self.value[has]))
         return np.log(self.frequency_hz[has]), np.asarray(np.log(np.abs(self.value[has])) + 1j * phase)
 
@@ -94,7 +96,10 @@ class Response:
         Args:
             frequency_hz: of any shape [Hz].
         """
-        x = np.log(np.asarray(frequency_hz, dtype=np.float64))
+        with np.errstate(divide="ignore"):
+            x = np.log(np.asarray(frequency_hz, dtype=np.float64))
+        if len(self._log[0]) < 2:
+            return np.full(x.shape, np.nan + 0j)
         inside = np.clip(x, *self._log[0][[0, -1]])
         x = np.where(np.abs(x - inside) < _SAME, inside, x)
         return np.asarray(np.exp(self._shape(self._log[1].real)(x) + 1j * self._shape(self._log[1].imag)(x)))
@@ -216,17 +221,14 @@ class Response:
         x, v = self._log[0], y - level
         if len(x) < 2:
             return []
-        crossed = np.flatnonzero((v[:-1] < 0.0) != (v[1:] < 0.0))
+        from scipy.optimize import brentq  # noqa: PLC0415  slow to import
+
         between = self._shape(v)
-        return [float(np.exp(_root(between, float(x[i]), float(x[i + 1])))) for i in crossed]
-
-
-def _root(between: Callable[[ArrayLike], Floats], a: float, b: float) -> float:
-    """Return where the function is 0; a value of exactly 0 at an end is not a change of sign."""
-    from scipy.optimize import brentq  # noqa: PLC0415  slow to import
-
-    ends = [end for end in (a, b) if float(between(end)) == 0.0]
-    return ends[0] if ends else float(brentq(lambda x: float(between(x)), a, b, xtol=1e-12))
+        crossed = np.flatnonzero(v[:-1] * v[1:] < 0.0)
+        inside = [brentq(lambda x: float(between(x)), x[i], x[i + 1], xtol=1e-12) for i in crossed]
+        still = np.pad(v == 0.0, 1, constant_values=True)  # at a stretch of zeros nothing crosses
+        touched = (v == 0.0) & ~(still[:-2] & still[2:])
+        return sorted(np.exp([*inside, *x[touched]]).tolist())
 
 
 def _top(grid: Floats, values: Floats) -> tuple[float, float]:

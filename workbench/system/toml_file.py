@@ -29,7 +29,7 @@ def read_toml(path: Path, parents: tuple[Path, ...] = ()) -> SystemDescription:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown
             (near names in the message) or missing, a value of the wrong type, an FMU that is not there.
     """
-    data = read_toml_table(path)
+    data = read_toml_table(path, twice=": an input takes one source")
     try:
         return _description(path, data, (*parents, path.resolve()))
     except InputError as error:
