@@ -294,7 +294,7 @@ class InWhole(InWorker):
     """The part of a request that says where all of it runs, on this machine or on a cluster."""
 
     _: KW_ONLY
-    workers: Workers | None = option(
+    workers: Worker | None = option(
         "Limits of the worker process that runs the FMU, or the cluster that it runs on; by default an hour for one "
         "result.",
         default=None,
