@@ -145,7 +145,7 @@ def _own(pid: int) -> float:
 # -- a hundred workers -------------------------------------------------------------------------
 
 
-def hundred(processes: int = 4, threads: int = 25, seconds: float = 20.0) -> None:
+def hundred(processes: int = 4, threads: int = 25, seconds: float = 40.0) -> None:
     """Let workers that only sleep, threads of a few processes, do what would take all of them some time."""
     workers = processes * threads
     count = round(workers * seconds / SLEEP)
