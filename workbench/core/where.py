@@ -183,7 +183,8 @@ class Workers(Worker):
             raise InputError("tls: names the files for a scheduler; give its address, too")
         if self.scheduler is not None and self.jobs is not None:
             raise InputError("a scheduler: its cluster decides how many jobs run at a time; leave jobs out")
-        if (self.in_process or self.executor) and self.limits != Limits(timeout=type(self).timeout):
+        limited = self.memory_limit is not None or self.timeout not in (DEFAULT_TIMEOUT, type(self).timeout)
+        if (self.in_process or self.executor) and (limited or self.confine):
             what = "confinement needs" if self.confine else "time and memory limits need"
             raise InputError(f"{asked[0]}: {what} the workbench's own worker processes")
 

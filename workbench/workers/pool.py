@@ -150,7 +150,7 @@ class Pool(Runner):
             except Exception as error:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
                 yield from self._end(worker, LostError(f"its worker's answer cannot be read: {error}"))
                 return
-            if message is None:
+            if message is None or worker not in self._workers:  # it may have been ended meanwhile
                 break
             yield from self._take(worker, *message)
         if worker in self._workers and (dead or worker.channel.ended):

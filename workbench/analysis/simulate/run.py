@@ -54,6 +54,7 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     try:
         with at_pauses(tell):
             found = running.once(None)
+        job.partial = lambda: running.result(found, told)  # should it be stopped while it is checked
         tell(stop)
     except StoppedError as error:
         if isinstance(error.before, Recorded):
