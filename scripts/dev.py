@@ -48,11 +48,14 @@ THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
 # Two test processes at most: many tests have worker processes of their own.
 PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
 
-# Compiles the inner loop where its C sources have changed since; an installation compiles it, too.
-KERNEL = """
+# Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
+# where Python is told to write no bytecode, as in many containers, each worker process would compile them anew.
+COMPILE = """
+from compileall import compile_dir
 from pathlib import Path
 from workbench.toolchain import compile_kernel, host_only
 compile_kernel(Path("workbench/kernel"), host_only())
+compile_dir("workbench", quiet=1)
 """
 
 
@@ -165,7 +168,7 @@ def _fmus(folder: Path) -> dict[str, bytes]:
 def _ensure_installed() -> None:
     if not (PYTHON.exists() and STAMP.exists() and STAMP.read_text(encoding="utf-8") == _fingerprint()):
         install()
-    _run([PYTHON, "-c", KERNEL])
+    _run([PYTHON, "-c", COMPILE])
 
 
 def _fingerprint() -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+from collections.abc import Generator
+
+import pytest
 
 from tests.drivers import driver
 
@@ -12,3 +16,10 @@ __all__ = ["driver"]
 # then wait for ever.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call() -> Generator[None, object, object]:
+    """Leave the environment as it is from test to test: where it changes, all worker processes are started anew."""
+    os.environ.pop("PYTEST_CURRENT_TEST", None)
+    return (yield)

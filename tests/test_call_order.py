@@ -162,7 +162,7 @@ def level(t: float, *, jump: bool) -> float:
 def test_event_mode_that_is_declared_and_refused_is_left_out(tmp_path: Path, name: str, words: str) -> None:
     points = np.linspace(0.03, 1.5, 50)
     with load(build_shy(tmp_path, name), step=0.01) as model:
-        result = simulate(model, stop=1.5, inputs={"u": Constant(2.0)}, points=points)
+        result = simulate(model, stop=1.5, inputs={"u": Constant(2.0)}, points=points, in_process=True)
         (remark,) = model.remarks()
         assert remark in result.notes
         assert "declares event mode" in remark

@@ -188,7 +188,9 @@ def test_every_command_ends_orderly(tmp_path: Path, command: list[str]) -> None:
 
 
 def test_an_fmu_that_hangs_in_the_programs_own_process_does_not_keep_it(tmp_path: Path) -> None:
-    code, err = Hanging(tmp_path, "lin", str(build_hostile(tmp_path, "hang-at-start"))).end(signal.SIGTERM)
+    code, err = Hanging(tmp_path, "lin", str(build_hostile(tmp_path, "hang-at-start")), "--in-process").end(
+        signal.SIGTERM
+    )
     assert code == 128 + signal.SIGTERM
     assert err == [
         "note: interrupted by SIGTERM: the code of an FMU, or of a library, does not return; there is no result"

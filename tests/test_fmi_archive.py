@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import stat
 import tempfile
 import zipfile
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from workbench.core.scratch import _Mine
 from workbench.errors import FmuError, InputError
 from workbench.fmi.archive import unpack
 from workbench.fmi.description import read_description
@@ -57,6 +59,8 @@ def _own_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     folder = tmp_path / "temporary"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setattr(_Mine, "folder", folder)
+    monkeypatch.setattr(_Mine, "process", os.getpid())
 
 
 def left_behind(tmp_path: Path) -> list[Path]:

@@ -41,7 +41,7 @@ def test_modes_have_their_own_tolerance_and_the_model_has_one(tmp_path: Path) ->
 def test_models_that_are_finished_are_kept_when_a_sweep_is_stopped() -> None:
     job = Job(lambda _what, done, _total: job.stop() if done == 2 else None)
     with wb.load("fmu:FirstOrderLag") as model, pytest.raises(KeyboardInterrupt):
-        LinOver({"tau": [0.5, 1.0, 2.0, 4.0]}).run(model, job)
+        LinOver({"tau": [0.5, 1.0, 2.0, 4.0]}, workers=wb.Workers(in_process=True)).run(model, job)
     grid = job.partial()
     assert isinstance(grid, LinGrid)
     # dx/dt = (u − x)/tau
