@@ -6,13 +6,14 @@ import json
 import os
 import pickle
 import socket
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from enum import IntFlag
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -22,7 +23,8 @@ from tests.worker_tasks import Trap, obey
 from workbench.cli.app import run
 from workbench.core import confine
 from workbench.core.where import Limits, Worker, Workers
-from workbench.workers.answers import records_only
+from workbench.workers import answers
+from workbench.workers.answers import in_records, records_only
 from workbench.workers.pool import Pool
 from workbench.workers.runner import Lost
 
@@ -187,15 +189,90 @@ def test_a_process_with_threads_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_answers_are_made_of_records_only(tmp_path: Path) -> None:
-    trap = pickle.dumps(Trap(str(tmp_path / "sprung")))
-    with pytest.raises(pickle.UnpicklingError, match="no part of a result"):
-        records_only(trap)
-    for name in (b"workbench.cli.app\nrun", b"workbench.store\nStore", b"builtins\neval", b"workbench.__main__\nx"):
-        with pytest.raises(pickle.UnpicklingError):
-            records_only(b"c" + name + b"\n.")
+    for packing in (pickle.dumps, in_records):
+        with pytest.raises(pickle.UnpicklingError, match="no part of a result"):
+            records_only(packing(Trap(str(tmp_path / "sprung"))))
     assert not (tmp_path / "sprung").exists()
-    limits = Limits(timeout=3.0, confine=True)
-    assert records_only(pickle.dumps(limits)) == replace(limits)
+    for name in ("workbench.cli.app run", "workbench.store Store", "builtins eval", "workbench.workers.answers _class"):
+        with pytest.raises(pickle.UnpicklingError):
+            records_only(b"".join((b"\x80\x05", *map(text_of, name.split()), b"\x93.")))
+
+
+def text_of(text: str) -> bytes:
+    """Text as pickle writes it."""
+    return b"\x8c" + bytes([len(text)]) + text.encode()
+
+
+class Called:
+    """Pickles as a call of a function."""
+
+    def __init__(self, call: object, *arguments: object) -> None:
+        self.made = call, arguments
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return self.made
+
+
+def test_answers_arrive_as_they_were() -> None:
+    numbers = np.arange(6.0).reshape(2, 3)
+    plain = [1, 2.5, None, True, "é", b"x", (1, [2]), {"a": {3}}, frozenset({4}), 1j, range(3), slice(1), Path("a/b")]
+    kept = records_only(in_records([*plain, deque([1], 2), OrderedDict(a=1), Limits(timeout=3.0, confine=True)]))
+    assert kept == [*plain, deque([1], 2), OrderedDict(a=1), Limits(timeout=3.0, confine=True)]
+    arrays: list[Any] = [
+        numbers,
+        numbers.T,
+        numbers[:, 1],
+        numbers > 2.0,
+        np.zeros((0, 3)),
+        numbers.astype(complex),
+        np.int32(7),
+    ]
+    for sent, found in zip(arrays, records_only(in_records(arrays)), strict=True):
+        assert (found.dtype, found.shape) == (sent.dtype, sent.shape)
+        assert (found == sent).all()
+    same = records_only(in_records([numbers, numbers]))
+    same[0][0] = 9.0  # it may be written to, and what was one array still is
+    assert same[0] is same[1]
+    error = wb.SimulationError("the pump ran dry", time=1.5)
+    error.before = Limits()
+    again = records_only(in_records(error))
+    assert (type(again), str(again), again.time, again.before) == (type(error), str(error), 1.5, Limits())
+
+
+def test_an_answer_changes_no_class() -> None:
+    """As pickle's instruction BUILD does, of a class, of a member of an enumeration, of a data type."""
+    limits = pickle.dumps(Limits)[:-1]  # but its end
+    with pytest.raises(pickle.UnpicklingError, match="BUILD"):
+        records_only(limits + b"N}" + text_of("apart") + b"Ns\x86b.")
+    assert Limits(confine=True).apart
+    for harmless_otherwise in (np.dtype("f8"), np.arange(3.0), Limits()):
+        with pytest.raises(pickle.UnpicklingError, match="BUILD"):
+            records_only(pickle.dumps(harmless_otherwise))
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments"),
+    [
+        (answers._array, ("O", (1,), b"12345678")),
+        (answers._array, ("f8,O", (1,), b"1234567812345678")),
+        (answers._array, ("V8", (1,), b"12345678")),
+        (answers._array, ("f8", (1 << 60,), b"12345678")),
+        (answers._record, ("workbench.core.where", "Limits", {"__class__": 1})),
+        (answers._record, ("workbench.store", "Store", {})),
+        (answers._record, ("workbench.core.where", "dataclass", {})),
+        (answers._record, ("os", "path", {})),
+        (answers._error, ("workbench.core.where", "Limits", (), {})),
+        (answers._member, ("workbench.core.where", "Limits", "timeout")),
+    ],
+)
+def test_what_may_be_called_takes_nothing_else(call: object, arguments: tuple[object, ...]) -> None:
+    with pytest.raises((pickle.UnpicklingError, ValueError, TypeError)):
+        records_only(pickle.dumps(Called(call, *arguments)))
+
+
+def test_objects_in_an_array_are_not_sent() -> None:
+    with pytest.raises(pickle.UnpicklingError, match="which are no numbers"):
+        records_only(in_records(np.array([1, "a"], dtype=object)))
 
 
 @needs_landlock

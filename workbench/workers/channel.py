@@ -33,16 +33,24 @@ class Channel:
     Args:
         link: connected stream socket; it belongs to the channel from now on.
         mark: begins each frame, random, the same at both ends.
-        loads: makes an object of what `pickle.dumps` made.
+        dumps: makes bytes of an object that is sent.
+        loads: makes an object of such bytes.
 
     Attributes:
         ended: whether the other end hung up.
         stray: number of bytes that belong to no message [byte].
     """
 
-    def __init__(self, link: socket.socket, mark: bytes, loads: Callable[[bytes], Any] = pickle.loads) -> None:
+    def __init__(
+        self,
+        link: socket.socket,
+        mark: bytes,
+        *,
+        dumps: Callable[[Any], bytes] = pickle.dumps,
+        loads: Callable[[bytes], Any] = pickle.loads,
+    ) -> None:
         link.setblocking(False)
-        self._loads = loads
+        self._dumps, self._loads = dumps, loads
         self._link, self._mark = link, mark
         self._arrived, self._leaving = bytearray(), bytearray()
         self.ended = False
@@ -71,7 +79,7 @@ class Channel:
         """
         self._link.setblocking(True)
         try:
-            self.put(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
+            self.put(self._dumps(item))
             if self.ended:
                 raise BrokenPipeError
         finally:

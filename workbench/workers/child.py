@@ -20,10 +20,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from workbench.core.confine import confined
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
+from workbench.workers.answers import in_records
 from workbench.workers.channel import Channel
 from workbench.workers.limits import MemoryWatch
 
@@ -134,7 +136,7 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     if not why_kernel_missing():  # also while code that hangs keeps Python from running
         arguments = (lifeline, parent, int(1000 * _FAREWELL))
         threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
-    channel = _Worker.channel = Channel(end, mark)
+    channel = _Worker.channel = Channel(end, mark, dumps=in_records if confined() else pickle.dumps)
     if module:
         import_module(module)
     with suppress(OSError):

@@ -73,7 +73,7 @@ class WorkerProcess:
         first = _CONFINED.format(folder=self._scratch) if confine else ""
         with theirs:
             self._process = _started(theirs, rest, self._log.fileno(), first)
-        self.channel = Channel(ours, mark, records_only if confine else pickle.loads)
+        self.channel = Channel(ours, mark, loads=records_only if confine else pickle.loads)
         with _lock:
             _alive.add(self)
 
