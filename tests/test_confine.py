@@ -156,6 +156,14 @@ def test_it_is_refused_where_it_cannot_be(monkeypatch: pytest.MonkeyPatch, capsy
     assert last == "workbench: --confine: not possible here: it needs Linux, not Plan 9"
 
 
+@pytest.mark.parametrize(
+    "command", [["lin", "fmu:Rudder"], ["nfr", "fmu:Rudder", *LINES["nfr"]], ["run", "study:rudder_specification"]]
+)
+def test_it_is_refused_on_a_cluster(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*command, "--confine", "--scheduler", "local:2"]) == 2
+    assert "confinement needs the workbench's own worker processes" in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "darwin")
     assert "it needs Linux" in confine.why_not()
@@ -173,6 +181,8 @@ def test_it_is_refused_in_this_process() -> None:
         Worker(confine=True, in_process=True)
     with pytest.raises(wb.InputError, match="confinement needs the workbench's own worker processes"):
         Workers(confine=True, executor=ThreadPoolExecutor(1))
+    with pytest.raises(wb.InputError, match="a scheduler: confinement needs the workbench's own worker processes"):
+        Workers(confine=True, scheduler="local:2")  # what comes from there is unpickled as it is
     with pytest.raises(wb.InputError, match=r"confine: not possible: .* exists only in this process"):
         wb.trim(FakeModel(EulerOscillator), confine=True)
 

@@ -15,7 +15,9 @@ import pytest
 import workbench as wb
 from tests.programs import ended, start
 from tests.worker_tasks import obey
-from workbench.core.where import Limits
+from workbench.cli.app import run
+from workbench.core.option import recast
+from workbench.core.where import Limits, Worker
 from workbench.endings import ENDING
 from workbench.workers.child import READY
 from workbench.workers.limits import memory_limit_works
@@ -269,7 +271,18 @@ def test_reasons_name_what_happened(code: int | None, platform: str, text: str) 
     assert text in str(died(code, Limits(), platform=platform))
 
 
-@pytest.mark.parametrize("limits", [{"timeout": 0.0}, {"timeout": float("nan")}, {"memory": -1.0}])
-def test_limits_are_checked(limits: dict[str, Any]) -> None:
-    with pytest.raises(wb.InputError, match="not a positive number"):
-        Limits(**limits)
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("-inf"), 1e300])
+@pytest.mark.parametrize("name", ["timeout", "memory_limit"])
+def test_limits_are_checked_where_they_are_written(
+    name: str, value: float, capsys: pytest.CaptureFixture[str], model: wb.DescribedModel
+) -> None:
+    said = f"{name.replace('_', ' ')}: .*(is not a positive number|is as good as no limit)"
+    for kind in (wb.Workers, Worker):
+        with pytest.raises(wb.InputError, match=said):
+            recast(kind, kind(), **{name: value})
+    flag = f"--{name.replace('_', '-')}"
+    asked = [[name, "fmu:FirstOrderLag"] for name in ("simulate", "trim", "lin", "info", "check")]
+    for command in (*asked, ["run", "study:rudder_specification", "--no-store"]):
+        assert run([*command, f"{flag}={value}"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"workbench: {flag}: ") or "o such option" in line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import KW_ONLY, dataclass
@@ -29,6 +30,9 @@ _Place = TypeVar("_Place", bound="Worker")
 # Long enough for any point that anybody waits for; short enough that a night's sweep survives a hang.
 DEFAULT_TIMEOUT = 3600.0
 
+# Larger limits are mistakes, and more than clocks and addresses can count: 30,000 years, an exabyte.
+_MOST = 1e12
+
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
@@ -40,7 +44,7 @@ class Limits:
         confine: whether it may neither write files nor use a network.
 
     Raises:
-        InputError: a limit that is not positive.
+        InputError: a limit that is not positive, or beyond all reason.
     """
 
     timeout: float | None = DEFAULT_TIMEOUT
@@ -56,6 +60,10 @@ class Limits:
         for name, value, unit in (("timeout", self.timeout, "s"), ("memory limit", self.memory, "MB")):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name}: {value:g} {unit} is not a positive number")
+            if value is not None and _MOST < value < math.inf:
+                raise InputError(
+                    f"{name}: more than {_MOST:g} {unit} is as good as no limit; leave it out, or take inf"
+                )
 
 
 class Worker(Options):
@@ -68,7 +76,7 @@ class Worker(Options):
         confine: whether an FMU may neither write files nor use a network. For worker processes only.
 
     Raises:
-        InputError: confined, but in this process.
+        InputError: confined, but in this process; a limit that is none.
     """
 
     _: KW_ONLY
@@ -89,6 +97,7 @@ class Worker(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _ = self.limits  # checked where they are written, also where they will not apply
         if self.confine and self.in_process:
             raise InputError("confine: this process cannot be confined; leave in process out")
 
@@ -150,7 +159,7 @@ class Workers(Worker):
         tls: files for an address that begins with tls://.
 
     Raises:
-        InputError: fewer than one job, or two places at once.
+        InputError: fewer than one job, two places at once, or confined where that is not possible.
     """
 
     _: KW_ONLY
@@ -184,9 +193,12 @@ class Workers(Worker):
         if self.scheduler is not None and self.jobs is not None:
             raise InputError("a scheduler: its cluster decides how many jobs run at a time; leave jobs out")
         limited = self.memory_limit is not None or self.timeout not in (DEFAULT_TIMEOUT, type(self).timeout)
-        if (self.in_process or self.executor) and (limited or self.confine):
-            what = "confinement needs" if self.confine else "time and memory limits need"
-            raise InputError(f"{asked[0]}: {what} the workbench's own worker processes")
+        if asked and self.confine:
+            raise InputError(
+                f"{asked[0]}: confinement needs the workbench's own worker processes here; leave one of the two out"
+            )
+        if (self.in_process or self.executor) and limited:
+            raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
 
 
 class Parts(Workers):

@@ -172,9 +172,10 @@ def run_study(
     from workbench.workers import DEFAULT_TIMEOUT, Workers  # noqa: PLC0415 - see `StudyRun`
 
     limit = DEFAULT_TIMEOUT if timeout is None else timeout
+    place = Workers(jobs=jobs, timeout=limit, confine=confine, scheduler=scheduler)
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    return prepared.run(lambda: Workers(jobs=jobs, timeout=limit, confine=confine, scheduler=scheduler))
+    return prepared.run(lambda: place)
 
 
 # -- requirements ------------------------------------------------------------------------------
