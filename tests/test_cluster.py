@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
+import threading
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -216,19 +219,92 @@ def test_the_scheduler_s_end_leaves_what_was_finished_and_one_line() -> None:
         assert len(sweep.result().failed) == sweep.total - sweep.done
 
 
-def test_a_cluster_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(at_client, "_CONNECT", 0.2)
-    for address, why in (
-        ("tcp://127.0.0.1:9", "cannot be reached"),
-        ("nonsense://x", "cannot be reached"),
-        (str(tmp_path / "scheduler.json"), "no such file"),
+@pytest.fixture(params=[b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def somebody_else(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Address of a program that is no scheduler: it says nothing, or something else."""
+    heard = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    heard.append(listener.accept()[0])
+                    heard[-1].sendall(request.param)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        listener.shutdown(socket.SHUT_RDWR)
+    thread.join()
+    for connection in heard:
+        connection.close()
+
+
+SWEEP = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--freq", "1", "--amplitude", "1"]
+
+
+def refused(address: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what is said of an address, in Python and, in the same words, on the command line."""
+    with pytest.raises(wb.InputError) as caught, Cluster(address):
+        pass
+    assert run([*SWEEP, "--scheduler", address]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("note: ")]
+    assert lines == [f"workbench: {caught.value}"]
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("tcp://127.0.0.1:9", "cannot be reached: nobody listens at port 9 of 127.0.0.1"),
+        ("tcp://nosuch.invalid:8786", "cannot be reached: there is no host 'nosuch.invalid'"),
+        ("nonsense://x", "is not an address; give tcp://host:8786"),
+        ("some words", "is not an address"),
+        ("tcp://127.0.0.1", "is not an address"),
+        ("local:x", "is not an address"),
         ("local:0", "at least 1 worker"),
         ("tls://127.0.0.1:9", "needs certificates"),
-    ):
-        with pytest.raises(wb.InputError, match=why), Cluster(address):
-            pass
-    with pytest.raises(wb.InputError, match="three files"):
-        Workers(scheduler="tls://x", tls=("ca.pem",))
+    ],
+)
+def test_a_cluster_that_is_not_there_is_one_line(address: str, why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert why in refused(address, capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (None, "no such file; dask scheduler --scheduler-file"),
+        ("{", "is not a scheduler file: it must be JSON with an entry address"),
+        ("[1]", "is not a scheduler file"),
+        ('{"type": "Scheduler"}', "is not a scheduler file"),
+        ('{"address": 5}', "is not an address '5'"),
+        ('{"address": "tcp://127.0.0.1:9"}', "nobody listens at port 9"),
+    ],
+)
+def test_a_scheduler_file_that_leads_nowhere_is_one_line(
+    content: str | None, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "scheduler.json"
+    if content is not None:
+        file.write_text(content)
+    assert why in refused(str(file), capsys)
+
+
+def test_who_listens_but_is_no_scheduler_is_told(
+    somebody_else: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(at_client, "_CONNECT", 0.5)
+    said = refused(somebody_else, capsys)
+    assert "it does not answer" in said or "something else than a Dask scheduler listens there" in said
+
+
+def test_a_cluster_checks_what_it_is_given() -> None:
+    for patience in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(wb.InputError, match="is not a positive finite number"):
+            Cluster("local:1", patience=patience)
+    for place in (lambda: Workers(scheduler="tls://x", tls=("ca.pem",)), lambda: Cluster("tls://x", tls=("ca.pem",))):
+        with pytest.raises(wb.InputError, match="three files"):
+            place()
 
 
 # -- batches -----------------------------------------------------------------------------------

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import pickle
 import queue
 import re
+import socket
+import struct
 import time
 import warnings
 from collections import deque
@@ -46,6 +49,11 @@ _SHARE = 2  # the last batches are smaller: so many for each thread are left to 
 _LOUD = ("distributed", "tornado", "asyncio")
 _CONFIGURED = "distributed.comm.tls.ca-file"
 _LOCAL = re.compile(r"local:(\d+)")
+_ADDRESS = re.compile(r"(?:(?:tcp|tls|ws|wss)://)?(\[[^\]\s]+\]|[^:/\[\]\s]+):(\d{1,5})/?")
+_SILENT = ("tls:", "ws:", "wss:")  # there, who connects speaks first
+_LENGTH = struct.Struct("<Q")  # with which the first message begins otherwise
+_GREETING = 1 << 16  # [byte]: it is shorter
+_NO_SCHEDULER = "something else than a Dask scheduler listens there; is the address right?"
 _DISTRIBUTION = "fmi-workbench"
 
 
@@ -81,6 +89,10 @@ class Cluster(Scheduler):
     """
 
     def __init__(self, scheduler: str, *, tls: Sequence[str] | None = None, patience: float = _PATIENCE) -> None:
+        if not 0.0 < patience < math.inf:
+            raise InputError(f"patience: {patience:g} s is not a positive finite number")
+        if tls is not None and len(tls) != 3:
+            raise InputError("tls: takes three files: certificate of the authority, own certificate, own key")
         self.address = scheduler
         self.tls = None if tls is None else tuple(tls)
         self.patience = patience
@@ -254,22 +266,77 @@ def _again(scheduler: str, tls: tuple[str, ...] | None, patience: float) -> Clus
 
 
 def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 - distributed is untyped
-    for file in (*(tls or ()), *([address] if address.endswith(".json") else [])):
+    for file in tls or ():
         if not Path(file).is_file():
             raise InputError(f"scheduler {address}: {file}: no such file")
     library = distributed()
-    if address.startswith("tls:") and tls is None and not import_module("dask").config.get(_CONFIGURED, None):
+    where = _told_in(address) if address.endswith(".json") else address
+    if where.startswith("tls:") and tls is None and not import_module("dask").config.get(_CONFIGURED, None):
         raise InputError(
             f"scheduler {address}: needs certificates: tls (--scheduler-tls CA,CERT,KEY), or {_CONFIGURED} in "
             "Dask's configuration"
         )
-    where: dict[str, Any] = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
-    if tls is not None:
-        where["security"] = security(tls)
+    _knock(address, where)
+    own = {} if tls is None else {"security": security(tls)}
     try:
-        return library.Client(**where, timeout=_CONNECT, set_as_default=False)
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError) as error:
-        raise InputError(f"scheduler {address}: cannot be reached: {one_line(str(error))}") from None
+        return library.Client(address=where, timeout=_CONNECT, set_as_default=False, **own)
+    except Exception as error:  # noqa: BLE001 - whatever comes of what an unknown program says
+        raise InputError(f"scheduler {address}: {_NO_SCHEDULER} ({one_line(str(error))})") from None
+
+
+def _told_in(file: str) -> str:
+    """Return the address in a scheduler file.
+
+    Raises:
+        InputError: it is not there, or is not such a file.
+    """
+    try:
+        return str(json.loads(Path(file).read_text(encoding="utf-8"))["address"])
+    except FileNotFoundError:
+        raise InputError(
+            f"scheduler {file}: no such file; dask scheduler --scheduler-file {file} writes it, where all can read it"
+        ) from None
+    except OSError as error:
+        raise InputError(f"scheduler {file}: cannot be read: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise InputError(
+            f"scheduler {file}: is not a scheduler file: it must be JSON with an entry address, as dask scheduler "
+            "--scheduler-file writes it"
+        ) from None
+
+
+def _knock(address: str, where: str) -> None:
+    """Try whether a scheduler listens there: the library underneath would wait for ever for what it says first.
+
+    Raises:
+        InputError: none does, or it is not an address.
+    """
+    parts = _ADDRESS.fullmatch(where)
+    if parts is None:
+        named = "" if address == where else f" '{where}'"
+        raise InputError(
+            f"scheduler {address}: is not an address{named}; give tcp://host:8786, tls://host:8786, a scheduler file "
+            "(.json), or local:N for N workers on this machine"
+        )
+    host, port = parts[1].strip("[]"), int(parts[2])
+    try:
+        with socket.create_connection((host, port), timeout=_CONNECT) as door, door.makefile("rb") as heard:
+            said = b"" if where.startswith(_SILENT) else heard.read(_LENGTH.size)
+    except TimeoutError:
+        why = "it does not answer"
+    except socket.gaierror:
+        why = f"there is no host '{host}'"
+    except ConnectionRefusedError:
+        why = f"nobody listens at port {port} of {host}"
+    except (OSError, UnicodeError, OverflowError) as error:
+        why = one_line(str(error))
+    else:
+        if where.startswith(_SILENT) or (len(said) == _LENGTH.size and _LENGTH.unpack(said)[0] < _GREETING):
+            return
+        raise InputError(f"scheduler {address}: {_NO_SCHEDULER}")
+    raise InputError(
+        f"scheduler {address}: cannot be reached: {why}; does the scheduler run, and is its address right?"
+    )
 
 
 @contextmanager
