@@ -106,3 +106,76 @@ def test_a_killed_program_leaves_neither_process_nor_folder(tmp_path: Path) -> N
     assert pids
     assert all(ended(pid) for pid in pids)
     assert not list(tmp_path.iterdir())
+
+
+@posix
+def test_a_folder_that_was_not_locked_yet_when_its_process_died_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "fmi-workbench-empty").mkdir()
+    (tmp_path / "fmi-workbench-half" / "worker-x").mkdir(parents=True)  # whoever removed it died on the way
+    after = makes(tmp_path, "")
+    made(after)
+    after.communicate()
+    assert not list(tmp_path.iterdir())
+
+
+@posix
+def test_a_link_with_its_name_leads_nowhere(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "home"
+    elsewhere.mkdir()
+    (tmp_path / "fmi-workbench-link").symlink_to(elsewhere)
+    after = makes(tmp_path, "")
+    made(after)
+    after.communicate()
+    assert not list(elsewhere.iterdir())
+    assert elsewhere.is_dir()
+
+
+RACE = """
+import os, sys, tempfile
+tempfile.tempdir = {folder!r}
+from workbench.core import scratch
+for _ in range(200):
+    scratch._Mine.folder = None  # as a new process would
+    held = scratch.scratch_folder("one")
+    assert held.is_dir() and (held.parent / "lock").is_file(), held
+    assert scratch._lock_of(held.parent) is None
+    os.close(scratch._Mine.lock)  # as at its end
+"""
+
+
+@posix
+def test_processes_that_begin_at_the_same_time_leave_each_other_alone(tmp_path: Path) -> None:
+    several = [start(["-c", RACE.format(folder=str(tmp_path))]) for _ in range(4)]
+    assert [process.communicate(timeout=60)[1] for process in several] == [""] * 4
+
+
+@posix
+def test_threads_that_begin_at_the_same_time_share_a_folder(tmp_path: Path) -> None:
+    code = (
+        f"import tempfile, threading; tempfile.tempdir = {str(tmp_path)!r}\n"
+        "from workbench.core.scratch import scratch_folder\n"
+        "gate = threading.Barrier(8)\n"
+        "def make(): gate.wait(); scratch_folder('one')\n"
+        "threads = [threading.Thread(target=make) for _ in range(8)]\n"
+        "[t.start() for t in threads]; [t.join() for t in threads]\n"
+    )
+    process = start(["-c", code])
+    assert process.communicate(timeout=60)[1] == ""
+    assert not list(tmp_path.iterdir())
+
+
+@posix
+def test_a_worker_that_is_let_go_of_removes_nothing_of_its_parent(tmp_path: Path) -> None:
+    """As one whose start was interrupted: its pipe ends, the parent goes on."""
+    code = (
+        f"import tempfile, time; tempfile.tempdir = {str(tmp_path)!r}\n"
+        "from workbench.core.scratch import scratch_folder\n"
+        "from workbench.workers.process import WorkerProcess\n"
+        "kept = scratch_folder('kept')\n"
+        "worker = WorkerProcess()\n"
+        "worker._process.stdin.close()\n"
+        "worker._process.wait(30)\n"
+        "print(kept.is_dir())\n"
+    )
+    process = start(["-c", code])
+    assert process.communicate(timeout=60) == ("True\n", "")

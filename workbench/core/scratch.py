@@ -5,16 +5,20 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["remove", "scratch", "scratch_folder"]
+from workbench.core.locks import forkable_lock
+
+__all__ = ["remove", "remove_if_dead", "scratch", "scratch_folder"]
 
 _PREFIX = "fmi-workbench-"
 _LOCK = "lock"
+_beginning = forkable_lock()
 
 
 class _Mine:
@@ -37,9 +41,10 @@ def scratch_folder(name: str) -> Path:
     Args:
         name: begins the folder's name.
     """
-    if _Mine.folder is None or _Mine.process != os.getpid() or not _Mine.folder.is_dir():
-        _begin()
-    return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_Mine.folder))
+    with _beginning:
+        if _Mine.folder is None or _Mine.process != os.getpid() or not _Mine.folder.is_dir():
+            _begin()
+        return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_Mine.folder))
 
 
 def remove(folder: Path) -> None:
@@ -74,26 +79,54 @@ def _end() -> None:
 
 def _begin() -> None:
     parent = Path(tempfile.gettempdir())
-    for left in parent.glob(f"{_PREFIX}*/{_LOCK}"):
-        _remove_if_dead(left)
-    _Mine.folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent)).resolve()
-    _Mine.process = os.getpid()
-    # Under another name until it is locked, so that no other process takes it for that of a dead one.
-    new = _Mine.folder / ("new" if sys.platform != "win32" else _LOCK)
-    _Mine.lock = os.open(new, os.O_RDWR | os.O_CREAT, 0o600)
-    _locked(_Mine.lock)
-    new.rename(_Mine.folder / _LOCK)
+    for left in parent.glob(f"{_PREFIX}*"):
+        remove_if_dead(left)
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent)).resolve()
+        lock = _lock_of(folder)
+        if lock is not None:
+            break  # else another process took it, before it was locked, for that of a dead one, and removes it
+    _Mine.folder, _Mine.lock, _Mine.process = folder, lock, os.getpid()
 
 
-def _remove_if_dead(lock: Path) -> None:
-    """Remove a folder whose process is gone."""
-    with suppress(OSError):  # somebody else's, or another process is removing it
-        found = os.open(lock, os.O_RDWR)
-        try:
-            if _locked(found):
-                shutil.rmtree(lock.parent, ignore_errors=True)
-        finally:
-            os.close(found)
+def remove_if_dead(folder: Path) -> bool:
+    """Remove a folder whose process is gone, or was before it had locked the folder; return whether it was.
+
+    Args:
+        folder: that a process had for all of its own.
+    """
+    try:
+        owner = folder.lstat()
+        if not stat.S_ISDIR(owner.st_mode) or (hasattr(os, "getuid") and owner.st_uid != os.getuid()):
+            return False  # a link, or somebody else's
+    except OSError:
+        return False
+    lock = _lock_of(folder)
+    if lock is None:
+        return False
+    if sys.platform == "win32":
+        os.close(lock)  # what is open cannot be removed there
+    shutil.rmtree(folder, ignore_errors=True)
+    if sys.platform != "win32":
+        os.close(lock)
+    return True
+
+
+def _lock_of(folder: Path) -> int | None:
+    """Return the descriptor of a folder's locked file; None: another process has it, or removes the folder.
+
+    Whoever has the lock of the file that is in the folder now has the folder: one that was removed meanwhile, and made
+    anew, is another file.
+    """
+    try:
+        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    except OSError:
+        return None
+    with suppress(OSError):
+        if _locked(lock) and os.path.samestat(os.fstat(lock), (folder / _LOCK).stat()):
+            return lock
+    os.close(lock)
+    return None
 
 
 def _locked(file: int) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-import threading
 import zipfile
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.core.loading import Loading
+from workbench.core.locks import forkable_lock
 from workbench.core.option import values_of, with_options
 from workbench.core.scratch import scratch
 from workbench.errors import FmuError, InputError, article, suggest
@@ -149,7 +149,7 @@ class FmuRecipe(LoadRecipe):
 
 # FMUs that came packed, by the SHA-256 of the archive.
 _settled: OrderedDict[str, Unpacked] = OrderedDict()
-_settling = threading.Lock()
+_settling = forkable_lock()
 _MOST_SETTLED = 64
 
 
