@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import gc
 import os
 import select
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,9 +20,11 @@ from tests.programs import ended, start
 from tests.worker_tasks import obey
 from workbench.cli.app import run
 from workbench.core.option import recast
+from workbench.core.scratch import scratch_folder
 from workbench.core.where import Limits, Worker
 from workbench.endings import ENDING
-from workbench.workers.child import READY
+from workbench.workers import process
+from workbench.workers.child import DONE, ERROR, ITEM, READY
 from workbench.workers.limits import memory_limit_works
 from workbench.workers.pool import Pool, died
 from workbench.workers.process import WorkerProcess
@@ -264,11 +269,203 @@ def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
         (-8, "linux", "arithmetic"),
         (-60, "linux", "signal"),
         (0, "linux", "exit code 0"),
-        (None, "linux", "exit code None"),
+        (None, "linux", "closed the connection"),
     ],
 )
 def test_reasons_name_what_happened(code: int | None, platform: str, text: str) -> None:
     assert text in str(died(code, Limits(), platform=platform))
+
+
+# -- what goes wrong between requests, or in odd ways -----------------------------------------
+
+
+@posix
+def test_a_worker_that_died_while_it_waited_costs_nothing(model: wb.DescribedModel) -> None:
+    with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+        for _ in range(2):  # in a pool that is still open, and the second time after a kept one
+            assert list(pool.run(obey, deque([("say", 1)]))) == [Reply(("say", 1), 1)]
+            (pid,) = pool.pids
+            os.kill(pid, signal.SIGKILL)
+            assert ended(pid)
+        assert list(pool.run(obey, deque([("say", 2)]))) == [Reply(("say", 2), 2)]
+        (pid,) = pool.pids
+    os.kill(pid, signal.SIGKILL)
+    assert do(model, ("say", 3), workers=1) == {("say", 3): [3]}
+
+
+@posix
+def test_a_worker_that_an_earlier_request_broke_costs_the_next_one_nothing(model: wb.DescribedModel) -> None:
+    """It dies as soon as it is asked: it cannot be seen before."""
+    with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+        list(pool.run(obey, deque([("say", 1)])))
+        (pid,) = pool.pids
+        os.kill(pid, signal.SIGSTOP)
+        events = pool.run(obey, deque([("name",)]))
+        threading.Timer(0.3, os.kill, (pid, signal.SIGKILL)).start()
+        (event,) = events
+    assert isinstance(event, Reply)
+    assert event.value[2] != pid
+
+
+@posix
+def test_what_was_printed_last_is_part_of_the_message(model: wb.DescribedModel) -> None:
+    job = ("last_words", "warming up", "the pump\x1b ran dry")
+    assert do(model, ("say", 1), job, workers=1)[job] == [
+        "the FMU crashed: segmentation fault (SIGSEGV); the last that it printed: the pump\\x1b ran dry"
+    ]
+
+
+@posix
+@pytest.mark.parametrize("what", ["StopIteration", "GeneratorExit", "SystemExit"])
+def test_an_odd_exception_ends_nothing_in_silence(model: wb.DescribedModel, what: str) -> None:
+    jobs = [("say", 1), ("raise", what), ("say", 2)]
+    if what == "SystemExit":
+        found = do(model, *jobs, workers=1)
+        assert found[jobs[1]] == ["before", "the FMU ended its process (exit code 0)"]
+        assert found[jobs[2]] == [2]
+    else:
+        with pytest.raises(RuntimeError, match=what):
+            do(model, *jobs, workers=1)
+
+
+@linux
+def test_noise_in_the_channel_costs_nothing_and_a_closed_one_is_told(model: wb.DescribedModel) -> None:
+    assert do(model, ("noise", "between"), ("say", 1)) == {("noise", "between"): ["after"], ("say", 1): [1]}
+    found = do(model, ("noise", "closed"), ("say", 1), workers=1)
+    assert found["say", 1] == [1]
+    (reason,) = found["noise", "closed"]
+    assert "closed the connection" in reason
+
+
+def test_an_answer_that_cannot_be_made_here_is_an_error(model: wb.DescribedModel) -> None:
+    found = do(model, ("odd",), ("say", 1), workers=1)
+    assert found["odd",][0].startswith("its worker's answer cannot be read: ")
+    assert found["say", 1] == [1]
+
+
+@posix
+@pytest.mark.parametrize(
+    "messages", [[(READY, None)], [("nothing", "of the kind")], [5], [(DONE, None), (ITEM, 5)], [(ERROR, "none")]]
+)
+def test_messages_in_disorder_are_one_error(model: wb.DescribedModel, messages: list[Any]) -> None:
+    with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+        events = pool.run(obey, deque([("sleep", 0.0, 100.0)]))
+        assert next(events) == Reply(("sleep", 0.0, 100.0), 0.0)
+        (worker,) = pool._workers
+        worker.channel.receive = lambda: iter(messages)  # type: ignore[method-assign]
+        worker.channel.dry = True
+        os.kill(worker.pid, signal.SIGKILL)
+        assert ended(worker.pid)
+        try:
+            said = [str(event) for event in events] + pool.remarks()
+        except wb.LostError as error:
+            said = [str(error)]
+    assert len(said) == 1
+    assert "its worker's answer cannot be read" in said[0]
+
+
+def owned() -> tuple[Any, ...]:
+    """Return what a worker that fails to start could leave behind."""
+    gc.collect()
+    folder = scratch_folder("first").parent
+    files = sorted(p.name for p in folder.iterdir() if not p.name.startswith("first"))
+    return sorted(Path("/proc/self/fd").iterdir())[:-1], files, len(process._alive), threading.active_count()
+
+
+@linux
+@pytest.mark.parametrize("name", ["subprocess.Popen", "socket.socketpair", "pathlib.Path.open"])
+def test_a_worker_that_cannot_be_started_is_one_line_and_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    before = owned()
+    with monkeypatch.context() as patched:
+        patched.setattr(name, fails)
+        with pytest.raises(wb.WorkbenchError, match="a worker process cannot be started: Too many open files"):
+            WorkerProcess()
+    assert owned() == before
+
+
+# -- stopping and copies made by fork ---------------------------------------------------------
+
+
+STOPPED = """
+import os, signal, sys, threading
+from collections import deque
+import workbench as wb
+from tests.worker_tasks import obey
+from workbench.workers import Limits
+from workbench.workers.pool import Pool
+from workbench.workers.channel import Channel
+
+model = wb.load("fmu:FirstOrderLag")
+pool = Pool(model.recipe, jobs=1, limits=Limits())
+signal.signal(signal.SIGTERM, lambda *_: pool.end_soon())
+events = pool.run(obey, deque([("say", 0), ("sleep", 0.0, 100.0)]))
+print(next(events).value)
+
+class Link:  # asked to end in the middle of sending
+    def __init__(self, link): self.link = link
+    def fileno(self): return self.link.fileno()
+    def recv(self, *a): return self.link.recv(*a)
+    def close(self): self.link.close()
+    def send(self, piece):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return self.link.send(piece)
+
+channel = pool._workers[0].channel
+channel._link = Link(channel._link)
+try:
+    print([e.value for e in events])
+except KeyboardInterrupt:
+    print("ended")
+"""
+
+
+@posix
+def test_a_signal_in_the_middle_of_sending_ends_it_in_good_order() -> None:
+    """Its handler sends nothing itself, and takes no lock."""
+    process = start(["-c", STOPPED])
+    out, err = process.communicate(timeout=60)
+    assert (out.split(), err) == (["0", "ended"], "")
+
+
+FORKED = """
+import os, sys, threading, time
+from collections import deque
+import workbench as wb
+from tests.worker_tasks import obey
+from workbench.core import scratch
+from workbench.workers import Limits, process
+from workbench.workers.pool import Pool
+
+model = wb.load("fmu:FirstOrderLag")
+held = threading.Event()
+def hold():
+    with process._lock, scratch._beginning:
+        held.set()
+        time.sleep(3)
+with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+    events = pool.run(obey, deque([("say", 1, 2, 3)]))
+    print(next(events).value, flush=True)
+    threading.Thread(target=hold, daemon=True).start()
+    held.wait()
+    child = os.fork()
+    if child == 0:
+        wb.simulate(model, stop=0.1)  # in a worker of its own
+        sys.exit(7)  # closes the pool on its way
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), *(e.value for e in events))
+    print(*(e.value for e in pool.run(obey, deque([("say", 4)]))))
+"""
+
+
+@posix
+def test_a_fork_in_the_middle_of_a_run_disturbs_neither() -> None:
+    process = start(["-c", FORKED])
+    out, err = process.communicate(timeout=60)
+    assert (out.split(), err) == (["1", "7", "2", "3", "4"], "")
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("-inf"), 1e300])

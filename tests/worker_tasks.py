@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from workbench.errors import SimulationError
@@ -95,6 +96,43 @@ def _modules(model: Model) -> Iterator[Any]:
 def _stdout(model: Model) -> Iterator[Any]:
     os.write(1, b"written by the FMU\n")
     yield None
+
+
+def _last_words(model: Model, *texts: str) -> Iterator[Any]:
+    """Print, and crash."""
+    for text in texts:
+        os.write(2, text.encode() + b"\n")
+    ctypes.string_at(0)
+    yield "never"
+
+
+def _raise(model: Model, name: str) -> Iterator[Any]:
+    """Raise what ends a generator, a thread or a process elsewhere."""
+    yield "before"
+    raise {"StopIteration": StopIteration, "GeneratorExit": GeneratorExit, "SystemExit": SystemExit}[name]
+
+
+def _noise(model: Model, where: str) -> Iterator[Any]:
+    """Write into the channel, in its messages and between them, or close it."""
+    files = {int(file.name): str(file.resolve()) for file in Path("/proc/self/fd").iterdir()}
+    links = [n for n, file in files.items() if n > 2 and "socket:" in file]
+    for link in links:
+        if where == "closed":
+            os.close(link)
+        else:
+            os.write(link, b"noise" * 1000)
+    yield "after"
+
+
+class _OddError(Exception):
+    """Cannot be made again from what is left of it."""
+
+    def __init__(self, one: int, two: int) -> None:
+        super().__init__("odd")
+
+
+def _odd(model: Model) -> Iterator[Any]:
+    yield _OddError(1, 2)
 
 
 class Trap:

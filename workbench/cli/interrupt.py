@@ -186,13 +186,18 @@ def _watch(ear: socket.socket, _mouth: socket.socket) -> None:
 
 
 def _end_without_result(number: int) -> None:
-    threading.Timer(_PATIENCE, os._exit, [128 + number]).start()  # whatever the functions below wait for
+    _thread.start_new_thread(_exit_later, (128 + number,))  # whatever the functions below wait for
     name = signal.Signals(number).name
     with suppress(OSError):
         what = "the code of an FMU, or of a library, does not return; there is no result"
         os.write(_STANDARD_ERROR, f"note: interrupted by {name}: {what}\n".encode())
     atexit._run_exitfuncs()  # noqa: SLF001 - temporary folders, worker processes
     os._exit(128 + number)
+
+
+def _exit_later(code: int) -> None:
+    time.sleep(_PATIENCE)
+    os._exit(code)
 
 
 def insist_on_interrupts() -> None:
@@ -206,14 +211,14 @@ def insist_on_interrupts() -> None:
         if not issubclass(what.exc_type, KeyboardInterrupt):
             before(what)
             return
-        again = threading.Timer(_LATER, _interrupt)  # not here, where it would be dropped, too
-        again.daemon = True
-        again.start()
+        # Not here, where it would be dropped, too; and without the locks of `threading`, which may be held here.
+        _thread.start_new_thread(_interrupt, ())
 
     sys.unraisablehook = hook
 
 
 def _interrupt() -> None:
+    time.sleep(_LATER)
     _Heard.last = -math.inf  # it was heard, but it did not take
     main = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main is not None:

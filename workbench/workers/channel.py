@@ -1,7 +1,8 @@
 """Messages between this process and a worker, over a socket of their own.
 
-A message is a frame: a mark that nobody else knows, the length, a check sum, and the pickled object. What an FMU writes
-to a descriptor that is not its own lies between frames, or in the middle of one, and is skipped.
+A message is a frame: a mark that nobody else knows, the length, a check sum, its number, and the pickled object. What
+an FMU writes to a descriptor that is not its own is skipped where it lies between frames; in the middle of one it costs
+that message, which is told.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ import socket
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import Any
 
 __all__ = ["MARK_BYTES", "Channel"]
 
 MARK_BYTES = 16
 
-_HEAD = struct.Struct("!QII")  # length and CRC-32 of what follows, and the CRC-32 of these two
-_SIZES = struct.Struct("!QI")
+_HEAD = struct.Struct("!QIII")  # length and CRC-32 of what follows, number of the frame, and the CRC-32 of these three
+_SIZES = struct.Struct("!QII")
+_NUMBERS = 1 << 32  # after so many frames they begin again
 _CHUNK = 1 << 20  # [byte]
+_PIECES = 16  # are read at a time: whoever writes without end must not keep the reader from all else
+_LONGEST = 1 << 34  # [byte]: no frame is longer
+_DAMAGED = "something was written into the middle of it, by the FMU into a file that is not its own"
 
 
 class Channel:
@@ -28,7 +32,7 @@ class Channel:
 
     Obligations:
       1. `receive` and `flush` never wait; a frame that arrives in pieces waits in here until it is whole.
-      2. An object arrives as it was sent, or not at all.
+      2. An object arrives as it was sent, or `receive` raises an exception in its place.
 
     Args:
         link: connected stream socket; it belongs to the channel from now on.
@@ -38,6 +42,7 @@ class Channel:
 
     Attributes:
         ended: whether the other end hung up.
+        dry: whether the last `receive` took all that was there.
         stray: number of bytes that belong to no message [byte].
     """
 
@@ -53,7 +58,8 @@ class Channel:
         self._dumps, self._loads = dumps, loads
         self._link, self._mark = link, mark
         self._arrived, self._leaving = bytearray(), bytearray()
-        self.ended = False
+        self._sent = self._heard = 0  # frames
+        self.ended = self.dry = False
         self.stray = 0
 
     def fileno(self) -> int:
@@ -67,7 +73,10 @@ class Channel:
 
     def put(self, packed: bytes) -> None:
         """Let a pickled object be sent, as far as it can be without waiting; `flush` sends the rest."""
-        sizes = len(packed), zlib.crc32(packed)
+        if len(packed) > _LONGEST:
+            raise ValueError(f"a message of {len(packed)} bytes is too long")
+        sizes = len(packed), zlib.crc32(packed), self._sent % _NUMBERS
+        self._sent += 1
         self._leaving += self._mark + _HEAD.pack(*sizes, zlib.crc32(_SIZES.pack(*sizes))) + packed
         self.flush()
 
@@ -98,27 +107,43 @@ class Channel:
             self._leaving.clear()
             self.ended = True
 
+    @property
+    def hung_up(self) -> bool:
+        """Whether the other end is gone and all that it sent was received."""
+        try:
+            return self.ended or not self._link.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
     def receive(self) -> Iterator[Any]:
         """Yield the objects that have arrived.
 
         Raises:
-            pickle.UnpicklingError, AttributeError, ImportError, …: an object that cannot be made here; it is skipped.
+            pickle.UnpicklingError, AttributeError, ImportError, …: an object that arrived damaged, or cannot be made
+                here; it is skipped.
         """
-        self._read()
-        while (packed := self._next()) is not None:
-            yield self._loads(packed)
+        for _ in range(_PIECES):
+            self.dry = not self._read()
+            while (packed := self._next()) is not None:
+                yield self._loads(packed)
+            if self.dry:
+                return
 
-    def _read(self) -> None:
-        with suppress(BlockingIOError):
-            try:
-                while not self.ended:
-                    piece = self._link.recv(_CHUNK)
-                    self._arrived += piece
-                    self.ended = not piece
-            except BlockingIOError:
-                raise
-            except OSError:
-                self.ended = True
+    def _read(self) -> bool:
+        """Take what is there, or a piece of it; return whether there was something."""
+        if self.ended:
+            return False
+        try:
+            piece = self._link.recv(_CHUNK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            piece = b""
+        self._arrived += piece
+        self.ended = not piece
+        return bool(piece)
 
     def _next(self) -> bytes | None:
         """Return the next whole message; None: there is none yet."""
@@ -132,15 +157,21 @@ class Channel:
             begin = len(self._mark) + _HEAD.size
             if len(self._arrived) < begin:
                 return None
-            length, check, sound = _HEAD.unpack_from(self._arrived, len(self._mark))
-            if zlib.crc32(_SIZES.pack(length, check)) == sound:
-                if len(self._arrived) < begin + length:
-                    return None
-                packed = bytes(self._arrived[begin : begin + length])
-                if zlib.crc32(packed) == check:
-                    del self._arrived[: begin + length]
-                    return packed
-            self._skip(len(self._mark))  # something was written in the middle of it
+            length, check, number, sound = _HEAD.unpack_from(self._arrived, len(self._mark))
+            if zlib.crc32(_SIZES.pack(length, check, number)) != sound or length > _LONGEST:
+                self._skip(len(self._mark))  # something was written in the middle of it; the next one's number tells
+                continue
+            if len(self._arrived) < begin + length:
+                return None
+            packed = bytes(self._arrived[begin : begin + length])
+            missing, self._heard = number != self._heard % _NUMBERS, number + 1
+            if zlib.crc32(packed) != check:
+                self._skip(len(self._mark))
+                raise pickle.UnpicklingError(_DAMAGED)
+            del self._arrived[: begin + length]
+            if missing:
+                raise pickle.UnpicklingError(_DAMAGED)
+            return packed
 
     def _skip(self, count: int) -> None:
         del self._arrived[:count]
@@ -148,4 +179,5 @@ class Channel:
 
     def close(self) -> None:
         """Hang up."""
+        self.ended = True
         self._link.close()

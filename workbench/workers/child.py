@@ -12,6 +12,7 @@ import socket
 import sys
 import tempfile
 import threading
+import time
 import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from workbench.core.confine import confined
+from workbench.core.scratch import remove_if_dead
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import end_later, end_now
@@ -62,6 +64,9 @@ Task = Callable[[Any, Any], Iterator[Any]]
 
 # Longest time that a worker without a parent may take to clean up [s].
 _FAREWELL = 5.0
+
+# So long after the end of its pipe a process may still have its lock [s].
+_PARTING = 0.5
 
 # Interval at which the worker looks whether its parent is still the same process [s].
 _PATIENCE = 1.0
@@ -186,7 +191,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         return MEMORY, None
     except BrokenPipeError:
         raise
-    except Exception:  # noqa: BLE001 - a bug of ours; the parent raises it
+    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours; the parent raises it
         return BUG, traceback.format_exc()
     finally:
         _flush()
@@ -259,7 +264,11 @@ def _lifeline() -> int:
 def _watch_parent(lifeline: int, parent: int, scratch: str) -> None:
     """Clean up and end this process when the parent is gone, also while the FMU's code runs."""
     _wait_for_end(lifeline, parent)
-    shutil.rmtree(Path(scratch).parent, ignore_errors=True)  # all that was its own
+    shutil.rmtree(scratch, ignore_errors=True)
+    # All that was the parent's own, where it is gone; else it, or a copy of it made by fork, has let go of this worker.
+    until = time.monotonic() + _PARTING
+    while not remove_if_dead(Path(scratch).parent) and Path(scratch).parent.is_dir() and time.monotonic() < until:
+        time.sleep(_PARTING / 10)
     os._exit(1)
 
 

@@ -38,9 +38,13 @@ _PATIENCE = 0.1
 # What was asked to end soon is ended by force after so long [s].
 _GRACE = 1.2
 
+# Of the last line that an FMU printed, so many characters are part of the message.
+_SHOWN = 200
+
+_UNREADABLE = "its worker's answer cannot be read"
 
 _ERRORS: Mapping[str, Callable[[Any], Exception]] = {
-    ERROR: lambda error: error,
+    ERROR: lambda error: error if isinstance(error, WorkbenchError) else LostError(_UNREADABLE),
     FOREIGN: lambda why: InputError(f"the worker process does not know what the program itself defines: {why}"),
     BUG: lambda trace: RuntimeError(f"in a worker process:\n{trace}"),
 }
@@ -64,8 +68,10 @@ class Pool(Runner):
         self._recipe, self._jobs, self._limits = recipe, jobs, limits
         self._workers: list[WorkerProcess] = []
         self._in_work: dict[int, Any] = {}
+        self._again: deque[Any] = deque()  # jobs that were not begun, for a worker that was broken before
         self._begun = 0
-        self._patient_until: float | None = None  # after `end_soon`
+        self._ending = False  # by `end_soon`
+        self._patient_until: float | None = None  # after it
         self._after: list[str] = []  # what went wrong when all was told
         self._stray = 0  # [byte]
 
@@ -84,7 +90,7 @@ class Pool(Runner):
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
         try:
-            while jobs or any(worker.index is not None for worker in self._workers):
+            while jobs or self._again or any(worker.index is not None for worker in self._workers):
                 self._dispatch(task, jobs)
                 self._raise_if_stopped()
                 for worker in self._speaking():
@@ -96,12 +102,10 @@ class Pool(Runner):
                 self.close()  # in the middle of it
 
     def end_soon(self) -> None:
-        if self._in_work and self._patient_until is None:
-            self._patient_until = time.monotonic() + _GRACE
-            for worker in self._workers:
-                worker.end_soon()
-        else:
+        # It is noted, no more: a signal handler is here, in the middle of whatever `run` does, as of sending.
+        if self._ending or not self._in_work:
             self.stop()
+        self._ending = True
 
     def close(self) -> None:
         while self._workers:
@@ -112,25 +116,39 @@ class Pool(Runner):
                 worker.kill()
         self._in_work = {}
 
+    def _tell_end(self) -> None:
+        if self._ending and self._patient_until is None:
+            self._patient_until = time.monotonic() + _GRACE
+            for worker in self._workers:
+                worker.end_soon()
+
     def _raise_if_stopped(self) -> None:
+        self._tell_end()
         if self.stopped or (self._patient_until is not None and time.monotonic() > self._patient_until):
             raise KeyboardInterrupt
 
     def _dispatch(self, task: Task, jobs: deque[Any]) -> None:
-        wanted = min(self._jobs, len(jobs) + len(self._in_work))
+        for worker in self._workers[:]:
+            if worker.ready and not worker.usable:  # it ended while it had nothing to do, which concerns nobody
+                self._workers.remove(worker)
+                self._note(worker)
+                worker.kill()
+        wanted = min(self._jobs, len(jobs) + len(self._again) + len(self._in_work))
         while len(self._workers) < wanted:
             own = WorkerProcess(confine=self._limits.confine) if self._limits.apart else kept()
             self._workers.append(own)
         for worker in self._workers:
-            if worker.ready and jobs:
+            if worker.ready and (queue := self._again or jobs):
                 self._begun += 1
-                self._in_work[self._begun] = job = jobs.popleft()
+                self._in_work[self._begun] = job = queue.popleft()
                 worker.begin(self._begun, self._recipe, task, job, self._limits)
 
     def _speaking(self) -> list[WorkerProcess]:
         """Wait a little; return the workers that sent something or died."""
         with selectors.DefaultSelector() as waiting:
             for worker in self._workers:
+                if worker.channel.ended:
+                    continue
                 both = selectors.EVENT_READ | (selectors.EVENT_WRITE if worker.channel.leaving else 0)
                 waiting.register(worker.channel, both, worker)
             ready = [(key.data, event) for key, event in waiting.select(_PATIENCE)]
@@ -147,25 +165,36 @@ class Pool(Runner):
         while True:
             try:
                 message = next(messages, None)
+                kind, content = message or ("", None)
             except Exception as error:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
-                yield from self._end(worker, LostError(f"its worker's answer cannot be read: {error}"))
+                yield from self._end(worker, LostError(f"{_UNREADABLE}: {error}"))
                 return
             if message is None or worker not in self._workers:  # it may have been ended meanwhile
                 break
-            yield from self._take(worker, *message)
-        if worker in self._workers and (dead or worker.channel.ended):
+            yield from self._take(worker, kind, content)
+            self._tell_end()
+        if worker in self._workers and (worker.channel.ended or (dead and worker.channel.dry)):
             self._workers.remove(worker)
             last = self._note(worker)
             code = worker.reap()
             hungry = code is not None and code > 0 and _HUNGRY in last
-            yield from self._lose(worker, out_of_memory(self._limits) if hungry else died(code, self._limits))
+            if worker.seasoned and not worker.opened and worker.index in self._in_work:
+                self._again.append(
+                    self._in_work.pop(worker.index)
+                )  # what it did before ended it: that is another's crash
+                return
+            why = out_of_memory(self._limits) if hungry else died(code, self._limits)
+            yield from self._lose(worker, why, last)
 
     def _take(self, worker: WorkerProcess, kind: str, content: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401
         """Take one message of a worker."""
         job = self._in_work.get(worker.index or 0)
-        if kind == READY:
+        if (worker.index in self._in_work) == (kind == READY):  # a message between was lost, or this one is not its own
+            yield from self._end(worker, LostError(f"{_UNREADABLE}: part of it is missing, or was not asked for"))
+        elif kind == READY:
             self._free(worker)
         elif kind == OPENED:
+            worker.opened = True
             worker.restart_clock()
         elif kind == ITEM:
             worker.restart_clock()
@@ -180,6 +209,8 @@ class Pool(Runner):
             # Raised when its FMU has ended, too.
             worker.error = _ERRORS[kind](content) if kind in _ERRORS else None
             self._in_work.pop(worker.index or 0, None)
+        else:
+            yield from self._end(worker, LostError(_UNREADABLE))
 
     def _late(self) -> Iterator[Lost]:
         """End workers whose time is up."""
@@ -190,9 +221,9 @@ class Pool(Runner):
 
     def _end(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
         self._workers.remove(worker)
-        self._note(worker)
+        last = self._note(worker)
         worker.kill()
-        yield from self._lose(worker, why)
+        yield from self._lose(worker, why, last)
 
     def _free(self, worker: WorkerProcess) -> None:
         """Let a worker take the next task; raise the error of the last one."""
@@ -213,18 +244,16 @@ class Pool(Runner):
         worker.channel.stray = 0
         return said
 
-    def _lose(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
+    def _lose(self, worker: WorkerProcess, why: LostError, printed: str) -> Iterator[Lost]:
+        if lines := printed.strip().splitlines():
+            why = type(why)(f"{why}; the last that it printed: {lines[-1].strip()[:_SHOWN]}")
         if worker.index is None:
-            raise WorkbenchError(f"a worker process ended before it began: {why}{self._last_words()}")
+            raise WorkbenchError(f"a worker process ended before it began: {why}")
         self._raise_error(worker)
         if worker.index in self._in_work:
             yield Lost(self._in_work.pop(worker.index), why)
         else:
             self._after.append(f"when all was told, {why}")
-
-    def _last_words(self) -> str:
-        lines = self.printed.strip().splitlines()
-        return f"; it printed: {lines[-1]}" if lines else ""
 
 
 # -- why a worker is gone ----------------------------------------------------------------------
@@ -255,13 +284,15 @@ def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> L
     """Return why a worker ended by itself.
 
     Args:
-        code: its exit code, −n for signal n.
+        code: its exit code, −n for signal n; None: it had to be ended.
         limits: what it was allowed.
         platform: as in `sys.platform`.
     """
-    if platform == "win32" and (code or 0) & 0xFFFFFFFF in _WINDOWS:
-        text = _WINDOWS[(code or 0) & 0xFFFFFFFF]
-    elif code is not None and code < 0:
+    if code is None:
+        return LostError("the FMU closed the connection to its process, which went on")
+    if platform == "win32" and code & 0xFFFFFFFF in _WINDOWS:
+        text = _WINDOWS[code & 0xFFFFFFFF]
+    elif code < 0:
         name = _signal(-code)
         text = _SIGNALS.get(name, f"the FMU's process was ended by a signal ({name})")
     else:

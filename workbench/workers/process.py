@@ -10,16 +10,16 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
+from workbench.core.locks import forkable_lock
 from workbench.core.scratch import remove, scratch_folder
 from workbench.core.where import Limits
 from workbench.endings import ENDING
+from workbench.errors import WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers.answers import records_only
 from workbench.workers.channel import MARK_BYTES, Channel
@@ -52,30 +52,41 @@ class WorkerProcess:
         index: of the task in work; None: idle or not yet ready.
         ready: whether it takes a task.
         error: that the task in work ended with; it is raised when its FMU has ended, too, or the process has.
+        opened: whether the model of the task in work is open.
+        seasoned: whether it did another task before.
         deadline: when the present task must have shown a result (`time.monotonic`); None: never.
         channel: to it.
     """
 
     def __init__(self, module: str = "", *, confine: bool = False) -> None:
         self.index: int | None = None
-        self.ready = False
+        self.ready = self.opened = self.seasoned = False
         self.error: Exception | None = None
         self.deadline: float | None = None
         self.surroundings = _surroundings()
         self._limits = Limits()
-        self._scratch = str(scratch_folder("worker"))
-        # By its descriptor: what has this name later is the affair of the FMU.
-        self._log = (Path(self._scratch) / "log").open("a+b", buffering=0)
-        self._said = 0  # of the log, what was taken
-        ours, theirs = socket.socketpair()
-        mark = secrets.token_bytes(MARK_BYTES)
-        rest = (mark, os.getpid(), self._scratch, module)
-        first = _CONFINED.format(folder=self._scratch) if confine else ""
-        with theirs:
-            self._process = _started(theirs, rest, self._log.fileno(), first)
-        self.channel = Channel(ours, mark, loads=records_only if confine else pickle.loads)
-        with _lock:
-            _alive.add(self)
+        with ExitStack() as undo:
+            try:
+                folder = scratch_folder("worker")
+                undo.callback(remove, folder)
+                # By its descriptor: what has this name later is the affair of the FMU.
+                self._log = undo.enter_context((folder / "log").open("a+b", buffering=0))
+                self._said = 0  # of the log, what was taken
+                ours, theirs = socket.socketpair()
+                undo.callback(ours.close)
+                mark = secrets.token_bytes(MARK_BYTES)
+                rest = (mark, os.getpid(), str(folder), module)
+                with theirs, _held_back():
+                    self._process = _started(
+                        theirs, rest, self._log.fileno(), _CONFINED.format(folder=str(folder)) if confine else ""
+                    )
+                    self._folder = folder
+                    self.channel = Channel(ours, mark, loads=records_only if confine else pickle.loads)
+                    undo.pop_all()
+                    with _lock:
+                        _alive.add(self)
+            except OSError as error:
+                raise WorkbenchError(f"a worker process cannot be started: {error.strerror or error}") from None
 
     @property
     def pid(self) -> int:
@@ -84,11 +95,17 @@ class WorkerProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
-        return self._process.poll() is None
+        """Whether it still runs, and is this process's own: in a copy made by fork it is not."""
+        return self.surroundings[0] == os.getpid() and self._process.poll() is None
+
+    @property
+    def usable(self) -> bool:
+        """Whether it can take a task, now or when it is ready."""
+        return self.alive and not self.channel.hung_up
 
     def begin(self, index: int, recipe: Recipe | None, task: Task, argument: Any, limits: Limits) -> None:  # noqa: ANN401
         """Send a task; a worker that is dead shows it later."""
+        self.seasoned, self.opened = self.opened, False
         self.index, self.ready, self.error, self._limits = index, False, None, limits
         self.restart_clock()
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
@@ -118,9 +135,12 @@ class WorkerProcess:
         return text.decode("utf-8", "replace")
 
     def reap(self) -> int | None:
-        """Wait for a process that is dying; return its exit code."""
-        with suppress(subprocess.TimeoutExpired):
+        """Wait for a process that is dying; return its exit code, None where it went on."""
+        try:
             self._process.wait(_DYING)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return None
         return self.kill()
 
     def kill(self) -> int | None:
@@ -133,7 +153,7 @@ class WorkerProcess:
             self._process.stdin.close()
         self.channel.close()
         self._log.close()
-        remove(Path(self._scratch))
+        remove(self._folder)
         return code
 
 
@@ -154,15 +174,14 @@ def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int,
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100 - of text
     code = _START.format(path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as multiprocessing
-    with _held_back():
-        process = subprocess.Popen(
-            [sys.executable, *flags, "-c", code],
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=log,
-            pass_fds=[theirs.fileno()] if os.name == "posix" else [],
-            start_new_session=True,  # the terminal sends Ctrl-C to all processes of its own session
-        )
+    process = subprocess.Popen(
+        [sys.executable, *flags, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=log,
+        stderr=log,
+        pass_fds=[theirs.fileno()] if os.name == "posix" else [],
+        start_new_session=True,  # the terminal sends Ctrl-C to all processes of its own session
+    )
     if os.name != "posix" and process.stdin is not None:
         process.stdin.write(theirs.share(process.pid))  # type: ignore[attr-defined]
         process.stdin.close()
@@ -184,7 +203,7 @@ def _held_back() -> Iterator[None]:
 
 # -- workers that wait -------------------------------------------------------------------------
 
-_lock = threading.RLock()
+_lock = forkable_lock()
 _alive: set[WorkerProcess] = set()
 _idle: list[WorkerProcess] = []
 
@@ -209,7 +228,7 @@ def kept(module: str = "") -> WorkerProcess:
         for worker in reversed(_idle):
             if worker.surroundings == around:
                 _idle.remove(worker)
-                if worker.alive:
+                if worker.usable:
                     return worker
                 worker.kill()
         return WorkerProcess(module)
@@ -237,7 +256,9 @@ def _end_all() -> None:
 
 
 def _forget() -> None:
-    """In a copy of this process made by fork: the workers are those of the original."""
+    """In a copy of this process made by fork: the workers are those of the original, which alone hears them."""
+    for worker in _alive:
+        worker.channel.close()
     _alive.clear()
     _idle.clear()
 
