@@ -61,6 +61,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         part = real.with_name(f".part-{os.getpid()}-{real.name}")
         try:
             yield part
+            # The system may put the name on the disk before the contents: after a power cut both would be lost.
+            _on_disk(part)
             if real.exists():
                 shutil.copymode(real, part)
             part.replace(real)
@@ -68,6 +70,15 @@ def replacing(path: str | Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _on_disk(path: Path) -> None:
+    """Wait until what was written is on the disk; if it cannot be, as on a full one, this says so."""
+    file = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
 
 
 def pack(output: Path, files: Mapping[str, bytes]) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from workbench.errors import InputError
+from workbench.core.files import replacing
 from workbench.study.plan import Run
 
 if TYPE_CHECKING:
@@ -47,10 +47,8 @@ def write_junit(result: StudyResult, path: str | Path) -> None:
     for element in (suite, root):
         element.attrib.update(_counts(suite))
     ET.indent(root)
-    try:
-        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with replacing(path) as part:
+        ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
 def _seconds(result: StudyResult, run: Run) -> float:
