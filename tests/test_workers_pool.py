@@ -10,6 +10,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -483,3 +484,54 @@ def test_limits_are_checked_where_they_are_written(
         assert run([*command, f"{flag}={value}"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith(f"workbench: {flag}: ") or "o such option" in line
+
+
+# -- no more of them than are needed ------------------------------------------------------------
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[WorkerProcess]:
+    """Worker processes that are started; none waits."""
+    process._end_all()
+    process._idle.clear()
+    found: list[WorkerProcess] = []
+    make = WorkerProcess.__init__
+
+    def counted(worker: WorkerProcess, module: str = "", *, confine: bool = False) -> None:
+        found.append(worker)
+        make(worker, module, confine=confine)
+
+    monkeypatch.setattr(WorkerProcess, "__init__", counted)
+    return found
+
+
+POINT = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1", "--jobs", "8"]
+
+
+def test_no_worker_starts_where_all_is_in_the_store(
+    begun: list[WorkerProcess], tmp_path: Path, model: wb.DescribedModel
+) -> None:
+    for measure in (
+        lambda: run([*POINT, "--store", str(tmp_path / "line")]),
+        lambda: wb.nfr(model, "u", "y", [1.0], [1.0], store=tmp_path / "python"),
+    ):
+        for most in (2, 0):  # one for the point, one for the run with zero input
+            process._end_all()
+            process._idle.clear()
+            begun.clear()
+            measure()
+            assert len(begun) == most
+
+
+def test_no_more_workers_start_than_there_are_tasks(begun: list[WorkerProcess], model: wb.DescribedModel) -> None:
+    do(model, ("say", 1), ("say", 2), workers=8)
+    assert len(begun) == 2
+
+
+@posix
+def test_none_starts_that_is_not_used(begun: list[WorkerProcess], model: wb.DescribedModel) -> None:
+    assert run([*POINT[:-2], "--scheduler", "nonsense"]) == 2
+    wb.nfr(model, "u", "y", [1.0], [1.0], workers=wb.Workers(executor=ThreadPoolExecutor(1)))
+    assert not begun
+    assert run(["simulate", "fmu:FirstOrderLag", "--stop", "0.1", "--memory-limit=5000"]) == 0
+    assert len(begun) == 1

@@ -42,7 +42,7 @@ from workbench.core.option import (
     recast,
     with_options,
 )
-from workbench.core.where import InWorker, Worker
+from workbench.core.where import InWorker, Worker, Workers
 from workbench.errors import InputError, SimulationError, StoppedError, WorkbenchError
 from workbench.origin import origin_of, remember, with_origin
 
@@ -151,7 +151,8 @@ class Request(Options, Generic[_Subject, _Record]):
             subject: what it is done on; a model stays open.
             job: is told what is finished.
         """
-        if isinstance(self, InWorker) and _prepared(self.place) and getattr(subject, "recipe", self) is not None:
+        stored = getattr(self, "store", None) is not None  # perhaps all of it, and no worker is needed
+        if isinstance(self, InWorker) and not stored and _expected(self.place) and _portable(subject):
             from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
 
             prepare(self.algorithm.partition(":")[0])
@@ -213,11 +214,19 @@ class Request(Options, Generic[_Subject, _Record]):
         return True
 
 
-def _prepared(place: Worker) -> bool:
-    """Return whether a worker process that waits can do the work."""
-    return not place.in_process and not place.limits.apart
+def _expected(place: Worker) -> bool:
+    """Return whether one of the worker processes that are kept will do the work."""
+    elsewhere = isinstance(place, Workers) and (place.scheduler is not None or place.executor is not None)
+    return not (place.in_process or place.limits.apart or elsewhere)
 
 
+def _portable(subject: object) -> bool:
+    """Return whether a model exists in other processes, too; what is no model does."""
+    recipe: Any = getattr(subject, "recipe", _NO_MODEL)
+    return recipe is _NO_MODEL or (recipe is not None and recipe.portable)
+
+
+_NO_MODEL = object()
 _BEHIND_A_WALL = "workbench.analysis.one_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL: Mapping[str, Any] = {

@@ -19,6 +19,9 @@ __all__ = ["BAD_INPUT", "run"]
 
 BAD_INPUT = 2
 
+# With these a command needs no worker process, one of its own, or perhaps none: the store may have all.
+_NEEDS_NONE = {"-h", "--help", "--in-process", "--scheduler", "--confine", "--memory-limit", "--store"}
+
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the program and return its exit code.
@@ -56,7 +59,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _expect(name: str | None, words: Sequence[str]) -> None:
     """Start the worker process that a command will need while the command line is read."""
-    if name is None or not {"-h", "--help", "--in-process"}.isdisjoint(words):
+    given = {word.partition("=")[0] for word in words}
+    if name is None or not _NEEDS_NONE.isdisjoint(given):
         return
     request = request_of(name) if name in REQUESTS else None
     if request is not None and (request.isolated or issubclass(request, InWorker)):
