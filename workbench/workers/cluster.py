@@ -41,6 +41,7 @@ _LOOK = 1.0  # [s]: so often is looked how many workers there are
 
 _WORTH = 1.0  # [s]: work in a batch
 _REMEMBERED = 8  # batches from whose times the size of the next follows
+_IN_ORDER = "0 ms"  # Dask begins what comes within a tenth of a second in any order else
 _WAITING = 2  # batches for each thread of a worker: one in work, one that waits
 _PROBES = 8  # batches of one job at the beginning
 _SMALLEST = 4  # of what is worth a task: what a task costs itself is small beside it
@@ -434,7 +435,9 @@ class OnCluster(Runner):
             some = [self._alone.popleft()] if self._alone else [jobs.popleft() for _ in range(count)]
             batch = Batch(self._recipe, self._archives, task, tuple(some), self._limits)
             packed = pickle.dumps(batch, pickle.HIGHEST_PROTOCOL)
-            future = self._cluster.client.submit(do_batch, tuple(stamp()), packed, *self._sent, pure=False)
+            future = self._cluster.client.submit(
+                do_batch, tuple(stamp()), packed, *self._sent, pure=False, fifo_timeout=_IN_ORDER
+            )
             self._in_work[future] = some
             future.add_done_callback(self._ready.put)
 
