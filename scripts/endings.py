@@ -89,14 +89,13 @@ class _Place:
         file = self.folder / "out.json"
         return json.loads(file.read_text()) if file.exists() else None
 
-    def kept(self) -> int:
-        """Return how many rows the stores have."""
-        count = 0
-        for file in (self.folder / "store").glob("*"):
+    def kept(self) -> set[str]:
+        """Return the names of what the store has finished: of a point of a sweep, amplitude and frequency."""
+        found = set()
+        for file in (self.folder / "store").glob("*.sqlite"):
             with suppress(sqlite3.DatabaseError), sqlite3.connect(f"file:{file}?mode=ro", uri=True) as store:
-                tables = [name for (name,) in store.execute("select name from sqlite_master where type = 'table'")]
-                count += sum(store.execute(f'select count(*) from "{name}"').fetchone()[0] for name in tables)  # noqa: S608
-        return count
+                found |= {name for (name,) in store.execute("select point from measurements")}
+        return found
 
     def processes(self) -> list[int]:
         """Return the processes that were left behind."""
@@ -117,6 +116,15 @@ def _numbers(what: str, data: Any) -> Any:
     return [(a["name"], {k: v for k, v in a["result"].items() if k not in _OWN}) for a in data["analyses"]]
 
 
+def _finished(what: str, data: Any) -> set[str]:
+    """Return the names, as the store has them, of what a command's JSON says is finished."""
+    if what != "sweep" or data is None:
+        return set()
+    rows = zip(data["amplitude"], data["gain"], strict=True)
+    points = [(a, f) for a, gains in rows for f, g in zip(data["frequency_hz"], gains, strict=True) if g is not None]
+    return {str((float(a), float(f))) for a, f in points}
+
+
 def _ended(place: _Place, what: str, name: str, delay: float) -> Iterator[str]:
     """End a command by a signal; yield what is wrong."""
     process = place.start(what)
@@ -134,12 +142,12 @@ def _ended(place: _Place, what: str, name: str, delay: float) -> Iterator[str]:
     if left := place.processes():
         yield f"{len(left)} processes left"
     data, kept = place.told(), place.kept()
-    points = data["gain"] if what == "sweep" and data is not None else []
-    told = sum(gain is not None for row in points for gain in row)
-    if kept < told:
-        yield f"{told} points told, {kept} rows in the store"
+    told = _finished(what, data)
+    if missing := told - kept:
+        yield f"told, but not in the store: {', '.join(sorted(missing))}"
     print(
-        f"{what} {name} at {delay:.2f} s: exit {process.returncode} after {took:.2f} s, {told} told, {kept} kept",
+        f"{what} {name} at {delay:.2f} s: exit {process.returncode} after {took:.2f} s, "
+        f"{len(told)} told, {len(kept)} kept",
         flush=True,
     )
 

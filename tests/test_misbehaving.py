@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import pytest
 
 import workbench as wb
-from scripts.misbehave import DEEDS, FITTING, HANG, MEMORY
+from scripts.misbehave import DEEDS, HANG, MEMORY, Case, expected
 from tests.misbehaving_fmus import OUTSIDE, WAYS, build_misbehaving
+from workbench.cli.app import run
 from workbench.core.where import Worker
 
 _CASES = [
@@ -48,6 +50,7 @@ def test_the_caller_is_told_and_lives(
 ) -> None:
     monkeypatch.setenv("MISBEHAVES", f"{{{way}@{call}}}" if call in OUTSIDE else "")
     limits = Worker(timeout=HANG if way == "hang" else None, memory_limit=MEMORY if way == "memory" else None)
+    case = Case(way, call, interface, what)
     before = os.getcwd()  # noqa: PTH109 - as it is
     error: wb.WorkbenchError | None = None
     found = truth = truths.get((interface, what))
@@ -58,8 +61,9 @@ def test_the_caller_is_told_and_lives(
     assert os.getcwd() == before  # noqa: PTH109
     if error is None:
         assert _numbers(found) == _numbers(truth)
+        assert "ok" in expected(case)
     else:
-        assert error.kind in FITTING[way], str(error)
+        assert error.kind in expected(case), str(error)
         assert "\n" not in str(error)
         assert isinstance(error, _ENDINGS.get(error.kind, wb.WorkbenchError))
 
@@ -80,3 +84,18 @@ def test_the_code_of_a_thread_that_an_fmu_leaves_behind_stays(tmp_path: Path, mo
             (folder / f"{number}").mkdir()
             well = build_misbehaving(folder / f"{number}", "nothing", "never")
             assert _found(well, "me", "simulate", Worker())[-1] > 0.0
+
+
+def test_a_run_that_ends_before_its_first_row_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What there is so far is nothing, of which no page can be made."""
+    file = str(build_misbehaving(tmp_path, "nan", "getReal"))
+    assert run(["simulate", file, "--interface", "me", "--stop", "1", "--input", "u=2", "--json", "-"]) == 2
+    out, err = capsys.readouterr()
+    assert "failure" in json.loads(out)
+    assert err.splitlines()[-1].startswith("workbench: ")
+
+
+@pytest.mark.parametrize(("what", "kind"), [("trim", "exited"), ("simulate", "ok"), ("info", "ok")])
+def test_what_is_right_is_written_down_for_each_case(what: str, kind: str) -> None:
+    assert expected(Case("exit3", "getFMUstate", "me", what)) == {kind}
+    assert "ok" not in expected(Case("hang", "getReal", "cs", "nfr"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -57,13 +58,13 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
         job.partial = lambda: running.result(found, told)  # should it be stopped while it is checked
         tell(stop)
     except StoppedError as error:
-        if isinstance(error.before, Recorded):
+        if _has_rows(error.before):
             ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
             job.partial = lambda: replace(ended, ended_at=float(ended.time[-1]))
         raise
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
-        if isinstance(error.before, Recorded):
+        if _has_rows(error.before):
             why.before = cut = running.result(_Once(error.before, None), told, failed=why)
             job.partial = lambda: cut
         if why is error:
@@ -124,6 +125,11 @@ def _growth(record: Recorded, units: Mapping[str, str | None]) -> tuple[str, ...
     return ()
 
 
+def _has_rows(before: object) -> TypeGuard[Recorded]:
+    """Return whether there are rows of a run that ended early: without any there is no time history."""
+    return isinstance(before, Recorded) and len(before.time) > 0
+
+
 @dataclass(frozen=True)
 class _Once:
     """What one run gave: rows, communication step (None: model exchange), and how the FMU ended it if it did."""
@@ -160,7 +166,7 @@ class _Run:
                 record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
                 record = _with_end(session, record, self.inputs, self.names)
             except EndedError as error:
-                if not isinstance(error.before, Recorded):
+                if not _has_rows(error.before):
                     raise
                 record, ended = error.before, error
             return _Once(record, session.communication_step, ended)
