@@ -101,7 +101,7 @@ def test_simulate_keeps_standard_output_for_the_csv(capsys: pytest.CaptureFixtur
         (["--stop", "1", "--input", "u=sin:x"], "input u: 'sin:x' is not a signal"),
         (["--stop", "1", "--input", "u=sine:amplitude=1"], "frequency"),
         (["--stop", "1", "--input", "u=nosuch.csv"], "nosuch.csv"),
-        (["--stop", "1", "--input", "y=1"], "an input is needed"),
+        (["--stop", "1", "--input", "y=1"], "--input: 'y' of FirstOrderLag is an output; its inputs are: u"),
         (["--stop", "1", "--output", "yy"], "yy"),
         (["--stop", "1", "--plot", "x.bmp"], ".png"),
         (["--stop", "1", "--csv", "x.png"], "--csv: 'x.png' must end in .csv"),

@@ -130,9 +130,9 @@ def test_limits_with_units(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["--from", "c.z", "--to", "a.u"], "did you mean c.y"),
-        (["--from", "a.u", "--to", "a.u"], "is an input, but the source of a feedback must be an output"),
-        (["--from", "c.y", "--to", "b.y"], "is an output, but the target of a feedback must be an input"),
-        (["--from", "c.y", "--to", "d.u"], "--to 'd.u' is unknown"),
+        (["--from", "a.u", "--to", "a.u"], "'a.u' of lags is an input; its outputs are: "),
+        (["--from", "c.y", "--to", "b.y"], "is an output; its inputs are: "),
+        (["--from", "c.y", "--to", "d.u"], "has no input 'd.u'"),
         ([*ENDS, "--gains", "3"], "LO:HI"),
         ([*ENDS, "--gains", "3:1"], "LO < HI"),
         ([*ENDS, "--settle"], "no nonlinear block is known"),

@@ -117,8 +117,8 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
         (["nfr", "fmu:FirstOrderLga", *LAG[2:], "--freq", "1"], "did you mean FirstOrderLag"),
         (["nfr", "pyproject.toml", *LAG[2:], "--freq", "1"], "pyproject.toml"),
         ([*LAG[:3], "y", *LAG[4:], "--freq", "1"], "'y' of FirstOrderLag is an output; its inputs are: u"),
-        ([*LAG[:5], "u", *LAG[6:], "--freq", "1"], "'u' of FirstOrderLag is an input; its outputs are: y"),
-        ([*LAG[:3], "uu", *LAG[4:], "--freq", "1"], "has no 'uu'; did you mean u?"),
+        ([*LAG[:5], "u", *LAG[6:], "--freq", "1"], "'u' of FirstOrderLag is an input; its outputs and states are: y"),
+        ([*LAG[:3], "uu", *LAG[4:], "--freq", "1"], "has no input 'uu'; did you mean u?"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

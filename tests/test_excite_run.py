@@ -249,8 +249,8 @@ def test_what_was_recorded_before_a_failure_is_kept() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"inputs": "uu"}, "'uu' is not an input of the model; did you mean u"),
-        ({"outputs": "yy"}, "'yy' is not a variable of the model"),
+        ({"inputs": "uu"}, "inputs: FirstOrderLag has no input 'uu'; did you mean u"),
+        ({"outputs": "yy"}, "outputs: FirstOrderLag has no variable 'yy'"),
         ({"outputs": "u"}, "both an input and an output"),
         ({"outputs": []}, "name an input to force and an output to record"),
         ({"dt": None}, "has no sampling period of its own"),

@@ -286,7 +286,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"sign": "chang"}, "did you mean change"),
         ({"method": "matchdc"}, "did you mean match-dc"),
         ({"band": (5.0, 1.0)}, "lower frequency first"),
-        ({"inputs": {"q": wb.Constant(1.0)}, "stop": 1.0}, "'q' is not an input"),
+        ({"inputs": {"q": wb.Constant(1.0)}, "stop": 1.0}, "has no input 'q'"),
         ({"inputs": {}}, "stop is missing"),
         ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
         ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),

@@ -274,7 +274,7 @@ def test_json_csv_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["--crude"], "--crude and --figure simulated need a simulation"),
         (["--band", "5:1"], "--band: '5:1' is not a band; write the lower frequency first"),
         (["--low-pass", "0"], "--low-pass: 0 is not a positive number [Hz]"),
-        (["--input", "puls=1", "--stop", "1"], "'puls' is not an input"),
+        (["--input", "puls=1", "--stop", "1"], "--input: failed_aileron has no input 'puls'"),
         (["--sign", "minus"], "minus"),
     ],
 )

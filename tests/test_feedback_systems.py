@@ -337,8 +337,8 @@ def test_rudder_with_an_outer_loop_agrees_with_simulation() -> None:
     ("source", "target", "message"),
     [
         ("aircraft.outer_aileron_positon", INNER, "did you mean aircraft.outer_aileron_position"),
-        (INNER, INNER, "is an input, but the source of a feedback must be an output"),
-        (POSITION, POSITION, "is an output, but the target of a feedback must be an input"),
+        (INNER, INNER, "is an input; its outputs are: "),
+        (POSITION, POSITION, "is an output; its inputs are: "),
         (POSITION, "aircraft.iner_aileron", "did you mean aircraft.inner_aileron"),
         ("aircraft.airspeed", INNER, "is a parameter"),
     ],

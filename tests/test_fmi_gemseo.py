@@ -169,7 +169,7 @@ def test_fmi_3_scalars_and_arrays() -> None:
         ({"tolerance": 2.0}, "tolerance: 2 is too large; it must be below 1"),
         ({"start_values": {"sprung.c": 1.0}}, "did you mean spring.c"),
         ({"start_values": {"spring.c": "much"}}, "'much' is not"),
-        ({"bias": {"y": 1.0}}, "'y' is an output, but an input is needed"),
+        ({"bias": {"y": 1.0}}, "bias: 'y' of the model is an output; its inputs are: f"),
         ({"bias": {"f": math.nan}}, "finite"),
     ],
 )

@@ -354,7 +354,7 @@ def test_result_picture_and_table(tmp_path: Path) -> None:
     [
         ({"block": "blok"}, "did you mean block"),
         ({"block": "block", "methods": ("shoting",)}, "did you mean shooting"),
-        ({"block": "block", "outputs": ["z"]}, "variable 'z' is unknown"),
+        ({"block": "block", "outputs": ["z"]}, "has no variable 'z'"),
         ({"block": "block", "harmonics": 0}, "harmonics: 0 is too small; take at least 1"),
         ({"block": "block", "band": (2.0, 1.0)}, "the lower first"),
     ],

@@ -123,12 +123,12 @@ def test_a_run_without_bound_is_reported_and_the_others_count() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"signals": ["z"]}, "lag has no variable 'z'"),
+        ({"signals": ["z"]}, "signals: FirstOrderLag has no variable 'z'"),
         ({"signals": []}, "at least one"),
         ({"windows": [(2.0, 1.0)]}, "must rise"),
         ({"unit": "furlong"}, "no signal can be shown in 'furlong'"),
         ({"stop": 0.5}, "before the last window"),
-        ({"inputs": {"v": Step(time=0.0, value=1.0)}}, "lag has no input 'v'"),
+        ({"inputs": {"v": Step(time=0.0, value=1.0)}}, "inputs: FirstOrderLag has no input 'v'"),
     ],
 )
 def test_mistakes_are_one_line(options: dict[str, Any], message: str) -> None:

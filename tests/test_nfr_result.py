@@ -176,10 +176,10 @@ def test_a_list_rises_unless_it_may_fall() -> None:
         ({"errcrit": 0.0}, "errcrit: 0"),
         ({"max_periods": 1}, "at least 2"),
         ({"step": 0.0}, "step: 0"),
-        ({"input": "v"}, "has no 'v'"),
+        ({"input": "v"}, "has no input 'v'"),
         ({"input": "unusd"}, "did you mean unused"),
         ({"input": "y"}, "'y' of Fake is an output; its inputs are: u, unused"),
-        ({"output": "u"}, "'u' of Fake is an input; its outputs are: y"),
+        ({"output": "u"}, "'u' of Fake is an input; its outputs and states are: y"),
         ({"output": "k"}, "'k' of Fake is a parameter"),
     ],
 )

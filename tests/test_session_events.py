@@ -328,9 +328,9 @@ def test_bias_is_added_to_forced_and_to_unforced_inputs() -> None:
 
 def test_wrong_names_and_times_are_input_errors() -> None:
     with open_fake(Integrator, "vkm") as session:
-        with pytest.raises(InputError, match="'uu' is not an input"):
+        with pytest.raises(InputError, match="has no input 'uu'"):
             session.advance(1.0, signals={"uu": Constant(1.0)})
-        with pytest.raises(InputError, match="'yy' is not a variable"):
+        with pytest.raises(InputError, match="has no variable 'yy'"):
             session.advance(1.0, signals={}, record=["yy"])
         with pytest.raises(InputError, match="points must rise"):
             session.advance(1.0, signals={}, points=np.array([0.5, 0.2]))

@@ -232,7 +232,7 @@ def test_parameters_and_inputs_are_taken(interface: str) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"S": 1.0}, "the model has no 'S'; did you mean s?"),
+        ({"S": 1.0}, "the model has no variable 'S'; did you mean s?"),
         ({"s": float("nan")}, "s must be a finite number"),
         ({"locked": 0.4}, "locked is of type Boolean and cannot be 0.4"),
     ],

@@ -1,15 +1,16 @@
-"""Names as people and tools write them: lists of variables, `a,y[1,2]`, and units in brackets, `[m3]`."""
+"""Names as people and tools write them: lists of variables, `a,y[1,2]`, units in brackets, `[m3]`, misspelt ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from workbench.errors import InputError
+from workbench.errors import InputError, article, suggest
 
-__all__ = ["plain_unit", "split_names"]
+__all__ = ["check_names", "plain_unit", "split_names"]
 
 _CLOSING = {"[": "]", "(": ")", "{": "}"}
 _QUOTES = "\"'"
+_LISTED = 8  # names in a message
 
 
 def split_names(text: str) -> list[str]:
@@ -24,6 +25,43 @@ def split_names(text: str) -> list[str]:
         InputError: a bracket or quote is not closed.
     """
     return [_bare(part) for part in _parts(text) if part]
+
+
+def check_names(
+    names: Iterable[str],
+    known: Iterable[str],
+    *,
+    kinds: Sequence[str],
+    what: str = "",
+    model: str = "the model",
+    others: Mapping[str, str] | None = None,
+) -> None:
+    """Refuse names that a model does not have; of a `Model`, `model.names.check_variables` does it.
+
+    Args:
+        names: as they were given.
+        known: those that are accepted.
+        kinds: what these are: ("output", "state").
+        what: the option that has the names; empty: the message does not say it.
+        model: name of the model.
+        others: names that the model has besides → what they are.
+
+    Raises:
+        InputError: one is not accepted; the message has near ones, or says what it is.
+    """
+    accepted = list(known)
+    for name in names:
+        if name in accepted:
+            continue
+        where = f"{what}: " if what else ""
+        if others and name in others:
+            there = f"its {_series([f'{k}s' for k in kinds], 'and')} are: {', '.join(accepted[:_LISTED]) or 'none'}"
+            raise InputError(f"{where}'{name}' of {model} is {article(others[name])}; {there}")
+        raise InputError(f"{where}{model} has no {_series(kinds, 'or')} '{name}'; {suggest(name, accepted)}")
+
+
+def _series(words: Sequence[str], last: str) -> str:
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def plain_unit(name: str) -> str:

@@ -14,9 +14,10 @@ from typing import Any
 
 from workbench.core.loading import Loading
 from workbench.core.locks import forkable_lock
+from workbench.core.names import check_names
 from workbench.core.option import values_of, with_options
 from workbench.core.scratch import scratch
-from workbench.errors import FmuError, InputError, article, suggest
+from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
@@ -286,8 +287,7 @@ def check_starts(values: Mapping[str, Value], variables: Mapping[str, Variable])
 
 
 def _start(name: str, value: Value, variables: Mapping[str, Variable]) -> Value:
-    if name not in variables:
-        raise InputError(f"'{name}' is not a variable of the model; {suggest(name, variables)}")
+    check_names([name], variables, kinds=("variable",))
     variable = variables[name]
     if variable.causality not in _SETTABLE or variable.variability == "constant":
         raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
@@ -327,10 +327,8 @@ def check_biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -
         InputError: no such real input, or the value is not finite.
     """
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
+    check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
     for name, value in bias.items():
-        if name not in inputs:
-            what = f"is {article(variables[name].causality)}" if name in variables else "is unknown"
-            raise InputError(f"bias: '{name}' {what}, but an input is needed; {suggest(name, inputs)}")
         if inputs[name].type not in FLOAT_TYPES:
             raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
         if not math.isfinite(value):

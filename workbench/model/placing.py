@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from workbench.core.names import check_names
 from workbench.core.operating_point import At, OperatingPoint
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.variable import Variable
 from workbench.model.recipe import LoadRecipe
@@ -168,15 +169,13 @@ def _check_model(model: Model, point: OperatingPoint, what: str) -> None:
 
 def _check_names(model: Model, point: OperatingPoint, what: str) -> None:
     inputs = [v.name for v in model.inputs]
-    for name in point.u:
-        if name not in inputs:
-            raise InputError(f"{what}: {model.name} has no input '{name}'; {suggest(name, inputs)}")
+    check_names(point.u, inputs, kinds=("input",), what=what, model=model.name)
     states = [v.name for v in model.states]
     description = _described(model)
     variables = set() if description is None else {v.name for v in description.variables}
-    for name in (*point.x, *point.discrete):
-        if states and name not in states and name not in variables:
-            raise InputError(f"{what}: {model.name} has no state '{name}'; {suggest(name, states)}")
+    if states:
+        own = [name for name in (*point.x, *point.discrete) if name not in variables]
+        check_names(own, states, kinds=("state",), what=what, model=model.name)
     missing = [name for name in states if name not in point.x] if point.x else []
     if missing:
         raise InputError(

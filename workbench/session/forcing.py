@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from workbench.errors import InputError, suggest
+from workbench.core.names import check_names
+from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.signals import Signal
@@ -102,8 +103,7 @@ class Forcing:
 
 
 def _input(name: str, inputs: Mapping[str, Variable]) -> Variable:
-    if name not in inputs:
-        raise InputError(f"'{name}' is not an input of the model; {suggest(name, inputs)}")
+    check_names([name], inputs, kinds=("input",))
     variable = inputs[name]
     if not variable.is_number:
         raise InputError(f"input '{name}' is a {variable.type}; a signal cannot force it")

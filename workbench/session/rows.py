@@ -8,7 +8,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from workbench.errors import InputError, SimulationError, StoppedError, suggest
+from workbench.core.names import check_names
+from workbench.errors import InputError, SimulationError, StoppedError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -26,8 +27,7 @@ def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variab
     """
     found = []
     for name in names:
-        if name not in variables:
-            raise InputError(f"'{name}' is not a variable of the model; {suggest(name, variables)}")
+        check_names([name], variables, kinds=("variable",))
         if not variables[name].is_number:
             raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
         found.append(variables[name])

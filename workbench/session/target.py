@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.errors import InputError, suggest
+from workbench.core.names import check_names
+from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats
@@ -194,10 +195,7 @@ class Target:
 
 
 def _check_names(values: Iterable[str], variables: Mapping[str, Variable], states: Iterable[str]) -> None:
-    known = {*variables, *states}
-    for name in values:
-        if name not in known:
-            raise InputError(f"operating point: the model has no '{name}'; {suggest(name, known)}")
+    check_names(values, {*variables, *states}, kinds=("variable",), what="operating point")
 
 
 def check_values(values: Mapping[str, float], variables: Mapping[str, Variable]) -> None:

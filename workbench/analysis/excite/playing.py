@@ -12,8 +12,9 @@ from workbench.analysis.excite.request import Excite
 from workbench.analysis.lin.response import communication_step
 from workbench.analysis.rates import TOGETHER, basic_period, rates_of, time_events
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError
 from workbench.model import DescribedModel, Model
+from workbench.model.names import check_variables
 from workbench.model.placing import bias_of, standing
 from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Constant, Signal, Table
@@ -112,10 +113,9 @@ def measure(
 def _check(model: Model, asked: Excite) -> None:
     if not asked.inputs or not asked.outputs:
         raise InputError("name an input to force and an output to record")
-    known = [v.name for v in model.inputs]
+    check_variables(model, asked.inputs, "input", what="inputs")
+    check_variables(model, asked.outputs, "variable", what="outputs")
     for name in asked.inputs:
-        if name not in known:
-            raise InputError(f"'{name}' is not an input of the model; {suggest(name, known)}")
         if name in asked.outputs:
             raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
 

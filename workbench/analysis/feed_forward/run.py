@@ -26,6 +26,7 @@ from workbench.core.job import Job
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
+from workbench.model.names import check_variables
 from workbench.model.placing import standing, start_at
 from workbench.signals import signals_of
 
@@ -113,10 +114,7 @@ def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
         raise InputError(
             f"closes_at must lie between 0 and the end of the simulation at {end:g} s, not {asked.closes_at:g}"
         )
-    known = {v.name for v in model.inputs}
-    for name in asked.inputs:
-        if name not in known:
-            raise InputError(f"{model.name}: '{name}' is not an input of the system; known: {', '.join(sorted(known))}")
+    check_variables(model, asked.inputs, "input", what="inputs")
     for name in asked.outputs:
         variable_of(model, name, "output")
     return Run(inputs=signals_of(asked.inputs), outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)

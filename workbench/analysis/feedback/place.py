@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.analysis.feedback.actuator import Actuator
+from workbench.core.names import check_names
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.base import Model
@@ -267,7 +268,7 @@ def _found(
     single: bool,
 ) -> str:
     """Return the full name of a component's output (as source) or input (as target) that the user names."""
-    wanted, option = ("output", "--from") if role == "source" else ("input", "--to")
+    wanted = "output" if role == "source" else "input"
     own = {n: (v,) for n, v in system.outputs.items()} if role == "source" else dict(system.inputs)
     if single:
         own = {v.name.removeprefix(f"{_PLANT}."): (n,) for n, v in _named(table).items()}
@@ -276,16 +277,11 @@ def _found(
         raise InputError(f"{model.name}: {name} drives several inputs ({', '.join(full)}); name one of them")
     usable = [n for n, v in table.items() if v.causality == wanted and v.type in FLOAT_TYPES]
     known = [n.removeprefix(f"{_PLANT}.") for n in usable] if single else [*own, *usable]
-    if full[0] not in table:
-        raise InputError(f"{model.name}: {option} '{name}' is unknown; {suggest(name, known)}")
-    variable = table[full[0]]
-    if variable.type not in FLOAT_TYPES:
-        raise InputError(f"{model.name}: {option} '{name}' is {article(variable.type)}, not a real number")
-    if variable.causality != wanted:
-        raise InputError(
-            f"{model.name}: {option} '{name}' is {article(_kind(variable))}, but the {role} of a feedback must be "
-            f"{article(wanted)}; {suggest(name, known)}"
-        )
+    if full[0] in table and table[full[0]].type not in FLOAT_TYPES:
+        raise InputError(f"{role}: '{name}' of {model.name} is {article(table[full[0]].type)}, not a real number")
+    if full[0] not in usable:
+        others = {name: _kind(table[full[0]])} if full[0] in table else {}
+        check_names([name], known, kinds=(wanted,), what=role, model=model.name, others=others)
     return full[0]
 
 

@@ -43,8 +43,9 @@ from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.blas import one_thread
 from workbench.core.job import Job
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
+from workbench.model.names import check_variables
 from workbench.model.placing import named, start_at
 from workbench.signals import Signal, signals_of
 
@@ -92,10 +93,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
 
 
 def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str, ...]:
-    known = {v.name for v in system.description.variables}
-    for name in outputs or ():
-        if name not in known:
-            raise InputError(f"{system.name}: variable '{name}' is unknown; {suggest(name, known)}")
+    check_variables(system, outputs or (), "variable", what="outputs")
     return tuple(outputs) if outputs is not None else tuple(v.name for v in system.outputs if v.is_number)
 
 

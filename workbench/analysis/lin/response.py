@@ -11,12 +11,13 @@ from workbench.analysis.lin.between import PARTS, held, inside, lines, periods_n
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
-from workbench.analysis.lin.task import LinTask, check_names, moving_note, width_for
+from workbench.analysis.lin.task import LinTask, moving_note, width_for
 from workbench.analysis.lin.trial import MoveTrial, accepted, smallest, trial_levels
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel, Model
+from workbench.model.names import check_variables
 from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.signals import Constant, Signal
 
@@ -146,10 +147,7 @@ def _open(task: LinTask, period: float) -> Session:
     model, names = task.model, [v.name for v in task.model.inputs if v.is_number]
     step = communication_step(model, period)
     if task.values:
-        known = [v.name for v in (*model.inputs, *model.states, *model.parameters, *model.outputs)]
-        if isinstance(model, DescribedModel):
-            known = [v.name for v in model.description.variables]
-        check_names("x0", task.values, known)
+        check_variables(model, task.values, "variable", "input", "state", "parameter", what="x0")
     try:
         session = model.open_at(values=task.values, step=step, tolerance=TOLERANCE)
     except InputError:

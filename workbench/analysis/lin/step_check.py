@@ -8,8 +8,9 @@ import numpy as np
 
 from workbench.analysis.lin.result import LinResult
 from workbench.core.matrices import held
+from workbench.core.names import check_names
 from workbench.core.record import Record, entry
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError
 from workbench.model import Model
 from workbench.origin import with_origin
 from workbench.session.base import Floats
@@ -70,9 +71,8 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
         >>> print(f"{step.error:.5f}")
         0.00000
     """
-    for what, name, known in (("input", input, linear.input_names), ("output", output, linear.output_names)):
-        if name not in known:
-            raise InputError(f"{what}: the linear model has no '{name}'; {suggest(name, known)}")
+    for kind, name, known in (("input", input, linear.input_names), ("output", output, linear.output_names)):
+        check_names([name], known, kinds=(kind,), what=kind, model="the linear model")
     if not height or not stop > 0.0:
         raise InputError(f"a step needs a height other than 0 and a stop time above 0, not {height:g} and {stop:g} s")
     count = POINTS if linear.dt == 0.0 else max(1, round(stop / linear.dt))

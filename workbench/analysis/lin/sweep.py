@@ -18,9 +18,10 @@ from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.option import recast
 from workbench.core.record import Part, Record, drawn, entry
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Value
 from workbench.model import DescribedModel, Model
+from workbench.model.names import check_variables
 from workbench.signals import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -155,12 +156,9 @@ def points_over(model: Model, asked: LinOver, workers: Workers, job: Job) -> Ite
 
 
 def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
-    known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number]
     if not grid or not all(grid.values()):
         raise InputError("over: nothing to vary; give NAME=value,value,…")
-    for name in grid:
-        if name not in known:
-            raise InputError(f"over: '{name}' is not a parameter, input or state; {suggest(name, known)}")
+    check_variables(model, grid, "parameter", "input", "state", what="over", number=True)
     if model.recipe is None and any(n in {p.name for p in model.parameters} for n in grid):
         raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
 

@@ -10,10 +10,12 @@ import numpy as np
 
 from workbench.analysis.lin.request import Lin, PointOptions
 from workbench.core.forms import Widths, several
+from workbench.core.names import check_names
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model import Model, Variable
+from workbench.model.names import Kind, check_variables
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
@@ -68,11 +70,11 @@ def make_task(model: Model, asked: Lin) -> LinTask:
     where = found or OperatingPoint(x={}, u={}, time=model.start_time)
     x0, u0 = asked.x0 or {}, asked.u0 or {}
     states, forced = {**where.x, **where.discrete, **x0}, {**where.u, **u0}
-    check_names("u0", forced, [v.name for v in model.inputs])
+    check_variables(model, forced, "input", what="u0")
     return LinTask(
         model=model,
-        inputs=_chosen("inputs", asked.inputs, model.inputs),
-        outputs=_chosen("outputs", asked.outputs, model.outputs or model.states, (*model.outputs, *model.states)),
+        inputs=_chosen(model, asked.inputs, model.inputs, "input"),
+        outputs=_chosen(model, asked.outputs, model.outputs or model.states, "output", "state"),
         values={**states, **forced},
         time=where.time if asked.time is None else asked.time,
         dx=asked.dx,
@@ -110,25 +112,11 @@ def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]
     return (f"{', '.join(words)}, as the operating point says: it may not be an equilibrium",) if others else ()
 
 
-def _chosen(
-    what: str, wanted: Sequence[str] | None, usual: Iterable[Variable], allowed: Iterable[Variable] | None = None
-) -> tuple[str, ...]:
+def _chosen(model: Model, wanted: Sequence[str] | None, usual: Iterable[Variable], *kinds: Kind) -> tuple[str, ...]:
     if wanted is None:
         return tuple(v.name for v in usual if v.type in FLOAT_TYPES)
-    check_names(what, wanted, [v.name for v in (usual if allowed is None else allowed)])
+    check_variables(model, wanted, *kinds, what=f"{kinds[0]}s")
     return tuple(dict.fromkeys(wanted))
-
-
-def check_names(what: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse names that are not known.
-
-    Raises:
-        InputError: one is not.
-    """
-    listed = list(known)
-    for name in names:
-        if name not in listed:
-            raise InputError(f"{what}: the model has no '{name}' there; {suggest(name, listed)}")
 
 
 def open_base(task: LinTask) -> Point:
@@ -142,7 +130,7 @@ def open_base(task: LinTask) -> Point:
     point = task.model.open_point(time=task.time, values=task.values)
     try:
         known = [v.name for v in (*point.states, *point.inputs)] + list(point.discrete())
-        check_names("x0", task.values, known)
+        check_names(task.values, known, kinds=("state", "input"), what="x0", model=task.model.name)
         x = np.array([task.values.get(v.name, old) for v, old in zip(point.states, point.x0, strict=True)])
         u = np.array([task.values.get(v.name, old) for v, old in zip(point.inputs, point.u0, strict=True)])
         if not (np.array_equal(x, point.x0) and np.array_equal(u, point.u0)):
@@ -196,7 +184,7 @@ def width_for(widths: Width, names: Sequence[str], *, what: str) -> Floats:
     if widths is None:
         return np.full(len(names), np.nan)
     if isinstance(widths, Mapping):
-        check_names(what, widths, names)
+        check_names(widths, names, kinds=("state", "input"), what=what)
         listed = [float(widths.get(n, np.nan)) for n in names]
     elif isinstance(widths, int | float):
         listed = [float(widths)] * len(names)

@@ -17,8 +17,9 @@ from workbench.core.job import Job
 from workbench.core.modal import Poles, poles_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError
 from workbench.model import Model
+from workbench.model.names import check_variables
 from workbench.system.description import GainComponent
 from workbench.system.recipe import SystemRecipe
 from workbench.workers import Lost, Workers, choose
@@ -41,9 +42,8 @@ def check_parameter(model: Model, name: str) -> None:
     Raises:
         InputError: it is none of these.
     """
-    known = [v.name for v in (*model.parameters, *model.inputs, *model.states) if v.is_number] + _gains(model)
-    if name not in known:
-        raise InputError(f"modes: '{name}' is not a parameter, input or state of {model.name}; {suggest(name, known)}")
+    if name not in _gains(model):
+        check_variables(model, [name], "parameter", "input", "state", what="vary", number=True)
 
 
 def _gains(model: Model) -> list[str]:

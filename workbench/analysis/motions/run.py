@@ -17,6 +17,7 @@ from workbench.core.job import Job
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
+from workbench.model.names import check_variables
 from workbench.model.placing import start_at
 from workbench.signals import Signal, signal_text, signals_of
 
@@ -117,15 +118,9 @@ def _check(
 ) -> None:
     if not systems or not signals or not windows:
         raise InputError("compare: give at least one system, one signal and one window")
-    for name, model in systems.items():
-        known = {v.name for v in model.description.variables} | {v.name for v in model.outputs}
-        for signal in signals:
-            if signal not in known:
-                raise InputError(f"compare: {name} has no variable '{signal}'; {suggest(signal, known)}")
-        open_to = [v.name for v in model.inputs]
-        for given in inputs:
-            if given not in open_to:
-                raise InputError(f"compare: {name} has no input '{given}'; {suggest(given, open_to)}")
+    for model in systems.values():
+        check_variables(model, signals, "variable", what="signals")
+        check_variables(model, inputs, "input", what="inputs")
 
 
 def _run(model: DescribedModel, asked: Simulate, job: Job) -> tuple[SimulationResult | None, SimulationError | None]:

@@ -24,8 +24,9 @@ from workbench.analysis.nfr.zero_input import ZeroInput, doubt
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import with_options
-from workbench.errors import InputError, suggest
-from workbench.model import Model, Variable
+from workbench.errors import InputError
+from workbench.model import Model
+from workbench.model.names import check_variables
 from workbench.model.placing import start_at
 from workbench.origin import with_origin
 from workbench.workers import InProcess, Job, Lost, Remark, Reply, Runner, Workers, choose, perform
@@ -62,8 +63,8 @@ class Sweep:
     """
 
     def __init__(self, model: Model, asked: Nfr) -> None:
-        _check_name("input", asked.input, model.inputs, model)
-        _check_name("output", asked.output, (*model.outputs, *model.states), model)
+        check_variables(model, [asked.input], "input", what="input")
+        check_variables(model, [asked.output], "output", "state", what="output")
         if asked.verify and model.recipe is None:
             raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
         placed, remarks = start_at(model, asked.at)
@@ -289,17 +290,6 @@ class Sweep:
 
 def _with_executor(workers: Workers, executor: Executor | None) -> Workers:
     return workers if executor is None else replace(workers, executor=executor)
-
-
-def _check_name(what: str, name: str, variables: Sequence[Variable], model: Model) -> None:
-    if any(v.name == name for v in variables):
-        return
-    others = {v.name: kind for kind in ("inputs", "outputs", "states", "parameters") for v in getattr(model, kind)}
-    if name in others:
-        article = {"inputs": "an input", "outputs": "an output", "states": "a state", "parameters": "a parameter"}
-        names = ", ".join(v.name for v in variables[:8]) or "none"
-        raise InputError(f"{what}: '{name}' of {model.name} is {article[others[name]]}; its {what}s are: {names}")
-    raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, [v.name for v in variables])}")
 
 
 NfrSweep = with_options(

@@ -15,10 +15,11 @@ from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import EndedError, InputError, SimulationError, StoppedError, article, suggest
+from workbench.errors import EndedError, InputError, SimulationError, StoppedError
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
+from workbench.model.names import check_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
@@ -37,7 +38,7 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     """Simulate a model; see `Simulate`."""
     model, remarks = start_at(model, asked.at)
     inputs = signals_of(asked.inputs)
-    _check_inputs(model, inputs)
+    check_variables(model, inputs, "input", what="inputs")
     names, instead = _names(model, asked.outputs)
     start = model.start_time if asked.start_time is None else asked.start_time
     stop, told = _stop(model, asked.stop)
@@ -229,18 +230,10 @@ def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:
     return worst, name
 
 
-def _check_inputs(model: Model, inputs: Mapping[str, Signal]) -> None:
-    known = [v.name for v in model.inputs]
-    others = {v.name: v.causality for v in (*model.outputs, *model.parameters, *model.states)}
-    for name in inputs:
-        if name not in known:
-            what = f"is {article(others[name])}" if name in others else "is unknown"
-            raise InputError(f"'{name}' {what}, but an input is needed here; {suggest(name, known)}")
-
-
 def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tuple[str, ...]]:
     """Return what is recorded, and a note if it stands in for outputs that are not declared."""
     if outputs is not None:
+        check_variables(model, outputs, "variable", what="outputs")
         return list(dict.fromkeys(outputs)), ()
     variables = model.description.variables if isinstance(model, DescribedModel) else ()
     known = {v.name for v in variables} or {v.name for v in model.states}

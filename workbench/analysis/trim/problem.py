@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.analysis.trim.balance import Balance, Slot
-from workbench.errors import InputError, suggest
+from workbench.core.names import check_names
+from workbench.errors import InputError
 from workbench.session.base import Floats
 
 __all__ = ["Equation", "Problem", "TrimSets", "Unknown", "pose"]
@@ -198,12 +199,16 @@ def _check(balance: Balance, sets: TrimSets) -> None:
     states, inputs, outputs = (
         {s.name: s for s in group} for group in (balance.states, balance.inputs, balance.outputs)
     )
-    known = {**outputs, **states, **inputs}
-    _check_names("free", sets.free, known, "a state, input or output")
-    _check_names("fix", sets.fix, known, "a state, input or output")
-    _check_names("bound", sets.bound, known, "a state, input or output")
-    _check_names("float", sets.floating, states, "a state")
-    _check_names("start value", sets.guess, {**states, **inputs}, "a state or input")
+    slots = {"state": states, "input": inputs, "output": outputs}
+    for what, names, kinds in (
+        ("free", sets.free, ("state", "input", "output")),
+        ("fix", sets.fix, ("state", "input", "output")),
+        ("bound", sets.bound, ("state", "input", "output")),
+        ("floating", sets.floating, ("state",)),
+        ("start value", sets.guess, ("state", "input")),
+    ):
+        others = {name: kind for kind, group in slots.items() if kind not in kinds for name in group}
+        check_names(names, [n for kind in kinds for n in slots[kind]], kinds=kinds, what=what, others=others)
     for one, other, first, second in (
         ("fix", "free", sets.fix, sets.free),
         ("fix", "bound", sets.fix, sets.bound),
@@ -217,12 +222,6 @@ def _check(balance: Balance, sets: TrimSets) -> None:
         if name in states and not states[name].settable:
             raise InputError(f"state '{name}' of this model can only be observed, not set")
     _check_values(sets)
-
-
-def _check_names(what: str, names: Sequence[str] | Mapping[str, object], known: Mapping[str, Slot], kind: str) -> None:
-    for name in names:
-        if name not in known:
-            raise InputError(f"{what}: '{name}' is not {kind} of the model; {suggest(name, known)}")
 
 
 def _check_values(sets: TrimSets) -> None:
