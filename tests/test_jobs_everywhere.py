@@ -91,7 +91,8 @@ end Lag;
 LAG_FMU = "fmu:FirstOrderLag"
 SWEEP = "--input u --output y --freq 0.1,0.2 --amplitude 1 --in-process"
 DESIGN = "braked.toml --block block --to brake.u1 --orders 1,1 --low-pass-order 0 --band 0.01:1"
-# Request → its command line, the words of what it has when the first thing that it tells stops it; "": nothing.
+# Request → its command line, the words of what it has when the first thing that it tells stops it; "": nothing. Those
+# of nothing run in this process: a worker may be done before it hears that it should stop, and then has everything.
 LINES = {
     "info": (f"{LAG_FMU} --no-probe", "model"),
     "simulate": (f"{LAG_FMU} --stop 300 --step 0.05 --input u=1", "time"),
@@ -99,11 +100,11 @@ LINES = {
     "trim": (f"{LAG_FMU} --u0 u=2", "converged"),
     "lin": (f"{LAG_FMU} --over tau=0.5,1,2", "systems"),
     "loop": ("loop.toml --open c.y --amplitude 1,2 --freq 0.1,0.2 --how inject --refine 0 --in-process", "measured"),
-    "delays": ("master.toml --stop 1 --input reference=1 --step 0.02", ""),
-    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.9:1.2", ""),
+    "delays": ("master.toml --stop 1 --input reference=1 --step 0.02 --in-process", ""),
+    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.9:1.2 --in-process", ""),
     "feedback": ("lags.toml --from c.y --to a.u", "stable_gains"),
     "feed-forward": (f"{DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
-    "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1", ""),
+    "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
     "compare": (f"{LAG_FMU} {LAG_FMU} --label one --label two --signal y --input u=1 --window 0:1", "motions"),
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
