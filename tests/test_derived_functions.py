@@ -62,10 +62,15 @@ def test_every_public_function_has_annotations(name: str) -> None:
 
 
 def test_what_a_function_does_not_know_is_told_with_its_name() -> None:
-    with pytest.raises(TypeError, match=r"^load\(\) got an unexpected keyword argument 'tolerence'.*tolerance"):
+    with pytest.raises(TypeError, match=r"^load\(\) has no parameter 'tolerence'; did you mean tolerance"):
         wb.load("fmu:Rudder", tolerence=1e-8)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"^nfr\(\) missing a required argument: 'output'$"):
         wb.nfr(wb.load, "u")  # type: ignore[arg-type, call-arg]
+    with pytest.raises(TypeError, match=r"^nfr\(\) has no parameter 'amplitud'; did you mean amplitudes"):
+        wb.nfr(wb.load, amplitud=1)  # type: ignore[arg-type, call-arg]
+    placed = r"model, input, output, frequencies, amplitudes"
+    with pytest.raises(TypeError, match=rf"^nfr\(\) takes 5 arguments by position \({placed}\), not 6"):
+        wb.nfr(wb.load, "u", "y", 1.0, 1.0, 2.0)  # type: ignore[arg-type, call-arg]
 
 
 @pytest.mark.parametrize(

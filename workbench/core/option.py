@@ -7,7 +7,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from numbers import Integral, Real
@@ -423,9 +423,7 @@ def with_options(
         try:
             values = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
-            unknown = [key for key in kwargs if key not in signature.parameters]
-            meant = "".join(f"; {suggest(key, signature.parameters)}" for key in unknown[:1])
-            raise TypeError(f"{name}() {error}{meant}") from None
+            raise TypeError(f"{name}() {_wrong_call(signature, args, kwargs) or error}") from None
         return make(values.pop(first[0], ()), kind(**values))
 
     call.__signature__ = signature  # type: ignore[attr-defined]
@@ -435,6 +433,18 @@ def with_options(
     call.__name__ = call.__qualname__ = name
     call.__module__ = kind.__module__
     return call
+
+
+def _wrong_call(signature: inspect.Signature, args: Sequence[object], given: Mapping[str, object]) -> str:
+    """Return what is wrong with the arguments of a call, as far as Python says less of it; empty: it says it well."""
+    for key in given:
+        if key not in signature.parameters:
+            return f"has no parameter '{key}'; {suggest(key, signature.parameters)}"
+    placed = [p.name for p in signature.parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+    if len(args) > len(placed):
+        there = f"{len(placed)} argument{'s' if len(placed) > 1 else ''} by position ({', '.join(placed)})"
+        return f"takes {there}, not {len(args)}; give the others by name"
+    return ""
 
 
 def documented(request: type[Options]) -> str:
