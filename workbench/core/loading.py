@@ -44,8 +44,8 @@ class Loading(Options):
     )
     _: KW_ONLY
     step: float | None = option(
-        "Communication step of co-simulation, or output interval of a time history with model exchange; by default "
-        "that of the FMU's default experiment.",
+        "Communication step of co-simulation; by default the analysis chooses it, from the FMU's default experiment "
+        "where that names one. With model exchange it only sets the interval at which a time history is recorded.",
         unit="s",
         metavar="S",
         positive=True,
