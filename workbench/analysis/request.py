@@ -100,8 +100,10 @@ class Request(Options, Generic[_Subject, _Record]):
       1. It is made of fields as `Options` says.
       2. The docstring's first paragraph and `details` are in `--help`; equations and sources follow.
       3. Its module imports no numerics.
-      4. The algorithm is a function of subject, request and job. It tells the job what is finished, stops soon after
-         `job.stop`, and leaves in `job.partial` what it has if it ends early.
+      4. The algorithm is a function of subject, request and job. It tells the job what is finished. Before each
+         `job.done` it sets `job.partial` to what there is by then: `done` is where a stop comes as a
+         KeyboardInterrupt, also in a worker, and so do sessions while they advance. Only an algorithm that waits
+         for workers of its own, or computes long without either, enters `job.ended_by` or looks at `job.stopped`.
 
     Attributes:
         command: name on the command line.
@@ -110,13 +112,15 @@ class Request(Options, Generic[_Subject, _Record]):
         example: a command line that works.
         details: further paragraph of `--help`; empty: none.
         subject: what it is run on.
-        usual_tolerance: relative, of the integration, where the command line names none; None: the model's own.
+        usual_tolerance: relative tolerance of the integration on the command line and in studies where none is given;
+            set it where 1e-6 is too coarse for the analysis; None: the model's own.
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
         unwritten: files that its record has not: "csv", "plot".
         isolated: whether it runs as a whole in a worker process; else it runs no FMU here, or sees to that itself.
-        undivided: whether its record is one result, to which a time limit applies as a whole.
+        undivided: whether `--timeout` limits the whole run; else it limits the time from one `job.done` to the next.
+            Set it where `done` tells only how far one result is, as the percent of a simulation.
     """
 
     command: ClassVar[str]
@@ -206,7 +210,9 @@ class Request(Options, Generic[_Subject, _Record]):
         return self
 
     def went_well(self, record: _Record) -> bool:
-        """Return whether the record is what was asked for; a command line ends with 1 otherwise.
+        """Return whether the record is what was asked for; where it is not, the command still shows it and ends with 1.
+
+        Override it where an answer can fail without an error: points that failed, a search that did not converge.
 
         Args:
             record: record of this request.
