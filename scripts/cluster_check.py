@@ -25,7 +25,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.core.where import Limits
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, suggest
 from workbench.workers import InProcess, Lost, Reply, in_cluster
 from workbench.workers.cluster import Cluster, OnCluster
 from workbench.workers.local_cluster import LocalCluster, distributed
@@ -280,8 +280,12 @@ def main() -> None:
     """Do what is named."""
     every = {f.__name__: f for f in (same, cost, hundred, chaos)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", choices=[*every, []], default=list(every))
-    for name in parser.parse_args().what:
+    parser.add_argument("what", nargs="*", metavar="WHAT", help=f"{', '.join(every)}; by default all")
+    what = parser.parse_args().what
+    for name in what:
+        if name not in every:
+            parser.error(f"'{name}' is unknown; {suggest(name, every)}")
+    for name in what or every:
         every[name]()
 
 
