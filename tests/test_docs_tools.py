@@ -8,6 +8,7 @@ import pytest
 
 from docs.tools.comparison import difference
 from docs.tools.examples import ExampleError, blocks_of, compare, run_page, with_shown
+from docs.tools.update import main as update
 
 
 @pytest.mark.parametrize(
@@ -90,3 +91,10 @@ def test_a_page_is_run_and_compared(tmp_path: Path) -> None:
 def test_what_cannot_be_run_or_fails_unseen_is_an_error(command: str, tmp_path: Path) -> None:
     with pytest.raises(ExampleError):
         run_page(f"```sh\n{command}\n```\n", tmp_path)
+
+
+def test_a_page_that_does_not_exist_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert update(["trm.md"]) == 2
+    said = capsys.readouterr().err
+    assert said.endswith("trm.md: no such page; did you mean docs/methods/trim.md?\n")
+    assert said.count("\n") == 1

@@ -15,13 +15,21 @@ from PIL import Image
 
 from docs.tools.examples import compare, pictures_of, run_page, with_shown
 from docs.tools.given import provide
+from workbench.errors import close_names
 
 DOCS = Path(__file__).resolve().parents[1]
 
 
 def main(arguments: list[str]) -> int:
-    """Update the named pages, or all; 1 if something is left that does not agree."""
-    pages = [Path(a).resolve() for a in arguments] or sorted(DOCS.rglob("*.md"))
+    """Update the named pages, or all; 1 if something is left that does not agree, 2 if there is no such page."""
+    every = sorted(DOCS.rglob("*.md"))
+    pages = [Path(a).resolve() for a in arguments] or every
+    for page in pages:
+        if page not in every:
+            near = close_names(page.name, [known.name for known in every])[:1]
+            meant = ", ".join(f"docs/{known.relative_to(DOCS)}" for known in every if known.name in near)
+            sys.stderr.write(f"{page}: no such page; {f'did you mean {meant}?' if near else f'they are in {DOCS}'}\n")
+            return 2
     return max(map(_update, pages), default=0)
 
 
