@@ -9,7 +9,7 @@ import workbench as wb
 
 __all__ = ["grouped_names", "python_page", "python_pages"]
 
-# The first prefix that fits a name's home decides; what fits none is under "Further names".
+# The first prefix that fits a name's home decides.
 _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("models", "Models, sessions, signals", ("model", "session", "signals", "system.load", "workers", "fmi")),
     ("errors", "Errors", ("errors", "analysis.simulate.divergence")),
@@ -27,15 +27,15 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
             "analysis.spectra", "analysis.subspace", "analysis.validate",
         ),
     ),
-    ("systems", "Systems", ("system",)),
+    ("systems", "Systems", ("system", "analysis.delays")),
     ("loops", "Loops, limit cycles, control", (
         "analysis.loop", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle", "analysis.feedback",
         "analysis.feed_forward", "analysis.reduction", "analysis.modes", "analysis.motions", "analysis.acceleration",
     )),
     ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check", "analysis.info")),
-    ("building", "Building FMUs", ("build",)),
+    ("building", "Building FMUs", ("build", "to_fmu")),
+    ("further", "Further names", ("core",)),
 )  # fmt: skip
-_REST = ("further", "Further names")
 
 
 def _home(name: str) -> str:
@@ -50,8 +50,10 @@ def grouped_names() -> dict[tuple[str, str], list[str]]:
     pages: dict[tuple[str, str], list[str]] = {(page, title): [] for page, title, _ in _GROUPS}
     for name in sorted(wb.__all__, key=lambda n: (n[0].isupper(), n)):
         home = _home(name)
-        key = next(((p, t) for p, t, prefixes in _GROUPS if home.startswith(prefixes)), _REST)
-        pages.setdefault(key, []).append(name)
+        key = next(((p, t) for p, t, prefixes in _GROUPS if home.startswith(prefixes)), None)
+        if key is None:
+            raise ValueError(f"docs/tools/python_pages.py: _GROUPS has no page for {name}; add '{home}' to one")
+        pages[key].append(name)
     return {key: names for key, names in pages.items() if names}
 
 
