@@ -236,7 +236,8 @@ def _histories(ax: Axes, result: FeedForwardResult, trials: list[Trial], *, zoom
                     label=trial.name)  # fmt: skip
     ax.axvline(0.0, color="#666666", linewidth=0.9)
     first = max((t.before for t in trials), default=1.0)
-    ax.set_ylim(1e-4 * first, 5.0 * first)
+    if first > 0.0:  # nothing moves before a filter that closes at once
+        ax.set_ylim(1e-4 * first, 5.0 * first)
     unit = trials[0].units.get(result.input) if trials else None
     ax.set(xlabel="time after closing [s]", ylabel=label(f"envelope of {result.input}", unit))
     ax.legend(**ABOVE, ncols=3)
