@@ -14,6 +14,7 @@ import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.cli.app import run
+from workbench.cli.program import COMMANDS
 
 LAG = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--amplitude", "1"]
 
@@ -128,21 +129,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 
 def test_help_has_an_example_for_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    known = [
-        "info",
-        "simulate",
-        "nfr",
-        "trim",
-        "lin",
-        "loop",
-        "delays",
-        "limit-cycle",
-        "excite",
-        "identify",
-        "build",
-        "export",
-    ]
-    for command in known:
+    for command in COMMANDS:
         assert run([command, "--help"]) == 0
         text = capsys.readouterr().out
         assert f"Example: workbench {command}" in text or f"Examples: workbench {command}" in text

@@ -10,10 +10,10 @@ import os
 import signal
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import workbench as wb
+from tests.command_lines import LINES, write_files
 from workbench.analysis.commands import REQUESTS
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
@@ -24,112 +24,11 @@ from workbench.core.where import Worker
 from workbench.errors import StoppedError
 from workbench.toolchain import host_only
 
-LAGS = """
-[components]
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"b.u" = "a.y"
-"c.u" = "b.y"
-[inputs]
-u = "a.u"
-[outputs]
-y = "c.y"
-"""
-# Three lags in a loop with a saturation, whose gain of 10 is more than the 8 that they tolerate.
-LOOP = """
-[components]
-block = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"block.u" = {from = "c.y", gain = -10.0}
-"a.u" = "block.y"
-"b.u" = "a.y"
-"c.u" = "b.y"
-[outputs]
-y = "c.y"
-"""
-BRAKED = """
-[components]
-block = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-brake = {sum = "+-"}
-plant = "fmu:FirstOrderLag"
-[connections]
-"brake.u2" = "block.y"
-"plant.u" = "brake.y"
-"block.u" = "plant.y"
-[inputs]
-u = "brake.u1"
-[outputs]
-y = "plant.y"
-"""
-MASTER = """
-[components]
-gain = {gain = 3.0}
-plant = {model = "fmu:FirstOrderLag", interface = "cs"}
-[connections]
-"plant.u" = "gain.y"
-[inputs]
-reference = "gain.u"
-[outputs]
-y = "plant.y"
-"""
-LAG = """
-model Lag
-  input Real u;
-  output Real y;
-  Real x(start = 0);
-equation
-  der(x) = u - x;
-  y = x;
-end Lag;
-"""
-
-LAG_FMU = "fmu:FirstOrderLag"
-SWEEP = "--input u --output y --freq 0.1,0.2 --amplitude 1 --in-process"
-DESIGN = "braked.toml --block block --to brake.u1 --orders 1,1 --low-pass-order 0 --band 0.01:1"
-# Request → its command line, the words of what it has when the first thing that it tells stops it; "": nothing. Those
-# of nothing run in this process: a worker may be done before it hears that it should stop, and then has everything.
-LINES = {
-    "info": (f"{LAG_FMU} --no-probe", "model"),
-    "simulate": (f"{LAG_FMU} --stop 300 --step 0.05 --input u=1", "time"),
-    "nfr": (f"{LAG_FMU} {SWEEP}", "gain_db"),
-    "trim": (f"{LAG_FMU} --u0 u=2", "converged"),
-    "lin": (f"{LAG_FMU} --over tau=0.5,1,2", "systems"),
-    "loop": ("loop.toml --open c.y --amplitude 1,2 --freq 0.1,0.2 --how inject --refine 0 --in-process", "measured"),
-    "delays": ("master.toml --stop 1 --input reference=1 --step 0.02 --in-process", ""),
-    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.9:1.2 --in-process", ""),
-    "feedback": ("lags.toml --from c.y --to a.u", "stable_gains"),
-    "feed-forward": (f"{DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
-    "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
-    "compare": (f"{LAG_FMU} {LAG_FMU} --label one --label two --signal y --input u=1 --window 0:1", "motions"),
-    "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
-    "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
-    "identify": ("data.csv --input u --output y --order 1", ""),
-    "reproduce": ("fig31 --list", "targets"),
-    "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
-    "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),
-}  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("jobs")
-    systems = {"lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER}
-    for name, text in systems.items():
-        (path / f"{name}.toml").write_text(text, encoding="utf-8")
-    (path / "Lag.mo").write_text(LAG, encoding="utf-8")
-    with wb.load("fmu:FirstOrderLag") as model:
-        (path / "lin.json").write_text(json.dumps(wb.lin(model).to_dict()), encoding="utf-8")
-    u = np.where(np.random.default_rng(1).random(400) < 0.5, -1.0, 1.0)
-    y = np.zeros_like(u)
-    for k in range(1, len(u)):  # a lag of 0.1 s, sampled every 0.05 s
-        y[k] = y[k - 1] + (1.0 - np.exp(-0.5)) * (u[k - 1] - y[k - 1])
-    rows = np.column_stack([0.05 * np.arange(len(u)), u, y])
-    np.savetxt(path / "data.csv", rows, delimiter=",", header="time,u,y", comments="")
+    write_files(path)
     return path
 
 
@@ -144,7 +43,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, folder: Path) -> list[float]:
 
 
 def test_every_request_has_a_line() -> None:
-    assert set(LINES) == set(REQUESTS)
+    assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each command of analysis/commands.py"
 
 
 @pytest.mark.parametrize("name", LINES)

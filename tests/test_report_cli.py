@@ -5,69 +5,50 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
+import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+from tests.command_lines import LAG_FMU, LINES, LOOP, write_files
 from tests.report_pages import PageReader, check_page_file, data_of, facts_of_page
-from tests.test_cli_limit_cycle import LOOP as CYCLE
-from tests.test_cli_systems import LOOP
 from workbench.build.fmu import BuildResult
 from workbench.cli.app import run
 from workbench.cli.program import Lazily
 from workbench.fmi.archive import locate
 from workbench.report.build import build_page
 from workbench.report.page import write_page
+from workbench.toolchain import host_only
 
 LAG = hashlib.sha256(locate("fmu:FirstOrderLag").read_bytes()).hexdigest()
 
-FEW = ["--freq", "0.1,1", "--amplitude", "1", "--in-process"]
 COMMANDS = {
-    "info": ["info", "fmu:FirstOrderLag"],
+    **{name: [name, *line.split()] for name, (line, _) in LINES.items()},
     "info of a system": ["info", "loop.toml"],
-    "simulate": ["simulate", "fmu:FirstOrderLag", "--stop", "1", "--input", "u=sine:amplitude=1,frequency=2"],
-    "nfr": ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--offset", *FEW],
-    "trim": ["trim", "fmu:FirstOrderLag", "--u0", "u=2"],
-    "lin": ["lin", "loop.toml", "--inputs", "reference"],
-    "lin --compare": ["lin", "fmu:FirstOrderLag", "--compare", "--freq", "0.1,1"],
-    "lin --over": ["lin", "fmu:FirstOrderLag", "--over", "tau=0.5,2"],
-    "lin --snapshot": ["lin", "fmu:FirstOrderLag", "--snapshot", "0.5,1", "--input", "u=1"],
-    "loop": ["loop", "loop.toml", "--open", "plant.y", *FEW],
-    "delays": ["delays", "master.toml", "--stop", "1", "--input", "reference=1", "--step", "0.1"],
+    "simulate a sine": ["simulate", LAG_FMU, "--stop", "1", "--input", "u=sine:amplitude=1,frequency=2"],
+    "lin of a system": ["lin", "braked.toml", "--inputs", "u"],
+    "lin --compare": ["lin", LAG_FMU, "--compare", "--freq", "0.1,1"],
+    "lin --snapshot": ["lin", LAG_FMU, "--snapshot", "0.5,1", "--input", "u=1"],
     "delays of none": ["delays", "loop.toml"],
-    "limit-cycle": ["limit-cycle", "cycle.toml", "--block", "block", "--vary", "gain=0.9:1.2", "--free-run", "30",
-                    "--set", "a.x=0.01",
-                    "--in-process"],
-    "excite": ["excite", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--prbs", "amplitude=1", "--step", "0.1",
-               "--samples", "300", "--validation", "0", "--in-process"],
-    "identify": ["identify", "data.csv", "--input", "u", "--output", "y", "--order", "1"],
-    "export": ["export", "loop_of_fmus.toml", "--out", "out.fmu", "--step", "0.125"],
-}  # fmt: skip
-WITHOUT_FMU = {"identify", "export"}
+    "limit-cycle from rest": ["limit-cycle", "loop.toml", "--block", "block", "--free-run", "30", "--set", "a.x=0.01"],
+    "export of a system": ["export", "lags.toml", "--out", "out.fmu", "--step", "0.125"],
+}
+WITHOUT_FMU = {"identify", "export", "export of a system", "build", "reproduce"}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report")
+    write_files(path)
+    return path
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    Path("loop.toml").write_text(LOOP, encoding="utf-8")
-    Path("master.toml").write_text(
-        LOOP.replace('"fmu:FirstOrderLag"', '{model = "fmu:FirstOrderLag", interface = "cs"}'), encoding="utf-8"
-    )
-    Path("cycle.toml").write_text(CYCLE, encoding="utf-8")
-    two = '[components]\na = "fmu:FirstOrderLag"\nb = "fmu:FirstOrderLag"\n[connections]\n"b.u" = "a.y"\n'
-    Path("loop_of_fmus.toml").write_text(two + '[inputs]\nu = "a.u"\n[outputs]\ny = "b.y"\n', encoding="utf-8")
-    Path("data.csv").write_text("\n".join(["time,u,y", *lag_rows()]), encoding="utf-8")
+    monkeypatch.setattr("workbench.build.fmu.PLATFORMS", host_only())
     return tmp_path
-
-
-def lag_rows() -> list[str]:
-    """A lag of 0.45 s under a binary sequence, sampled at 0.1 s."""
-    rows, y = [], 0.0
-    for k, u in enumerate(np.sign(np.random.default_rng(1).standard_normal(300)).tolist()):
-        rows.append(f"{0.1 * k:.6g},{u},{y!r}")
-        y = 0.8 * y + 0.2 * u
-    return rows
 
 
 def report(arguments: list[str]) -> tuple[PageReader, dict[str, object]]:
@@ -134,7 +115,7 @@ def test_two_commands_of_one_process_do_not_mix() -> None:
 
 
 def test_failed_points_are_named_first() -> None:
-    page, _ = report(["nfr", "loop.toml", "--input", "reference", "--output", "y", "--freq", "0.1", "--amplitude", "1",
+    page, _ = report(["nfr", "lags.toml", "--input", "u", "--output", "y", "--freq", "0.1", "--amplitude", "1",
                       "--in-process", "--max-periods", "2", "--errcrit", "1e-15"])  # fmt: skip
     (strip,) = [e for e in page.elements if e.attributes.get("class", "").startswith("summary")]
     words = [e.text for e in page.elements if e.attributes.get("class", "").startswith("word ")]
