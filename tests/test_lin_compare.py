@@ -105,7 +105,7 @@ def test_a_step_beside_the_model() -> None:
         linear = lin(model, inputs=["delC"]).result
         small = step_check(model, linear, input="delC", output="del", height=0.01, stop=2.0)
         large = step_check(model, linear, input="delC", output="del", height=5.0, stop=2.0)
-        with pytest.raises(InputError, match="no 'pS'"):
+        with pytest.raises(InputError, match="has no input 'pS'"):
             step_check(model, linear, input="pS", output="del", height=1.0, stop=1.0)
     assert small.error < 1e-3
     assert large.error > 0.01
@@ -142,7 +142,7 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         (["--at", "nosuch.json"], "cannot be read"),
         (["--dx", "p1"], "'p1' is not a number"),
-        (["--over", "nosuch=1,2"], "not a parameter, input or state"),
+        (["--over", "nosuch=1,2"], "has no parameter, input or state"),
         (["--compare"], "one input and one output"),
         (["--over", "mH=1", "--compare"], "only one of them"),
         (["--snapshot", "1", "--u0", "mH=1"], "leave --u0 out"),

@@ -190,8 +190,8 @@ def test_inputs_of_the_call_are_left_alone() -> None:
     ("options", "words"),
     [
         ({"method": "exactly"}, "did you mean exact"),
-        ({"x0": {"p9": 1.0}}, "no 'p9'"),
-        ({"u0": {"del": 1.0}}, "no 'del'"),
+        ({"x0": {"p9": 1.0}}, "no variable 'p9'"),
+        ({"u0": {"del": 1.0}}, "u0: 'del' of Rudder is an output; its inputs are: delC"),
         ({"dx": [1.0]}, "1 widths for 8 variables; give one for all"),
         ({"du": -1.0}, "must be positive"),
         ({"method": "exact", "du": 1.0}, "has no widths"),

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from workbench.core.names import check_names as refuse_names
 from workbench.core.names import split_names
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError
 from workbench.fmi.bundled import is_bundled
 from workbench.model.described import DescribedModel
 from workbench.study.description import Change, Study
@@ -93,8 +94,8 @@ def _where(study: Study, model: str, message: str) -> str:
 def _check(run: Run, file: str, names: _Names) -> None:
     for key, name in _named(run.analysis.options):
         if name not in names.every:
-            near = suggest(name, names.inputs if key.startswith("in") else names.outputs)
-            raise InputError(f"{key} '{name}' is not a variable of {file}; {near}")
+            known, kinds = (names.inputs, ("input",)) if key.startswith("in") else (names.outputs, ("output", "state"))
+            refuse_names([name], known, kinds=kinds, what=key, model=file)
 
 
 def _named(options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
