@@ -115,6 +115,7 @@ static bool add_row(Me *me, double time, RowKind kind) {
 
 /* `located`: at an indicator's zero. */
 static bool event_rows(Me *me, bool located) {
+    me->events++;
     return add_row(me, me->time, ROW_ALWAYS) && me_event(me, located) && add_row(me, me->time, ROW_ALWAYS);
 }
 
@@ -219,6 +220,9 @@ static bool take_step(Me *me, double stop, bool *located, bool *event) {
     me->cautious *= CAUTION_GROWS;
     me->system->steps++;
     if (!check_states(me) || !check_turned(me) || !record_points(me, &some)) {
+        return false;
+    }
+    if (me->slopes && !slopes_after_step(me->slopes, solver, me->scale, me->record, me->system)) {
         return false;
     }
     me->steps = some ? 0 : me->steps + 1;

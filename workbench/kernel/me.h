@@ -4,6 +4,7 @@
 
 #include "../build/runtime/event_rules.h"
 #include "record.h"
+#include "slopes.h"
 #include "solver.h"
 #include "system.h"
 #include "turned.h"
@@ -22,6 +23,8 @@ typedef struct {
     int32_t resumed; /* the run goes on after a pause */
     int32_t steps; /* since the last recorded point or event */
     int32_t told; /* some FMU wants to be told of completed steps */
+    int64_t events; /* so far */
+    Slopes *slopes; /* to be evaluated along the run; NULL: none */
     /* Owned by the kernel. */
     Solver *solver;
     double *x; /* [nx] scratch */

@@ -24,6 +24,7 @@ __all__ = [
     "Me",
     "Record",
     "Signal",
+    "Slopes",
     "System",
     "Type",
     "Wires",
@@ -385,6 +386,8 @@ class Me(ctypes.Structure):
         ("resumed", c_int32),
         ("steps", c_int32),
         ("told", c_int32),
+        ("events", c_int64),
+        ("slopes", c_void_p),
         ("solver", c_void_p),
         ("x", c_void_p),
         ("flight", c_void_p),
@@ -396,6 +399,22 @@ class Me(ctypes.Structure):
         ("record", c_void_p),
         ("problem", Problem),
         ("turned", Turned),
+    )
+
+
+class Slopes(ctypes.Structure):
+    """slopes.h."""
+
+    _fields_ = (
+        ("times", c_void_p),
+        ("n_times", c_size_t),
+        ("x", c_void_p),
+        ("dx", c_void_p),
+        ("a", c_void_p),
+        ("c", c_void_p),
+        ("work", c_void_p),
+        ("found", c_size_t),
+        ("passed", c_size_t),
     )
 
 
@@ -423,5 +442,5 @@ class Cs(ctypes.Structure):
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti,
+    Wires, Lti, Slopes,
 )  # fmt: skip

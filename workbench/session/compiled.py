@@ -18,13 +18,15 @@ import numpy as np
 from workbench.errors import FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
-from workbench.kernel.native_record import NativeFourier, NativeRecord
+from workbench.kernel.native_record import NativeFourier, NativeRecord, NativeSlopes
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
-from workbench.session.fmu import FmuSession
+from workbench.session.fmu import Call, FmuSession
 from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
+from workbench.session.stand import Stand
+from workbench.session.target import NotReachedError
 from workbench.signals import Signal
 
 __all__ = ["CompiledCsSession", "CompiledMeSession", "CompiledSession", "Harmonics"]
@@ -219,6 +221,48 @@ class CompiledMeSession(CompiledSession, MeSession):
     def evaluations(self) -> int:
         """Number of right-hand sides so far."""
         return int(self.loop.system.structure.evaluations)
+
+    @property
+    def events(self) -> int:
+        """Number of events handled so far, while time passed."""
+        return int(self._native.events)
+
+    @contextmanager
+    def slopes(self, times: Floats, recorded: int) -> Iterator[NativeSlopes]:
+        """Yield where ∂f/∂x and ∂y/∂x along the runs made meanwhile are put.
+
+        Args:
+            times: rising, ahead of the session, shape (k,) [s].
+            recorded: number of variables that the runs record.
+        """
+        found = NativeSlopes(times, self.instance.nx, recorded)
+        self._native.slopes = found.address
+        try:
+            yield found
+        finally:
+            self._native.slopes = None
+
+    def stand(self) -> Floats:
+        """Return the states where the session stands, shape (n,)."""
+        self.instance.get_states()
+        return self.instance.x.copy()
+
+    def jump(self, x: Floats) -> None:
+        stand = Stand(self.instance)
+        _, u = stand.read()
+        stand.put(self.time, x, u)
+        info = stand.event(u)
+        if info.terminate:
+            raise self._ended()
+        there = self.stand()
+        if not info.states_changed and not np.allclose(there, x, rtol=1e-12, atol=1e-300):
+            i = int(np.argmax(np.abs(there - x)))
+            raise NotReachedError(
+                f"state {i + 1} of {len(x)} cannot be set: {x[i]:.9g} was asked for, it is {there[i]:.9g}"
+            )
+        self._native.next_time = info.next_time
+        self._calls.append(Call(self.time, dict(self.forcing.signals), None, x=x.copy()))
+        self._forget()
 
     def _ready(self, _: float) -> Me:
         return self._native

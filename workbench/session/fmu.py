@@ -19,7 +19,7 @@ from workbench.session.rows import find, read_finite
 from workbench.session.target import Miss, NotReachedError, Target, in_words, misses
 from workbench.signals import Signal
 
-__all__ = ["FmuSession", "Lead", "Manners", "Setup"]
+__all__ = ["Call", "FmuSession", "Lead", "Manners", "Setup"]
 
 
 @dataclass
@@ -117,13 +117,14 @@ class Setup:
 
 
 @dataclass(frozen=True, eq=False)
-class _Call:
-    """One `advance`, kept for replay; a `restore` is kept as a call without signals."""
+class Call:
+    """One `advance`, kept for replay; a `restore` is kept as a call without signals, a `jump` with its states."""
 
     until: float
     signals: Mapping[str, Signal]
     points: Floats | None
     restored: bool = False
+    x: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ class FmuSnapshot(Snapshot):
     owner: Any
     instance: Instance
     state: Any
-    calls: tuple[_Call, ...]
+    calls: tuple[Call, ...]
     memory: object
     written: tuple[float, ...]
     seen: Mapping[str, float]
@@ -145,7 +146,7 @@ class FmuSession(Session):
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.inputs = {n: v for n, v in setup.variables.items() if v.causality == "input"}
-        self._calls: list[_Call] = []
+        self._calls: list[Call] = []
         self._states: list[Any] = []
         self._open()
 
@@ -315,7 +316,7 @@ class FmuSession(Session):
         """Put `signals` in force, and keep the call for a replay; return what `_advance` is given besides `until`."""
         targets = self._targets(until, points)
         variables = find(record, self.setup.variables)
-        self._calls.append(_Call(until, dict(signals), points))
+        self._calls.append(Call(until, dict(signals), points))
         new = signals != self.forcing.signals
         if new:
             before = self.forcing
@@ -375,6 +376,19 @@ class FmuSession(Session):
     def _ended(self) -> EndedError:
         return EndedError(f"the FMU ended its run{self.instance.log.tail()}", time=self.time)
 
+    def jump(self, x: Floats) -> None:
+        """Go on from other states at the same time; events are iterated there, discrete states follow by these alone.
+
+        Args:
+            x: shape (n,).
+
+        Raises:
+            InputError: co-simulation, whose states cannot be set.
+            NotReachedError: a state did not take its value.
+            EndedError: the FMU ended its run there.
+        """
+        raise InputError("co-simulation: states cannot be set while the model runs; use interface me")
+
     # -- snapshots ------------------------------------------------------------------------
 
     @abstractmethod
@@ -412,7 +426,7 @@ class FmuSession(Session):
             self._restore_state(snapshot)
         else:
             self._replay(snapshot.calls)
-        self._calls = [*snapshot.calls, _Call(self.time, {}, None, restored=True)]
+        self._calls = [*snapshot.calls, Call(self.time, {}, None, restored=True)]
 
     def _restore_state(self, snapshot: FmuSnapshot) -> None:
         self.instance.set_state(snapshot.state)
@@ -423,7 +437,7 @@ class FmuSession(Session):
         self._seen = dict(snapshot.seen)
         self._resume(snapshot.memory)
 
-    def _replay(self, calls: Sequence[_Call]) -> None:
+    def _replay(self, calls: Sequence[Call]) -> None:
         """Do again, in a new instance, what led to the snapshot."""
         self.close()
         self._calls = []
@@ -431,6 +445,8 @@ class FmuSession(Session):
         for call in calls:
             if call.restored:
                 self._forget()
+            elif call.x is not None:
+                self.jump(call.x)
             else:
                 self.advance(call.until, signals=call.signals, points=call.points)
         self._forget()
@@ -462,7 +478,7 @@ def _remedy(found: Sequence[Miss], setup: Setup) -> str:
     return "its initial equations determine it; set a state by an operating point instead (--at)"
 
 
-def _last_signals(calls: Sequence[_Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:
+def _last_signals(calls: Sequence[Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:
     for call in reversed(calls):
         if not call.restored:
             return call.signals

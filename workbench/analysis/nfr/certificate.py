@@ -33,6 +33,10 @@ class Certificate(Part):
         check_gain: how much the gain changed by that, relative.
         check_phase_deg: how much the phase changed by that [deg].
         why: why it has not settled; None where it has, or failed.
+        method: "solved": Newton's method on the period map; "settled": periods were run until it settled.
+        multipliers: Floquet multipliers of the periodic motion, at most six, largest first: what a small deviation is
+            multiplied by in a period; none where they are not known.
+        fold_distance: distance of the nearest one from 1, where the response folds back; None where not known.
     """
 
     errcrit: float
@@ -47,6 +51,9 @@ class Certificate(Part):
     check_gain: float | None = None
     check_phase_deg: float | None = None
     why: str | None = None
+    method: str = "settled"
+    multipliers: tuple[complex, ...] = ()
+    fold_distance: float | None = None
 
 
 def certify(settling: Settling, response: PointResponse | None) -> Certificate:

@@ -6,17 +6,20 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
+from workbench.analysis.nfr.solved import NotSolvedError, solve_point
 from workbench.analysis.nfr.step import at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
 from workbench.model.placing import standing
 from workbench.session.base import Floats, Session
+from workbench.session.compiled import CompiledMeSession
 from workbench.workers import Job, Remark
 
 __all__ = ["PointsJob", "StartJob", "SurroundingsJob"]
@@ -130,13 +133,64 @@ class PointsJob(Job):
                     first = {task.input: task.sine(model.start_time)}
                     session = stack.enter_context(model.open_session(signals=first, step=max(steps, default=None)))
                 evidence = task.evidence(known)
-                point = run_point(session, task, evidence)
+                if not self.carry and can_solve(session, task):
+                    point = self._solved(model, session, task, evidence)
+                else:
+                    point = run_point(session, task, evidence)
                 if self.carry and point.reason is None:
                     known = _standing(evidence, point)
                 else:
                     stack.close()
                     session = known = None
                 yield point if model.interface == "cs" else replace(point, step=None)
+
+    def _solved(self, model: Model, session: CompiledMeSession, task: PointTask, evidence: Evidence) -> NfrPoint:
+        """Solve for a point; where that does not work, or what it finds is unstable, wait for it in a new session."""
+        found: NfrPoint | None = None
+        try:
+            found = solve_point(session, task, evidence).point(task)
+            if found.stable is not False:
+                return found
+            why = ""
+        except (NotSolvedError, WorkbenchError) as error:
+            why = str(error)
+        session.close()
+        with model.open_session(signals={task.input: task.sine(model.start_time)}) as other:
+            waited = run_point(other, task, evidence)
+            if found is not None:
+                return _beside(waited, found)
+            if waited.status == "averaged" and isinstance(other, CompiledMeSession):
+                try:
+                    again = solve_point(other, task, evidence, here=True).point(task)
+                except (NotSolvedError, WorkbenchError):
+                    again = waited
+                if again.stable:
+                    return replace(again, periods=again.periods + waited.periods)
+            return waited if waited.status == "settled" else _unsolved(waited, why)
+
+
+def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
+    """Return whether a point can be solved for: by setting the states of a model that does not sample.
+
+    Args:
+        session: where it would be run.
+        task: what is asked for.
+    """
+    return task.method == "auto" and isinstance(session, CompiledMeSession) and not task.rates
+
+
+def _beside(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
+    """Return what was waited for, telling of the unstable response that was solved for."""
+    size = abs(unstable.response or 0.0)
+    words = f"there is an unstable periodic response of gain {size:.6g}"
+    if waited.reason is not None:
+        return replace(waited, reason=f"{waited.reason}; {words}", stable=False)
+    return replace(waited, warning="; ".join(filter(None, [waited.warning, words])))
+
+
+def _unsolved(waited: NfrPoint, why: str) -> NfrPoint:
+    del why
+    return waited
 
 
 def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:

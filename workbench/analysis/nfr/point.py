@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
-from workbench.analysis.harmonics import ORDERS, Period, fundamental, measure_period
+from workbench.analysis.harmonics import ORDERS, Period, measure_period
 from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
 from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
+from workbench.analysis.periodic.period_map import ROWS, one_period
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Session
@@ -23,12 +23,6 @@ from workbench.session.compiled import CompiledSession
 from workbench.signals import Sine
 
 __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_point"]
-
-# Rows per period at which the output is recorded; for co-simulation the communication points.
-ROWS = 200
-
-# Of so many rows in a period at most the sines are kept from period to period.
-_MOST_KEPT = 2000
 
 _REASONS = {
     Outcome.DIVERGED: "grows without bound; the model is unstable under this input",
@@ -60,6 +54,7 @@ class PointTask:
         linear: the linear model where the run starts; None: there is none.
         rates: sample periods of the model [s]; none: it is continuous, or does not show any.
         rtol: relative tolerance of the workbench's own integration; 0: nothing is integrated, or not by it.
+        method: "auto": solved for where the model allows that; "settle": always waited for.
     """
 
     input: str
@@ -75,6 +70,7 @@ class PointTask:
     linear: LinearStart | None = None
     rates: tuple[float, ...] = ()
     rtol: float = 0.0
+    method: str = "auto"
 
     def evidence(self, start: Floats | None = None) -> Evidence:
         """Return what is known of the point before it is measured.
@@ -153,7 +149,6 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
     evidence = task.evidence() if evidence is None else evidence
     settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
     sine = task.sine(session.time)
-    orders = _orders(task)
     longest: float | None = None
     response: PointResponse | None = None
     try:
@@ -162,24 +157,13 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
             while response is None:
                 if task.stopped():
                     raise KeyboardInterrupt
-                points = _times(task, sine, len(settling.periods))
-                end = float(points[-1])
+                k = len(settling.periods)
                 if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
-                    found = session.harmonics(
-                        end,
-                        signals={task.input: sine},
-                        record=(task.output,),
-                        begin=sine.start,
-                        frequency=task.frequency,
-                        orders=orders,
-                        points=points,
-                        basis=_basis(task.rows, orders),
-                    )
-                    drive = fundamental(found.inputs[task.input])
-                    period, longest = Period(found.values[task.output], drive, found.largest[task.output]), found.gap
+                    forced = {task.input: sine}
+                    period, longest = one_period(session, task.output, forced, sine.start, task.frequency, task.rows, k)
                 else:
-                    period, longest = _recorded(session, task, sine, points)
-                _check(period, task, time=end)
+                    period, longest = _recorded(session, task, sine, k)
+                _check(period, task, time=session.time)
                 response = settling.add(period)
     except SimulationError as error:
         point, response = _failed(task, len(settling.periods), str(error)), None
@@ -196,16 +180,6 @@ def _aliasing(dt: float) -> str:
     )
 
 
-def _times(task: PointTask, sine: Sine, k: int) -> Floats:
-    """Return the instants of the k-th period: from the first one's begin, not added up, so that they do not drift."""
-    times: Floats = sine.start + (k + _fractions(task.rows)) / task.frequency
-    return times
-
-
-def _orders(task: PointTask) -> int:
-    return max(1, min(ORDERS, task.rows // 4))
-
-
 def _check(period: Period, task: PointTask, *, time: float) -> None:
     if not np.isfinite(period.harmonics).all():
         raise SimulationError(f"{task.output} is not finite", time=time)
@@ -214,26 +188,9 @@ def _check(period: Period, task: PointTask, *, time: float) -> None:
         raise SimulationError(words, time=time)
 
 
-@lru_cache(maxsize=8)
-def _fractions(rows: int) -> Floats:
-    """Return the parts of a period at which it is recorded, shape (rows,)."""
-    fractions: Floats = np.arange(1, rows + 1) / rows
-    return fractions
-
-
-@lru_cache(maxsize=8)
-def _basis(rows: int, orders: int) -> Floats | None:
-    """Return 1, sin, cos, sin 2, … at those parts of a period, shape (rows, 1 + 2·orders); None: too many to keep."""
-    if rows > _MOST_KEPT:
-        return None
-    angles = 2.0 * math.pi * np.outer(_fractions(rows), np.arange(1, orders + 1))
-    basis: Floats = np.ones((rows, 1 + 2 * orders))
-    basis[:, 1::2], basis[:, 2::2] = np.sin(angles), np.cos(angles)
-    return basis
-
-
-def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats) -> tuple[Period, float]:
+def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
     """Run a period; return its harmonics and the largest distance of two rows [s]."""
+    points = sine.start + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
         record,
@@ -241,7 +198,7 @@ def _recorded(session: Session, task: PointTask, sine: Sine, points: Floats) -> 
         output=task.output,
         begin=sine.start,
         frequency=task.frequency,
-        orders=_orders(task),
+        orders=max(1, min(ORDERS, task.rows // 4)),
         points=points if session.communication_step is None else None,
     )
     return period, float(np.max(np.diff(record.time)))

@@ -94,6 +94,11 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         default=20,
         least=2,
     )
+    method: str = option(
+        "auto: solve for the periodic response where the model's states can be set; settle: always wait for it.",
+        choices=("auto", "settle"),
+        default="auto",
+    )
     carry: bool = option(
         "Carry the state over to the next frequency; the band may then be falling (HI:LO).", default=False
     )

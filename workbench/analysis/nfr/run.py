@@ -96,6 +96,7 @@ class Sweep:
             "rows": ROWS,
             "step": self._asked.step,
             "verify": self._asked.verify,
+            "method": self._asked.method,
             # A carried point depends on those before it.
             "carry": list(self._frequencies) if self._asked.carry else None,
         }
@@ -214,6 +215,7 @@ class Sweep:
             linear=self._surroundings.linear,
             rates=self._surroundings.rates,
             centre=self._centre,
+            method=self._asked.method,
         )
 
     def _stoppable(self, job: Job) -> Job:

@@ -171,6 +171,11 @@ class Twin:
     _steady: Floats
     _free: list[Floats] = field(default_factory=list)
 
+    @property
+    def periodic(self) -> Floats:
+        """Where the periodic motion begins, from the operating point, shape (n,)."""
+        return self._steady
+
     def free(self, count: int) -> Floats:
         """Return mean, in-phase and quadrature part of the transient over the input's amplitude, shape (count, 3)."""
         while len(self._free) < count:

@@ -1,0 +1,135 @@
+"""The derivative of a period map from the linearised model along one period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from workbench.core.matrices import Complex
+from workbench.kernel.native_record import NativeSlopes
+from workbench.session.base import Floats
+
+__all__ = ["Tangent", "instants", "tangent"]
+
+# Abscissae of Gauss's rule with two points in an interval of length 1.
+_FIRST, _SECOND = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
+_NODES = np.array([_FIRST, _SECOND])
+_ALPHA, _BETA = 0.25 + math.sqrt(3.0) / 6.0, 0.25 - math.sqrt(3.0) / 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """What a small change at the begin of a period does.
+
+    Attributes:
+        Phi: to the states at its end, the monodromy matrix where the motion is periodic, shape (n, n).
+        rows: to mean, in-phase and quadrature part of the fundamental of the output, shape (3, n).
+        stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
+        doubt: error of the multipliers, about: how far a rule of lower order has them elsewhere.
+    """
+
+    Phi: Floats
+    rows: Floats
+    stretch: Floats
+    doubt: float = 0.0
+
+    @property
+    def multipliers(self) -> Complex:
+        """Floquet multipliers, largest first, shape (n,)."""
+        found = np.linalg.eigvals(self.Phi).astype(np.complex128)
+        return found[np.argsort(-np.abs(found))]
+
+
+def instants(begin: float, period: float, intervals: int) -> Floats:
+    """Return the times at which the slopes of a period are needed, two in each interval, rising [s].
+
+    Args:
+        begin: of the period [s].
+        period: [s].
+        intervals: number of equal parts of the period.
+    """
+    times: Floats = begin + period * (np.arange(intervals)[:, None] + _NODES).ravel() / intervals
+    return times
+
+
+def tangent(slopes: NativeSlopes, period: float) -> Tangent | None:
+    """Return the derivative of the period map; None where it is too large for numbers.
+
+    Over an interval h with the slopes A₁, A₂ at its two Gauss points the flow is e^(h(αA₂ + βA₁))·e^(h(αA₁ + βA₂))
+    with α, β = ¼ ± √3/6, of order 4, which remains right where the model is stiff. What the states put into the
+    output's Fourier coefficients is integrated exactly with A and C held over each half. Jumps of the flow at events,
+    which multiply the derivative by a saltation matrix, are not in it.
+
+    Args:
+        slopes: at `instants`.
+        period: [s].
+
+    Source: S. Blanes, P. C. Moan, Fourth- and sixth-order commutator-free Magnus integrators, Appl. Numer. Math. 56
+    (2006); A. H. Nayfeh, B. Balachandran, Applied Nonlinear Dynamics, 3.3 (monodromy matrix).
+    """
+    k, n = slopes.x.shape
+    half = period / k
+    # In units of each state's motion, lest the exponentials lose pascals against metres.
+    unit = _units(slopes)
+    A = np.zeros((k, n + 1, n + 1))
+    A[:, :n, :n] = slopes.A * unit / unit[:, None]
+    A[:, :n, n] = slopes.dx / unit / period
+    mixed = np.empty_like(A)
+    mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
+    mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
+    with np.errstate(over="ignore", invalid="ignore"):
+        flows, held = np.asarray(expm(half * mixed)), np.asarray(expm(half * A))
+        whole, coarse = np.eye(n + 1), np.eye(n + 1)
+        starts = np.empty((k, n, n))
+        for i in range(k):
+            starts[i] = whole[:n, :n]
+            whole, coarse = flows[i] @ whole, held[i] @ coarse
+        rows = _rows(A[:, :n, :n], slopes.C[:, 0] * unit, (held[:, :n, :n], starts), period)
+    Phi, other = whole[:n, :n], coarse[:n, :n]
+    if not (np.isfinite(whole).all() and np.isfinite(coarse).all() and np.isfinite(rows).all()):
+        return None
+    return Tangent(
+        Phi=Phi * unit[:, None] / unit,
+        rows=rows / unit,
+        stretch=whole[:n, n] * unit,
+        doubt=_apart(Phi, other),
+    )
+
+
+def _units(slopes: NativeSlopes) -> Floats:
+    swing = np.ptp(slopes.x, axis=0)
+    size = np.maximum(swing, 1e-9 * np.max(np.abs(slopes.x), axis=0, initial=0.0))
+    unit: Floats = np.where(size > 0.0, size, 1.0)
+    return unit
+
+
+def _apart(Phi: Floats, other: Floats) -> float:
+    """Return by how much the largest multipliers of both differ."""
+    sizes = [float(np.max(np.abs(np.linalg.eigvals(m)), initial=0.0)) for m in (Phi, other)]
+    return abs(sizes[0] - sizes[1])
+
+
+def _rows(A: Floats, c: Floats, flows: tuple[Floats, Floats], period: float) -> Floats:
+    """Return mean, in-phase and quadrature part that a change of the states at the begin puts into the output.
+
+    Args:
+        A: slopes, held over each of k equal parts of the period, shape (k, n, n).
+        c: of the output, likewise, shape (k, n).
+        flows: over each part, and from the begin to each part's begin, shape (k, n, n).
+        period: [s].
+    """
+    k, n = c.shape
+    held, starts = flows
+    omega, part = 2.0 * math.pi / period, period / k
+    turned = A - 1j * omega * np.eye(n)
+    integral = np.linalg.solve(turned.transpose(0, 2, 1), c[:, :, None])[:, :, 0][:, None, :]
+    parts = integral @ (held * np.exp(-1j * omega * part) - np.eye(n)) @ starts
+    first = 2j / period * (parts[:, 0] * np.exp(-1j * omega * part * np.arange(k))[:, None]).sum(axis=0)
+    # The mean by the trapezoidal rule: A has no inverse where the model integrates.
+    ends = np.concatenate([starts[1:], held[-1:] @ starts[-1:]])
+    mean = 0.5 / k * (c[:, None, :] @ (starts + ends))[:, 0].sum(axis=0)
+    rows: Floats = np.array([mean, first.real, first.imag])
+    return rows

@@ -1,0 +1,224 @@
+"""The period map: states at the begin of a period → states at its end, with what the output does on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from workbench.analysis.harmonics import ORDERS, Period, fundamental
+from workbench.analysis.periodic.monodromy import Tangent, instants, tangent
+from workbench.core.matrices import Complex
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+from workbench.session.compiled import CompiledMeSession, CompiledSession
+from workbench.signals import Signal, Sine
+
+__all__ = ["ROWS", "Lap", "PeriodMap", "correction", "one_period"]
+
+# Rows per period at which the output is recorded; for co-simulation the communication points.
+ROWS = 200
+
+# Of so many rows in a period at most the sines are kept from period to period.
+_MOST_KEPT = 2000
+
+# Directions that a period turns by less than this, relative, are not corrected: an integrator stands where it is put.
+_STANDS = 1e-9
+
+# Of the motion of each state, for differences of whole periods.
+_NUDGE = 1e-4
+
+
+def one_period(
+    session: CompiledSession, output: str, signals: Mapping[str, Signal], begin: float, frequency: float,
+    rows: int = ROWS, k: int = 0,
+) -> tuple[Period, float]:  # fmt: skip
+    """Run a period; return its harmonics and the largest distance of two rows [s].
+
+    Args:
+        session: stands at the begin of the period.
+        output: what is measured.
+        signals: what forces the inputs; the fundamental of the first one is the drive.
+        begin: time at which the phase is zero [s].
+        frequency: [Hz].
+        rows: per period.
+        k: which period since `begin`: times are counted from there, not added up, so that they do not drift.
+    """
+    points = begin + (k + _fractions(rows)) / frequency
+    orders = max(1, min(ORDERS, rows // 4))
+    found = session.harmonics(
+        float(points[-1]),
+        signals=signals,
+        record=(output,),
+        begin=begin,
+        frequency=frequency,
+        orders=orders,
+        points=points,
+        basis=_basis(rows, orders),
+    )
+    drive = fundamental(next(iter(found.inputs.values()))) if signals else 0.0j
+    return Period(found.values[output], drive, found.largest[output]), found.gap
+
+
+@lru_cache(maxsize=8)
+def _fractions(rows: int) -> Floats:
+    """Return the parts of a period at which it is recorded, shape (rows,)."""
+    fractions: Floats = np.arange(1, rows + 1) / rows
+    return fractions
+
+
+@lru_cache(maxsize=8)
+def _basis(rows: int, orders: int) -> Floats | None:
+    """Return 1, sin, cos, sin 2, … at those parts of a period, shape (rows, 1 + 2·orders); None: too many to keep."""
+    if rows > _MOST_KEPT:
+        return None
+    angles = 2.0 * math.pi * np.outer(_fractions(rows), np.arange(1, orders + 1))
+    basis: Floats = np.ones((rows, 1 + 2 * orders))
+    basis[:, 1::2], basis[:, 2::2] = np.sin(angles), np.cos(angles)
+    return basis
+
+
+@dataclass(frozen=True, eq=False)
+class Lap:
+    """One period from given states.
+
+    Attributes:
+        x0, x1: states at its begin and at its end, shape (n,).
+        period: what the output did.
+        events: how many events there were on the way.
+        unit: how far each state moves, shape (n,).
+        tangent: derivative of the map here; None: it was not asked for, or could not be had.
+        flow: dx/dt at the begin, shape (n,); None: as `tangent`.
+    """
+
+    x0: Floats
+    x1: Floats
+    period: Period
+    events: int
+    unit: Floats
+    tangent: Tangent | None = None
+    flow: Floats | None = None
+
+    @property
+    def defect(self) -> Floats:
+        """By how much the period does not close, shape (n,)."""
+        return self.x1 - self.x0
+
+
+@dataclass
+class PeriodMap:
+    """Runs periods of a forced model, or of one that moves by itself, in one session.
+
+    Time goes on from period to period; the forcing begins each with phase zero. Discrete states are those that the
+    period before has left.
+
+    Attributes:
+        session: of model exchange.
+        output: what is measured.
+        input: what is forced; "": nothing.
+        centre: about which the forcing moves.
+        rows: per period.
+    """
+
+    session: CompiledMeSession
+    output: str
+    input: str = ""
+    centre: float = 0.0
+    rows: int = ROWS
+
+    def lap(self, frequency: float, amplitude: float = 0.0, x: Floats | None = None, *, intervals: int = 0) -> Lap:
+        """Run one period.
+
+        Args:
+            frequency: [Hz].
+            amplitude: of the forcing.
+            x: where to begin; None: where the session stands.
+            intervals: in so many the derivative of the map is found; 0: it is not.
+
+        Raises:
+            SimulationError: the model cannot be run there.
+        """
+        session = self.session
+        if x is not None:
+            session.jump(x)
+        begin, x0, events = session.time, session.stand(), session.events
+        signals: dict[str, Signal] = {}
+        if self.input:
+            signals[self.input] = Sine(amplitude=amplitude, frequency=frequency, offset=self.centre, start=begin)
+        slopes = None
+        if intervals and len(x0):
+            times = instants(begin, 1.0 / frequency, intervals)
+            with session.slopes(times, 1) as slopes:
+                period, _ = one_period(session, self.output, signals, begin, frequency, self.rows)
+        else:
+            period, _ = one_period(session, self.output, signals, begin, frequency, self.rows)
+        if not np.isfinite(period.harmonics).all():
+            raise SimulationError(f"{self.output} is not finite", time=session.time)
+        lap = Lap(x0, session.stand(), period, session.events - events, np.maximum(np.abs(x0), 1e-12))
+        if slopes is None or not slopes.complete or not np.isfinite(slopes.A).all():
+            return lap
+        points = np.vstack([slopes.x, x0, lap.x1])
+        swing = np.ptp(points, axis=0)
+        unit = np.maximum(swing, 1e-9 * np.max(np.abs(points), axis=0))
+        return replace(
+            lap,
+            unit=np.where(unit > 0.0, unit, 1.0),
+            tangent=tangent(slopes, 1.0 / frequency),
+            flow=slopes.dx[0],
+        )
+
+    def by_differences(self, lap: Lap, frequency: float, amplitude: float = 0.0) -> Lap:
+        """Return a lap with the derivative of the map by differences of whole periods: right with jumps of the flow.
+
+        It costs a period for each state.
+
+        Args:
+            lap: whose derivative is wanted.
+            frequency: [Hz].
+            amplitude: of the forcing.
+        """
+        n = len(lap.x0)
+        Phi, rows = np.empty((n, n)), np.empty((3, n))
+        for i in range(n):
+            x, step = lap.x0.copy(), _NUDGE * lap.unit[i]
+            x[i] += step
+            moved = self.lap(frequency, amplitude, x)
+            Phi[:, i] = (moved.x1 - lap.x1) / step
+            rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
+        stretch = np.zeros(n) if lap.tangent is None else lap.tangent.stretch
+        return replace(lap, tangent=Tangent(Phi, rows, stretch))
+
+
+def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
+    """Return what takes the begin of a lap to the periodic motion, to first order, and what of the defect is left.
+
+    (I − Φ)·e = x1 − x0, in units of each state's motion. A direction that a period leaves as it is, as an integrator
+    does, is not corrected; what the defect has in it is left.
+
+    Args:
+        lap: one period.
+        Phi: derivative of its map.
+
+    Returns:
+        e, shape (n,), and the part of the defect that no e removes, relative to it.
+    """
+    unit = lap.unit
+    matrix = np.eye(len(unit)) - Phi * unit / unit[:, None]
+    aim = lap.defect / unit
+    found, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
+    size = float(np.linalg.norm(aim))
+    left = float(np.linalg.norm(matrix @ found - aim)) / size if size > 0.0 else 0.0
+    return found * unit, left
+
+
+def resolvent_rows(lap: Lap, at: Tangent) -> Complex:
+    """Return by how much a defect of each state is wrong in the fundamental, shape (n,), complex."""
+    unit = lap.unit
+    matrix = np.eye(len(unit)) - at.Phi * unit / unit[:, None]
+    rows = (at.rows[1] + 1j * at.rows[2]) * unit
+    found, *_ = np.linalg.lstsq(matrix.T.astype(np.complex128), rows, rcond=_STANDS)
+    result: Complex = found / unit
+    return result
