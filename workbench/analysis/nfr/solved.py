@@ -261,12 +261,15 @@ class _Search:
         twin = self._evidence.twin
         if not rtol:
             return 0.0
+        found = math.inf
         if twin is not None and self._alike(lap):
             drive, forced = abs(lap.period.drive), twin.forced
             found = INTEGRATION * rtol * (1.0 + forced.sensitivity) * max(1.0, lap.period.size / size)
-            return found + CANCELLED * rtol * max(0.0, drive * forced.terms / size - 1.0)
+            found += CANCELLED * rtol * max(0.0, drive * forced.terms / size - 1.0)
+        if at.through is None:
+            return found
         slip = rtol * _PER_PERIOD * (np.abs(lap.x0) + lap.unit)
-        return float(np.abs(resolvent_rows(lap, at)) @ slip) / size + INTEGRATION * rtol * lap.period.size / size
+        return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 
 def _is_stable(multipliers: Complex, doubt: float) -> bool | None:

@@ -28,12 +28,14 @@ class Tangent:
         Phi: to the states at its end, the monodromy matrix where the motion is periodic, shape (n, n).
         rows: to mean, in-phase and quadrature part of the fundamental of the output, shape (3, n).
         stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
+        through: largest |∂y/∂x| along the period, shape (n,); None: not known.
         doubt: error of the multipliers, about: how far a rule of lower order has them elsewhere.
     """
 
     Phi: Floats
     rows: Floats
     stretch: Floats
+    through: Floats | None = None
     doubt: float = 0.0
 
     @property
@@ -95,6 +97,7 @@ def tangent(slopes: NativeSlopes, period: float) -> Tangent | None:
         Phi=Phi * unit[:, None] / unit,
         rows=rows / unit,
         stretch=whole[:n, n] * unit,
+        through=np.max(np.abs(slopes.C[:, 0]), axis=0),
         doubt=_apart(Phi, other),
     )
 

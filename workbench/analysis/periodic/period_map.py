@@ -188,8 +188,9 @@ class PeriodMap:
             moved = self.lap(frequency, amplitude, x)
             Phi[:, i] = (moved.x1 - lap.x1) / step
             rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
-        stretch = np.zeros(n) if lap.tangent is None else lap.tangent.stretch
-        return replace(lap, tangent=Tangent(Phi, rows, stretch))
+        before = lap.tangent
+        stretch, through = (np.zeros(n), None) if before is None else (before.stretch, before.through)
+        return replace(lap, tangent=Tangent(Phi, rows, stretch, through))
 
 
 def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
