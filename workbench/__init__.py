@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise
+    from workbench.analysis.branches.request import branches
+    from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
     from workbench.analysis.check.request import check
     from workbench.analysis.check.result import HealthCard, HealthLine
     from workbench.analysis.delays.request import delays
@@ -133,6 +135,7 @@ __all__ = [
     "Block",
     "Branch",
     "BranchPoint",
+    "BranchesResult",
     "BuildError",
     "Certificate",
     "Cluster",
@@ -163,6 +166,7 @@ __all__ = [
     "FmuError",
     "FmuInfo",
     "FmuModel",
+    "Fold",
     "FreeRun",
     "FunctionComponent",
     "GainComponent",
@@ -202,6 +206,7 @@ __all__ = [
     "NfrSweep",
     "NoDelays",
     "NyquistResult",
+    "Onset",
     "OperatingPoint",
     "OutOfMemoryError",
     "Overlay",
@@ -210,6 +215,7 @@ __all__ = [
     "PrbsDesign",
     "Recorded",
     "Response",
+    "ResponseBranch",
     "ResponseDifference",
     "Session",
     "SettlingStudy",
@@ -242,6 +248,7 @@ __all__ = [
     "advise",
     "balanced_reduction",
     "bootstrap_poles",
+    "branches",
     "check",
     "coherence",
     "compare",
@@ -340,6 +347,8 @@ _HOMES = {
     "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
     "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
     "workbench.analysis.nfr.certificate": ("Certificate",),
+    "workbench.analysis.branches.request": ("branches",),
+    "workbench.analysis.branches.result": ("BranchesResult", "Fold", "Onset", "ResponseBranch"),
     "workbench.analysis.check.request": ("check",),
     "workbench.analysis.check.result": ("HealthCard", "HealthLine"),
     "workbench.analysis.lin.compare": ("LinComparison", "Verdict"),

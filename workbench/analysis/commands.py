@@ -14,6 +14,7 @@ REQUESTS = {
     "info": "info.request:Info",
     "simulate": "simulate.request:Simulate",
     "nfr": "nfr.request:Nfr",
+    "branches": "branches.request:Branches",
     "trim": "trim.request:Trim",
     "lin": "lin.request:LinCommand",
     "loop": "loop.request:Loop",

@@ -14,7 +14,7 @@ from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
 from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
-from workbench.analysis.periodic.period_map import ROWS, one_period
+from workbench.analysis.periodic.period_map import ROWS, Span, one_period
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Session
@@ -160,7 +160,8 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
                 k = len(settling.periods)
                 if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
                     forced = {task.input: sine}
-                    period, longest = one_period(session, task.output, forced, sine.start, task.frequency, task.rows, k)
+                    span = Span(sine.start, task.frequency, task.rows, k)
+                    period, longest = one_period(session, task.output, forced, span)
                 else:
                     period, longest = _recorded(session, task, sine, k)
                 _check(period, task, time=session.time)
@@ -190,7 +191,7 @@ def _check(period: Period, task: PointTask, *, time: float) -> None:
 
 def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
     """Run a period; return its harmonics and the largest distance of two rows [s]."""
-    points = sine.start + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
+    points = Span(sine.start, task.frequency, task.rows, k).points
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
         record,

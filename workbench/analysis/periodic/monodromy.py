@@ -57,7 +57,7 @@ def instants(begin: float, period: float, intervals: int) -> Floats:
     return times
 
 
-def tangent(slopes: NativeSlopes, period: float) -> Tangent | None:
+def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | None:
     """Return the derivative of the period map; None where it is too large for numbers.
 
     Over an interval h with the slopes A₁, A₂ at its two Gauss points the flow is e^(h(αA₂ + βA₁))·e^(h(αA₁ + βA₂))
@@ -67,7 +67,8 @@ def tangent(slopes: NativeSlopes, period: float) -> Tangent | None:
 
     Args:
         slopes: at `instants`.
-        period: [s].
+        period: of the motion [s].
+        order: how many periods of the forcing it takes.
 
     Source: S. Blanes, P. C. Moan, Fourth- and sixth-order commutator-free Magnus integrators, Appl. Numer. Math. 56
     (2006); A. H. Nayfeh, B. Balachandran, Applied Nonlinear Dynamics, 3.3 (monodromy matrix).
@@ -89,7 +90,7 @@ def tangent(slopes: NativeSlopes, period: float) -> Tangent | None:
         for i in range(k):
             starts[i] = whole[:n, :n]
             whole, coarse = flows[i] @ whole, held[i] @ coarse
-        rows = _rows(A[:, :n, :n], slopes.C[:, 0] * unit, (held[:, :n, :n], starts), period)
+        rows = _rows(A[:, :n, :n], slopes.C[:, 0] * unit, (held[:, :n, :n], starts), period, order)
     Phi, other = whole[:n, :n], coarse[:n, :n]
     if not (np.isfinite(whole).all() and np.isfinite(coarse).all() and np.isfinite(rows).all()):
         return None
@@ -115,18 +116,19 @@ def _apart(Phi: Floats, other: Floats) -> float:
     return abs(sizes[0] - sizes[1])
 
 
-def _rows(A: Floats, c: Floats, flows: tuple[Floats, Floats], period: float) -> Floats:
+def _rows(A: Floats, c: Floats, flows: tuple[Floats, Floats], period: float, order: int) -> Floats:
     """Return mean, in-phase and quadrature part that a change of the states at the begin puts into the output.
 
     Args:
         A: slopes, held over each of k equal parts of the period, shape (k, n, n).
         c: of the output, likewise, shape (k, n).
         flows: over each part, and from the begin to each part's begin, shape (k, n, n).
-        period: [s].
+        period: of the motion [s].
+        order: how many periods of the forcing it takes.
     """
     k, n = c.shape
     held, starts = flows
-    omega, part = 2.0 * math.pi / period, period / k
+    omega, part = 2.0 * math.pi * order / period, period / k
     turned = A - 1j * omega * np.eye(n)
     integral = np.linalg.solve(turned.transpose(0, 2, 1), c[:, :, None])[:, :, 0][:, None, :]
     parts = integral @ (held * np.exp(-1j * omega * part) - np.eye(n)) @ starts

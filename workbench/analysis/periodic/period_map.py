@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -17,7 +18,7 @@ from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession, CompiledSession
 from workbench.signals import Signal, Sine
 
-__all__ = ["ROWS", "Lap", "PeriodMap", "correction", "one_period"]
+__all__ = ["ROWS", "Lap", "PeriodMap", "Span", "correction", "one_period", "resolvent_rows"]
 
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
@@ -32,51 +33,65 @@ _STANDS = 1e-9
 _NUDGE = 1e-4
 
 
+@dataclass(frozen=True)
+class Span:
+    """The periods of the forcing that are run in one go.
+
+    Attributes:
+        begin: where the forcing has phase zero [s].
+        frequency: of the forcing [Hz].
+        rows: per period.
+        k: which period since `begin` is the first one.
+        order: number of periods.
+    """
+
+    begin: float
+    frequency: float
+    rows: int = ROWS
+    k: int = 0
+    order: int = 1
+
+    @property
+    def points(self) -> Floats:
+        """Times of the rows, counted from the begin and not added up, so that they do not drift [s]."""
+        parts: Floats = self.k + np.arange(1, self.order * self.rows + 1) / self.rows
+        times: Floats = self.begin + parts / self.frequency
+        return times
+
+
 def one_period(
-    session: CompiledSession, output: str, signals: Mapping[str, Signal], begin: float, frequency: float,
-    rows: int = ROWS, k: int = 0,
-) -> tuple[Period, float]:  # fmt: skip
+    session: CompiledSession, output: str, signals: Mapping[str, Signal], span: Span
+) -> tuple[Period, float]:
     """Run a period; return its harmonics and the largest distance of two rows [s].
 
     Args:
         session: stands at the begin of the period.
         output: what is measured.
         signals: what forces the inputs; the fundamental of the first one is the drive.
-        begin: time at which the phase is zero [s].
-        frequency: [Hz].
-        rows: per period.
-        k: which period since `begin`: times are counted from there, not added up, so that they do not drift.
+        span: which period.
     """
-    points = begin + (k + _fractions(rows)) / frequency
-    orders = max(1, min(ORDERS, rows // 4))
+    points, orders = span.points, max(1, min(ORDERS, span.rows // 4))
     found = session.harmonics(
         float(points[-1]),
         signals=signals,
         record=(output,),
-        begin=begin,
-        frequency=frequency,
+        begin=span.begin,
+        frequency=span.frequency,
         orders=orders,
         points=points,
-        basis=_basis(rows, orders),
+        basis=_basis(span.rows, orders, span.order),
     )
     drive = fundamental(next(iter(found.inputs.values()))) if signals else 0.0j
     return Period(found.values[output], drive, found.largest[output]), found.gap
 
 
 @lru_cache(maxsize=8)
-def _fractions(rows: int) -> Floats:
-    """Return the parts of a period at which it is recorded, shape (rows,)."""
-    fractions: Floats = np.arange(1, rows + 1) / rows
-    return fractions
-
-
-@lru_cache(maxsize=8)
-def _basis(rows: int, orders: int) -> Floats | None:
-    """Return 1, sin, cos, sin 2, … at those parts of a period, shape (rows, 1 + 2·orders); None: too many to keep."""
-    if rows > _MOST_KEPT:
+def _basis(rows: int, orders: int, periods: int) -> Floats | None:
+    """Return 1, sin, cos, sin 2, … at the rows, shape (rows·periods, 1 + 2·orders); None: too many to keep."""
+    if rows * periods > _MOST_KEPT:
         return None
-    angles = 2.0 * math.pi * np.outer(_fractions(rows), np.arange(1, orders + 1))
-    basis: Floats = np.ones((rows, 1 + 2 * orders))
+    angles = 2.0 * math.pi * np.outer(np.arange(1, rows * periods + 1) / rows, np.arange(1, orders + 1))
+    basis: Floats = np.ones((rows * periods, 1 + 2 * orders))
     basis[:, 1::2], basis[:, 2::2] = np.sin(angles), np.cos(angles)
     return basis
 
@@ -121,6 +136,7 @@ class PeriodMap:
         input: what is forced; "": nothing.
         centre: about which the forcing moves.
         rows: per period.
+        order: how many periods of the forcing the motion takes, more than 1 for a subharmonic.
     """
 
     session: CompiledMeSession
@@ -128,6 +144,7 @@ class PeriodMap:
     input: str = ""
     centre: float = 0.0
     rows: int = ROWS
+    order: int = 1
 
     def lap(self, frequency: float, amplitude: float = 0.0, x: Floats | None = None, *, intervals: int = 0) -> Lap:
         """Run one period.
@@ -148,13 +165,12 @@ class PeriodMap:
         signals: dict[str, Signal] = {}
         if self.input:
             signals[self.input] = Sine(amplitude=amplitude, frequency=frequency, offset=self.centre, start=begin)
-        slopes = None
-        if intervals and len(x0):
-            times = instants(begin, 1.0 / frequency, intervals)
-            with session.slopes(times, 1) as slopes:
-                period, _ = one_period(session, self.output, signals, begin, frequency, self.rows)
-        else:
-            period, _ = one_period(session, self.output, signals, begin, frequency, self.rows)
+        span, slopes = Span(begin, frequency, self.rows, order=self.order), None
+        length = self.order / frequency
+        with ExitStack() as stack:
+            if intervals and len(x0):
+                slopes = stack.enter_context(session.slopes(instants(begin, length, intervals * self.order), 1))
+            period, _ = one_period(session, self.output, signals, span)
         if not np.isfinite(period.harmonics).all():
             raise SimulationError(f"{self.output} is not finite", time=session.time)
         lap = Lap(x0, session.stand(), period, session.events - events, np.maximum(np.abs(x0), 1e-12))
@@ -166,7 +182,7 @@ class PeriodMap:
         return replace(
             lap,
             unit=np.where(unit > 0.0, unit, 1.0),
-            tangent=tangent(slopes, 1.0 / frequency),
+            tangent=tangent(slopes, length, self.order),
             flow=slopes.dx[0],
         )
 

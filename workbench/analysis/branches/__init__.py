@@ -1,0 +1,1 @@
+"""All periodic responses of a forced model: branches over frequency, amplitude or a parameter."""

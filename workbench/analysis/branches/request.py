@@ -1,0 +1,101 @@
+"""Branches of periodic responses: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING
+
+from workbench.analysis.request import Analysis, function
+from workbench.core.forms import Band, Numbers, Ranges, several
+from workbench.core.operating_point import AtPoint
+from workbench.core.option import option
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.analysis.branches.result import BranchesResult  # noqa: F401 - the record's type, below
+
+__all__ = ["Branches", "branches"]
+
+
+class Branches(AtPoint, Analysis["BranchesResult"]):
+    """Follow all periodic responses to a sine, stable or not, around their folds.
+
+    A periodic response is a fixed point of the period map φ(x), which takes the states at the begin of a period to
+    those at its end. Its branch over frequency, amplitude or a parameter p is followed by pseudo-arclength
+    continuation of φ(x, p) − x = 0, which does not mind folds; on it, folds, period doublings, Neimark-Sacker points
+    and branch points are located. At a period doubling the branch of twice the period is followed, too. What is not
+    connected with the branches from both ends (isolas) is looked for from random states.
+
+    Not for co-simulation, whose states cannot be set while it runs, nor for models that sample. Where the
+    flow jumps at events the derivative comes from differences of whole periods, for up to 24 states. Isolas that no
+    start leads to are not found.
+
+    Returns:
+        Branches with gain, phase and stability, folds and bifurcations, and where it begins to jump.
+
+    Raises:
+        InputError: unknown variable, a value out of its range, a model that cannot be followed.
+        FmuError, SimulationError: the model cannot be started, or has no periodic response at either end.
+
+    Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4 and 7; M. Krack, J. Gross, Harmonic Balance for
+    Nonlinear Vibration Problems, 4.
+
+    Examples:
+        Between its folds, Duffing's oscillator has three periodic responses, the middle one unstable.
+
+        >>> with wb.load("fmu:Duffing") as model:
+        ...     found = wb.branches(model, "u", "y", [0.1], band=(0.15, 0.3), seeds=0)
+        >>> print(", ".join(f"{fold.frequency_hz:.4f} Hz" for fold in found.folds))
+        0.2422 Hz, 0.1858 Hz
+    """
+
+    command = "branches"
+    algorithm = "workbench.analysis.branches.run:run"
+    example = "workbench branches fmu:Duffing --input u --output y --amplitude 0.1 --band 0.1:0.4 --plot branches.png"
+    counts = "places"
+    # Tighter than for a time history: multipliers and folds are derivatives of what is integrated.
+    usual_tolerance = 1e-9
+
+    input: str = option("Input to force.", metavar="U")
+    output: str = option("Output or state to measure.", metavar="Y")
+    amplitudes: Numbers | None = option(
+        "Amplitudes of the sine, in the unit of the input; a branch over frequency for each.",
+        flag="--amplitude",
+        metavar="A,..",
+        default=None,
+    )
+    _: KW_ONLY
+    band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None)
+    vary: Ranges = option(
+        "Follow the response over this instead of the frequency: amplitude, or a parameter of the model.",
+        default_factory=dict,
+    )
+    frequencies: Numbers | None = option(
+        "Frequencies at which all responses are listed; where another quantity is varied, the one at which it is.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        default=None,
+    )
+    order: int = option(
+        "Follow responses that repeat only after so many periods at most.", metavar="M", least=1, default=2
+    )
+    seeds: int = option("Number of random starts from which further responses are looked for.", least=0, default=6)
+    onset: bool = option("Also find the amplitude from which on the response jumps.", default=False)
+    places: int = option("Largest number of places on a branch.", least=10, default=600)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.vary) > 1:
+            raise InputError("vary: one quantity at a time")
+        if self.vary and (self.band is not None or len(several(self.frequencies or ())) != 1):
+            raise InputError("vary: give the one frequency at which it is varied (--freq F), and no band")
+        if not self.vary and self.band is None:
+            raise InputError("band: give the lowest and the highest frequency (--band LO:HI), or what else to vary")
+        if "amplitude" not in self.vary and not self.amplitudes:
+            raise InputError("amplitude: give one or several (--amplitude A,..); the response depends on it")
+        if self.onset and self.vary:
+            raise InputError("onset: it is found over frequency; give a band, and nothing to vary")
+
+
+branches = function(Branches)

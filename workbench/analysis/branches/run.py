@@ -1,0 +1,379 @@
+"""Branches of periodic responses: where they begin, and what is found on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.analysis.branches.family import Forced, near
+from workbench.analysis.branches.request import Branches
+from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
+from workbench.analysis.harmonics import fundamental
+from workbench.analysis.periodic.continuation import Place, Special, Track, arrive, both_ways, depart
+from workbench.analysis.rates import sample_rates
+from workbench.core.forms import several
+from workbench.core.job import Job
+from workbench.errors import InputError, SimulationError, suggest
+from workbench.model import Model
+from workbench.model.placing import standing, start_at
+
+__all__ = ["explore", "run"]
+
+# Where along the bounds a response is looked for from the model's start, and from random states.
+_STARTS = (0.0, 1.0, 0.5)
+
+# Periods run before Newton's method, so that random states come near to where the model goes.
+_WARM = 6
+
+# Two responses that are this near to each other, in units of their motion, are one.
+_SAME = 1e-3
+_MAY_BE_SAME = 0.2
+
+# How far from a period doubling the doubled branch is stepped on, in units of the motion.
+_ASIDE = 0.02
+
+_SHOWN = 6  # multipliers
+
+# The amplitude at which it begins to jump: found to this, relative.
+_ONSET = 0.002
+_LOWER = 0.7
+
+_RANDOM = 1
+
+
+@dataclass
+class _Search:
+    """The branches of one family.
+
+    Attributes:
+        family: period maps of order 1.
+        told: called for each place.
+        most: places on a branch.
+        marks: parameters at which there is to be a place.
+        tracks: what was found, with the family of each.
+    """
+
+    family: Forced
+    told: Callable[[Place], None]
+    most: int
+    marks: Sequence[float] = ()
+    tracks: list[tuple[Forced, Track]] = field(default_factory=list)
+
+    def from_starts(self) -> None:
+        """Follow the branches on which the model's start leads."""
+        why = ""
+        for p in _STARTS:
+            try:
+                self._follow(self.family, self._reach(self.family, None, p))
+            except SimulationError as error:
+                why = str(error)
+            if self.tracks and p == _STARTS[1]:
+                return
+        if not self.tracks:
+            raise SimulationError(f"no periodic response was found: {why}")
+
+    def from_seeds(self, count: int, order: int) -> None:
+        """Follow further branches that random states lead to.
+
+        Args:
+            count: number of starts.
+            order: after so many periods at most the responses repeat.
+        """
+        random = np.random.default_rng(_RANDOM)
+        places = [place for _, track in self.tracks for place in track.places]
+        reach = np.max([p.lap.unit + np.abs(p.x) for p in places], axis=0)
+        for k in range(count):
+            p = (k + 0.5) / count
+            x = random.standard_normal(len(reach)) * reach
+            for m in range(1, order + 1):
+                family = self.family if m == 1 else self.family.again(order=m)
+                try:
+                    place = self._reach(family, x, p)
+                except SimulationError:
+                    continue
+                if m > 1 and self._repeats_earlier(place, m):
+                    continue
+                self._follow(family, place)
+
+    def _repeats_earlier(self, place: Place, order: int) -> bool:
+        """Whether a motion repeats after fewer periods than its family's."""
+        x = place.x
+        for _ in range(1, order):
+            x = self.family.run(x, place.p).x1
+            if near(x, place.x, place.lap.unit) < _SAME:
+                return True
+        return False
+
+    def doubled(self, order: int) -> None:
+        """Follow what branches off at period doublings, up to an order."""
+        todo = list(self.tracks)
+        while todo:
+            family, track = todo.pop(0)
+            if 2 * family.order > order:
+                continue
+            for special in track.special:
+                if special.kind != "period doubling":
+                    continue
+                twice = family.again(order=2 * family.order)
+                try:
+                    place = depart(twice, special.place, _ASIDE)
+                except SimulationError:
+                    continue
+                if not self._is_known(twice, place):
+                    self._follow(twice, place)
+                    todo.append(self.tracks[-1])
+
+    def _reach(self, family: Forced, x: np.ndarray | None, p: float) -> Place:
+        """Return a periodic response that a few periods and Newton's method lead to."""
+        start = family.start(p) if x is None else x
+        for _ in range(_WARM):
+            lap = family.run(start, p)
+            start = lap.x1
+        try:
+            return arrive(family, start, p)
+        except SimulationError:
+            if not family.may_differ:
+                raise
+        family.by_differences = True
+        try:
+            return arrive(family, start, p)
+        except SimulationError:
+            family.by_differences = False
+            raise
+
+    def _is_known(self, family: Forced, place: Place) -> bool:
+        for other, track in self.tracks:
+            if other.order != family.order:
+                continue
+            for a, b in zip(track.places, track.places[1:], strict=False):
+                if (a.p - place.p) * (b.p - place.p) > 0.0 or a.p == b.p:
+                    continue
+                x = a.x + (place.p - a.p) / (b.p - a.p) * (b.x - a.x)
+                if near(x, place.x, place.lap.unit) > _MAY_BE_SAME:
+                    continue
+                try:
+                    same = arrive(family, x, place.p)
+                except SimulationError:
+                    continue
+                if near(same.x, place.x, place.lap.unit) < _SAME:
+                    return True
+        return False
+
+    def _follow(self, family: Forced, place: Place) -> None:
+        if self._is_known(family, place):
+            return
+        track = both_ways(family, place, told=self.told, most=self.most, marks=self.marks)
+        self.tracks.append((family, track))
+
+
+def explore(
+    family: Forced, asked: Branches, told: Callable[[Place], None] = lambda _: None
+) -> list[tuple[Forced, Track]]:
+    """Return all branches of a family that can be found.
+
+    Args:
+        family: period maps of order 1.
+        asked: how far to look.
+        told: called for each place.
+
+    Raises:
+        SimulationError: no periodic response was found.
+    """
+    marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
+    search = _Search(family, told, asked.places, marks)
+    search.from_starts()
+    search.doubled(asked.order)
+    search.from_seeds(asked.seeds, asked.order)
+    search.doubled(asked.order)
+    return search.tracks
+
+
+def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
+    """Follow the periodic responses."""
+    model, remarks = start_at(model, asked.at)
+    _check(model, asked)
+    vary, (low, high) = next(iter(asked.vary.items()), ("frequency", asked.band or (0.0, 0.0)))
+    centre = 0.0 if model.at is None else model.at.u.get(asked.input, 0.0)
+    with model.open_session() as session:
+        point = standing(model, session)
+    found: list[tuple[float | None, Forced, Track]] = []
+    notes, count, stop = list(remarks), 0, _Stop()
+    onset: Onset | None = None
+
+    def told(_: Place) -> None:
+        nonlocal count
+        count += 1
+        job.done(None, count, 0)
+
+    units = {v.name: v.unit for v in (*model.inputs, *model.outputs, *model.states)}
+
+    def result() -> BranchesResult:
+        branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in found)
+        return BranchesResult(
+            model=model.name,
+            interface=model.interface,
+            solver=model.solver,
+            input=asked.input,
+            output=asked.output,
+            input_unit=units.get(asked.input),
+            output_unit=units.get(asked.output),
+            vary=vary,
+            branches=branches,
+            folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(found) for s in track.special),
+            onset=onset,
+            periods=sum({id(f): f.count for _, f, _ in found}.values()),
+            warnings=(*notes, *_cut_short(branches)),
+            operating_point=point,
+        )
+
+    job.partial = lambda: result() if found else None
+    job.notes = notes
+    amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
+    frequency = several(asked.frequencies or (1.0,))[0]
+    with job.ended_by(stop.now):
+        for amplitude in amplitudes:
+            family = Forced(
+                model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
+                stopped=lambda: stop.asked,
+            )  # fmt: skip
+            tracks = explore(family, asked, told)
+            found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
+            if asked.onset and amplitude == amplitudes[-1]:
+                onset = _onset(tracks, told)
+                if onset is None:
+                    notes.append(f"at amplitude {amplitude:g} the response does not fold back: it does not jump")
+    return result()
+
+
+@dataclass
+class _Stop:
+    asked: bool = False
+
+    def now(self) -> None:
+        self.asked = True
+
+
+def _check(model: Model, asked: Branches) -> None:
+    if model.interface != "me":
+        raise InputError(
+            f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
+            "use --interface me"
+        )
+    if not model.states:
+        raise InputError(f"branches: {model.name} has no states; its response is the same at every frequency: use nfr")
+    if rates := sample_rates(model):
+        raise InputError(f"branches: {model.name} samples every {rates[0]:g} s; use nfr --method settle")
+    known = [v.name for v in model.parameters if v.is_number]
+    for name in asked.vary:
+        if name != "amplitude" and name not in known:
+            raise InputError(f"vary: '{name}' is neither amplitude nor a parameter; {suggest(name, known)}")
+    outputs = [v.name for v in (*model.outputs, *model.states)]
+    for what, name, names in (
+        ("input", asked.input, [v.name for v in model.inputs]),
+        ("output", asked.output, outputs),
+    ):
+        if name not in names:
+            raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, names)}")
+
+
+# -- the result -------------------------------------------------------------------------------------------------------
+
+
+def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
+    """Return a line for each branch that ends for want of a way on."""
+    for number, branch in enumerate(branches, 1):
+        for place, why in zip((0, -1), branch.ends, strict=False):
+            if why and why not in {"the parameter's bound", "it closes"}:
+                yield f"branch {number} ends at {branch.varied[place]:.6g}: {why}"
+
+
+def _response(place: Place) -> complex:
+    period = place.lap.period
+    return fundamental(period.harmonics) / period.drive if period.drive else 0.0j
+
+
+def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBranch:
+    response = np.array([_response(p) for p in track.places])
+    return ResponseBranch(
+        amplitude=amplitude,
+        frequency_hz=np.array([family.forcing(p.p)[0] for p in track.places]),
+        varied=np.array([family.value(p.p) for p in track.places]),
+        gain=np.abs(response),
+        phase_deg=np.degrees(np.unwrap(np.angle(response))),
+        offset=np.array([p.lap.period.harmonics[0] for p in track.places]),
+        stable=np.array([p.stable for p in track.places], dtype=bool),
+        multipliers=tuple(tuple(p.multipliers[:_SHOWN].tolist()) for p in track.places),
+        order=family.order,
+        closed=track.closed,
+        ends=track.ends,
+    )
+
+
+def _fold(family: Forced, special: Special, number: int) -> Fold:
+    frequency, amplitude = family.forcing(special.place.p)
+    return Fold(
+        frequency_hz=frequency,
+        amplitude=amplitude,
+        varied=family.value(special.place.p),
+        gain=abs(_response(special.place)),
+        kind=special.kind,
+        branch=number,
+    )
+
+
+# -- where it begins to jump ------------------------------------------------------------------------------------------
+
+
+def _onset(tracks: list[tuple[Forced, Track]], told: Callable[[Place], None]) -> Onset | None:
+    """Return the amplitude at which two folds meet, by following them to ever smaller amplitudes.
+
+    Near the cusp the distance of the folds goes with (a − a₀)^(3/2).
+    """
+    pair = next((p for p in (_two_folds(f, t) for f, t in tracks if f.order == 1) if p is not None), None)
+    if pair is None:
+        return None
+    family, curve = tracks[0][0], [(tracks[0][0].amplitude, *pair)]
+    high, low = family.amplitude, 0.0
+    ratio = _LOWER
+    while high - low > _ONSET * high and len(curve) < 60:
+        amplitude = ratio * high if low == 0.0 else 0.5 * (low + high)
+        a, b = curve[-1][1:]
+        width = max(b / a, 1.0 + 1e-4)
+        # As the amplitude falls the folds move together, and down the backbone.
+        window = (a / width**2.0 * (1.0 - 0.3 * (1.0 - amplitude / high)), b * width**0.5)
+        folds = _folds_in(family.again(amplitude=amplitude, band=window), told)
+        if folds is None:
+            low = amplitude
+        else:
+            high = amplitude
+            curve.append((amplitude, *folds))
+    newest = sorted(curve)[:2]
+    if len(newest) == 2:
+        (a1, l1, h1), (a2, l2, h2) = newest
+        s1, s2 = (h1 - l1) ** (2.0 / 3.0), (h2 - l2) ** (2.0 / 3.0)
+        onset = a1 - s1 * (a2 - a1) / (s2 - s1) if s2 > s1 else a1
+        onset = min(max(onset, low), a1)
+        middle = 0.5 * (l1 + h1) - (a1 - onset) * (0.5 * (l2 + h2) - 0.5 * (l1 + h1)) / (a2 - a1)
+    else:
+        onset, middle = newest[0][0], 0.5 * (newest[0][1] + newest[0][2])
+    ordered = np.array(sorted(curve))
+    return Onset(amplitude=onset, frequency_hz=middle, curve_amplitude=ordered[:, 0], curve_hz=ordered[:, 1:])
+
+
+def _two_folds(family: Forced, track: Track) -> tuple[float, float] | None:
+    folds = sorted(family.value(s.place.p) for s in track.special if s.kind == "fold")
+    return (folds[0], folds[-1]) if len(folds) >= 2 else None
+
+
+def _folds_in(family: Forced, told: Callable[[Place], None]) -> tuple[float, float] | None:
+    search = _Search(family, told, 600)
+    try:
+        search.from_starts()
+    except SimulationError:
+        return None
+    finally:
+        family.close()
+    found = [pair for pair in (_two_folds(f, t) for f, t in search.tracks) if pair is not None]
+    return found[0] if found else None

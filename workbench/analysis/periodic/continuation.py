@@ -1,0 +1,433 @@
+"""Branches of periodic motions: pseudo-arclength continuation of the fixed points of a period map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from workbench.analysis.periodic.monodromy import Tangent
+from workbench.analysis.periodic.period_map import Lap
+from workbench.core.matrices import Complex
+from workbench.errors import SimulationError
+from workbench.session.base import Floats
+
+__all__ = ["Family", "Place", "Special", "Track", "arrive", "both_ways", "depart", "follow"]
+
+# A place is reached where a further step of Newton's method moves it by less than this, in units of the motion.
+_REACHED = 1e-5
+
+# Steps of Newton's method to a place, and how many of them let the next stride be longer.
+_ROUNDS, _EASY = 6, 3
+
+# Strides along the branch, in units of the motion of the states and of the span of the parameter.
+_FIRST, _LONGEST, _SHORTEST = 0.02, 0.08, 1e-6
+
+# A place farther from where its stride led than this part of it is another branch's.
+_NEARBY = 0.3
+
+# Cosine of the angle that the direction may turn in a stride.
+_STRAIGHT = 0.9
+
+# A special point is located to this part of a stride.
+_LOCATED = 1e-9
+_BISECTIONS = 40
+
+# Where a multiplier leaves the unit circle: so near to the real axis it does so at 1 or −1.
+_REAL = 1e-6
+
+_MOST_PLACES = 600
+
+
+class Family(Protocol):
+    """A family of period maps over one parameter p, in units of its span."""
+
+    def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
+        """Run one period from x; return it with its derivative, and ∂x1/∂p, shape (n,).
+
+        Args:
+            x: where to begin, shape (n,).
+            p: parameter.
+            exact: with a derivative that is good for the multipliers.
+
+        Raises:
+            SimulationError: the model cannot be run there.
+        """
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A periodic motion on a branch.
+
+    Attributes:
+        x: states at the begin of the period, shape (n,).
+        p: parameter.
+        lap: one period.
+        direction: of the branch, in units of the motion and of the parameter, of length 1, shape (n + 1,).
+        regular: smallest singular value of the derivative bordered by the direction, with the sign of its determinant:
+            0 where branches cross.
+        periods: number run to get here.
+    """
+
+    x: Floats
+    p: float
+    lap: Lap
+    direction: Floats
+    regular: float
+    periods: int
+
+    @property
+    def at(self) -> Tangent:
+        """Derivative of the period map."""
+        if self.lap.tangent is None:
+            raise SimulationError("the model cannot be linearised along its motion")
+        return self.lap.tangent
+
+    @property
+    def multipliers(self) -> Complex:
+        """Floquet multipliers, largest first."""
+        return self.at.multipliers
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return bool(np.max(np.abs(self.multipliers), initial=0.0) < 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Special:
+    """A place where something happens.
+
+    Attributes:
+        kind: "fold", "period doubling", "Neimark-Sacker", "branch point".
+        place: where.
+        after: number of the place on the branch before it.
+    """
+
+    kind: str
+    place: Place
+    after: int
+
+
+@dataclass(eq=False)
+class Track:
+    """A branch.
+
+    Attributes:
+        places: in the order of the branch.
+        special: folds and bifurcations, likewise.
+        closed: whether it comes back to where it began.
+        ends: why it ends, at its begin and at its end.
+    """
+
+    places: list[Place] = field(default_factory=list)
+    special: list[Special] = field(default_factory=list)
+    closed: bool = False
+    ends: tuple[str, str] = ("", "")
+
+    @property
+    def periods(self) -> int:
+        """Number of periods run."""
+        return sum(p.periods for p in self.places) + sum(s.place.periods for s in self.special)
+
+
+def arrive(family: Family, x: Floats, p: float, *, exact: bool = False) -> Place:
+    """Return the periodic motion near x at a fixed parameter, by Newton's method.
+
+    Args:
+        family: period maps.
+        x: estimate, shape (n,).
+        p: parameter.
+        exact: with a derivative that is good for the multipliers.
+
+    Raises:
+        SimulationError: there is none nearby, or the model cannot be run there.
+    """
+    level = np.append(np.zeros(len(x)), 1.0)
+    return _correct(family, x, p, level, exact=exact, rounds=3 * _ROUNDS)
+
+
+def depart(twice: Family, doubling: Place, aside: float) -> Place:
+    """Return a place on the branch of twice the period, beside a period doubling.
+
+    Args:
+        twice: period maps of twice the order.
+        doubling: where a multiplier is -1.
+        aside: how far from it, in units of the motion.
+
+    Raises:
+        SimulationError: it is not found.
+    """
+    unit = doubling.lap.unit
+    found, vectors = np.linalg.eig(doubling.at.Phi * unit / unit[:, None])
+    way = vectors[:, int(np.argmin(np.abs(found + 1.0)))].real
+    way /= float(np.linalg.norm(way))
+    level = np.append(way, 0.0)
+    place = _correct(twice, doubling.x + aside * unit * way, doubling.p, level, rounds=3 * _ROUNDS)
+    return place if place.direction[:-1] @ way > 0.0 else _turned(place)
+
+
+def _correct(
+    family: Family, x: Floats, p: float, level: Floats, *, exact: bool = False, rounds: int = _ROUNDS
+) -> Place:
+    """Return the periodic motion in the plane through (x, p) across `level`, by Newton's method."""
+    moved, start = math.inf, (x, p)
+    for count in range(1, rounds + 1):
+        lap, along = family.lap(x, p, exact=exact)
+        if lap.tangent is None:
+            raise SimulationError("the model cannot be linearised along its motion")
+        matrix = _jacobian(lap, lap.tangent.Phi, along)
+        whole = np.vstack([matrix, level])
+        away = np.append((x - start[0]) / lap.unit, p - start[1])
+        try:
+            step = np.linalg.solve(whole, np.append(lap.defect / lap.unit, -level @ away))
+        except np.linalg.LinAlgError:
+            raise SimulationError("the branch has no direction here") from None
+        before, moved = moved, float(np.max(np.abs(step)))
+        if not math.isfinite(moved) or (moved > 2.0 * before and moved > 1e-3):
+            raise SimulationError("Newton's method leaves the branch")
+        rate = moved / before if math.isfinite(before) else 1.0
+        x, p = x + step[:-1] * lap.unit, p + float(step[-1])
+        # A step that converges as fast as the ones before leaves moved·rate.
+        if moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED):
+            direction = _direction(matrix, level)
+            return Place(x, p, _settled(lap, step), direction, _regular(matrix, direction), count)
+    raise SimulationError(f"Newton's method did not converge in {rounds} periods")
+
+
+def _settled(lap: Lap, step: Floats) -> Lap:
+    """Return a lap with its output corrected for the last step, where the parameter stayed."""
+    if lap.tangent is None:
+        return lap
+    harmonics = lap.period.harmonics.copy()
+    harmonics[:3] += lap.tangent.rows @ (step[:-1] * lap.unit)
+    return replace(lap, period=replace(lap.period, harmonics=harmonics))
+
+
+def _jacobian(lap: Lap, Phi: Floats, along: Floats) -> Floats:
+    """Return the derivative of x − φ(x, p), shape (n, n + 1), in units of the motion."""
+    return np.column_stack([np.eye(len(along)) - Phi * lap.unit / lap.unit[:, None], -along / lap.unit])
+
+
+def _direction(matrix: Floats, before: Floats) -> Floats:
+    """Return the direction of the branch, that way in which `before` points."""
+    found = np.linalg.svd(matrix)[2][-1]
+    size = float(np.linalg.norm(found))
+    direction: Floats = found / size if found @ before >= 0.0 else -found / size
+    return direction
+
+
+def _regular(matrix: Floats, direction: Floats) -> float:
+    bordered = np.vstack([matrix, direction])
+    return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
+
+
+def follow(
+    family: Family, first: Place, *, way: float = 1.0, stopped: Callable[[], bool] = lambda: False,
+    told: Callable[[Place], None] = lambda _: None, most: int = _MOST_PLACES, marks: Sequence[float] = (),
+) -> Track:  # fmt: skip
+    """Follow a branch from a place until the parameter leaves its bounds, or the branch closes.
+
+    A stride is made along the direction of the branch, and Newton's method leads back to it in the plane across; so it
+    goes around folds. Between two places the tests tell what was passed: the direction's parameter part changes sign
+    at a fold, det(Φ + 1) at a period doubling, the number of complex multipliers outside the unit circle at a
+    Neimark-Sacker point, the determinant of the bordered matrix at a branch point; the place is then located along the
+    branch.
+
+    Args:
+        family: period maps.
+        first: where to begin.
+        way: 1: towards higher parameters, -1: lower.
+        stopped: asked between places; true ends it by KeyboardInterrupt.
+        told: called with each place.
+        most: number of places.
+        marks: parameters at which there is to be a place.
+
+    Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4.5 and 7.5; Yu. A. Kuznetsov, Elements of Applied
+    Bifurcation Theory, 10.
+    """
+    here = first if first.direction[-1] * way > 0.0 else _turned(first)
+    track, stride = Track([here]), _FIRST
+    while True:
+        if stopped():
+            raise KeyboardInterrupt
+        if len(track.places) >= most:
+            return _ended(track, f"{most} places are enough")
+        found = _next(family, here, stride)
+        if isinstance(found, str):
+            return _ended(track, found)
+        place, stride = found
+        low, high = family.bounds
+        if not low <= place.p <= high:
+            edge = low if place.p < low else high
+            last = _at_edge(family, here, place, edge)
+            if last is not None:
+                _look_between(family, track, here, last)
+                track.places.append(last)
+                told(last)
+            return _ended(track, "the parameter's bound")
+        _look_between(family, track, here, place)
+        between = [p for p in marks if (here.p - p) * (place.p - p) < 0.0]
+        for p in sorted(between, reverse=place.p < here.p):
+            marked = _at_edge(family, here, place, p)
+            track.places += [] if marked is None else [marked]
+        track.places.append(place)
+        told(place)
+        if len(track.places) > 5 and _passes(here, place, first):
+            track.closed = True
+            return _ended(track, "it closes")
+        here = place
+
+
+def _turned(place: Place) -> Place:
+    """Return a place as one comes to it from the other side."""
+    return replace(place, direction=-place.direction, regular=-place.regular)
+
+
+def _ended(track: Track, why: str) -> Track:
+    track.ends = (track.ends[0], why)
+    return track
+
+
+def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | str:
+    """Return the next place and a stride for the one after it; in words why there is none."""
+    why = ""
+    while stride >= _SHORTEST:
+        try:
+            place = _stride(family, here, stride)
+        except SimulationError as error:
+            why, stride = str(error), 0.25 * stride
+            continue
+        if _missed(here, place, stride) > _NEARBY * stride:
+            why, stride = "Newton's method leads elsewhere", 0.25 * stride
+            continue
+        turned = float(_rescaled(here, place) @ place.direction)
+        if turned < _STRAIGHT and stride > 16.0 * _SHORTEST:
+            stride *= 0.5
+            continue
+        return place, min(_LONGEST, stride * (1.6 if place.periods <= _EASY and turned > 0.98 else 1.0))
+    return f"no place further on: {why}"
+
+
+def _missed(here: Place, there: Place, stride: float) -> float:
+    """Return how far a place is from where the stride led, in units of the motion and of the parameter."""
+    way = np.append((there.x - here.x) / here.lap.unit, there.p - here.p) - stride * here.direction
+    return float(np.linalg.norm(way))
+
+
+def _rescaled(here: Place, there: Place) -> Floats:
+    """Return the direction of a place in the units of another."""
+    moved = np.append(here.direction[:-1] * here.lap.unit / there.lap.unit, here.direction[-1])
+    direction: Floats = moved / float(np.linalg.norm(moved))
+    return direction
+
+
+def _stride(family: Family, here: Place, stride: float, *, exact: bool = False) -> Place:
+    d = here.direction
+    return _correct(family, here.x + stride * d[:-1] * here.lap.unit, here.p + stride * float(d[-1]), d, exact=exact)
+
+
+def _at_edge(family: Family, here: Place, beyond: Place, edge: float) -> Place | None:
+    """Return the place at a bound, between two."""
+    share = (edge - here.p) / (beyond.p - here.p)
+    try:
+        found = arrive(family, here.x + share * (beyond.x - here.x), edge)
+    except SimulationError:
+        return None
+    return found if found.direction @ _rescaled(here, found) > 0.0 else _turned(found)
+
+
+def _passes(here: Place, there: Place, first: Place) -> bool:
+    """Whether the branch has come back to where it began, between two places."""
+    unit = np.append(first.lap.unit, 1.0)
+    a, b, aim = (np.append(p.x, p.p) / unit for p in (here, there, first))
+    way = b - a
+    share = float(np.clip((aim - a) @ way / max(float(way @ way), 1e-300), 0.0, 1.0))
+    near = float(np.linalg.norm(a + share * way - aim)) < 0.1 * float(np.linalg.norm(way))
+    return near and float(_rescaled(there, first) @ first.direction) > 0.0
+
+
+# -- what lies between two places -----------------------------------------------------------------------------------
+
+
+def _tests(place: Place) -> dict[str, float]:
+    """Return the test functions: each changes sign where something happens."""
+    found = place.multipliers
+    n = len(found)
+    complex_ones = found[np.abs(found.imag) > _REAL]
+    outside = sum(1 for mu in complex_ones if mu.imag > 0.0 and abs(mu) > 1.0)
+    nearest = min((abs(mu) - 1.0 for mu in complex_ones if mu.imag > 0.0), key=abs, default=-1.0)
+    unit = place.lap.unit
+    scaled = place.at.Phi * unit / unit[:, None]
+    doubled = float(np.linalg.slogdet(scaled + np.eye(n))[0]) if n else 1.0
+    return {
+        "fold": float(place.direction[-1]),
+        "period doubling": doubled * float(np.min(np.abs(found + 1.0), initial=1.0)),
+        "Neimark-Sacker": abs(nearest) if outside % 2 else -abs(nearest),
+        "branch point": place.regular,
+    }
+
+
+def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
+    before, after = _tests(a), _tests(b)
+    for kind in before:
+        if before[kind] * after[kind] < 0.0:
+            place = _locate(family, a, b, kind)
+            if place is not None:
+                track.special.append(Special(kind, place, len(track.places) - 1))
+
+
+def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
+    """Return the place between two where a test function is zero; None: it does not pass through zero."""
+    unit = a.lap.unit
+    # Distances along the direction at a.
+    far = float(np.append((b.x - a.x) / unit, b.p - a.p) @ a.direction)
+    low, high = 0.0, far
+    f_low, f_high = _tests(a)[kind], _tests(b)[kind]
+    best, periods, size = b, 0, abs(f_high)
+    for count in range(_BISECTIONS):
+        if abs(high - low) <= _LOCATED * max(abs(far), 1e-300) or size < 1e-10:
+            break
+        # Illinois' rule keeps both ends moving; every fourth step halves.
+        share = 0.5 if count % 4 == 3 else f_low / (f_low - f_high)
+        s = low + share * (high - low)
+        try:
+            place = _stride(family, a, s, exact=True)
+        except SimulationError:
+            return None
+        periods += place.periods
+        value = _tests(place)[kind]
+        if abs(value) < size:
+            best, size = place, abs(value)
+        if value * f_low < 0.0:
+            high, f_high, f_low = s, value, 0.5 * f_low
+        else:
+            low, f_low, f_high = s, value, 0.5 * f_high
+    small = size < 1e-3 * max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
+    return replace(best, periods=periods) if small else None
+
+
+def both_ways(family: Family, first: Place, **options: object) -> Track:
+    """Follow a branch from a place to both of its ends.
+
+    Args:
+        family: period maps.
+        first: where to begin.
+        options: of `follow`.
+    """
+    up = follow(family, first, way=1.0, **options)  # type: ignore[arg-type]
+    if up.closed:
+        return up
+    down = follow(family, first, way=-1.0, **options)  # type: ignore[arg-type]
+    turned = [_turned(p) for p in reversed(down.places)]
+    n = len(turned)
+    special = [replace(s, after=n - 2 - s.after) for s in reversed(down.special)]
+    special += [replace(s, after=s.after + n - 1) for s in up.special]
+    return Track(turned[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
