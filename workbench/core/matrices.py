@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,15 @@ from numpy.typing import NDArray
 
 from workbench.errors import InputError
 
-__all__ = ["Complex", "Floats", "balance", "held", "resolvent", "unheld"]
+__all__ = [
+    "Complex",
+    "Floats",
+    "balance",
+    "exponentials",
+    "held",
+    "resolvent",
+    "unheld",
+]
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
@@ -132,3 +141,32 @@ def unheld(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:
     n, m = B.shape
     full = np.real(logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]]))) / dt
     return np.asarray(full[:n, :n], dtype=np.float64), np.asarray(full[:n, n:], dtype=np.float64)
+
+
+def exponentials(stack: Floats) -> Floats:
+    """Return e^M of each of many small matrices at once, shape (k, n, n).
+
+    SciPy takes them one by one, at a millisecond for twenty. Scaling and squaring with the Padé approximant of order
+    6, all scaled alike.
+
+    Args:
+        stack: shape (k, n, n).
+
+    Source: N. J. Higham, Functions of Matrices, 10.3.
+    """
+    norm = float(np.max(np.abs(stack).sum(axis=1), initial=0.0))
+    halved = max(0, math.ceil(math.log2(norm / 0.25))) if 0.25 < norm < math.inf else 0
+    M = stack / 2.0**halved
+    unit = np.broadcast_to(np.eye(stack.shape[-1]), stack.shape)
+    square = M @ M
+    fourth = square @ square
+    even = unit + _PADE[1] * square + fourth @ (_PADE[3] * unit + _PADE[5] * square)
+    odd = M @ (_PADE[0] * unit + _PADE[2] * square + _PADE[4] * fourth)
+    found = np.asarray(np.linalg.solve(even - odd, even + odd), dtype=np.float64)
+    for _ in range(halved):
+        found = np.asarray(found @ found, dtype=np.float64)
+    return found
+
+
+# Coefficients of M, M², … in the numerator of the Padé approximant of order (6, 6).
+_PADE = (1 / 2, 5 / 44, 1 / 66, 1 / 792, 1 / 15840, 1 / 665280)

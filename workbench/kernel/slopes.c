@@ -27,7 +27,8 @@ static Evaluation slopes_at(Slopes *slopes, const Solver *solver, const double *
     Evaluation evaluation = look(problem, t, x, record, system, dx, y);
     for (size_t i = 0; i < n && evaluation == EVALUATED; i++) {
         copy_values(moved, x, n);
-        double nudge = NUDGE * fmax(fabs(x[i]), scale[i]);
+        /* To one side and the other in turn: what the curvature of f leaves cancels between neighbours. */
+        double nudge = (k % 2 ? -NUDGE : NUDGE) * fmax(fabs(x[i]), scale[i]);
         moved[i] = x[i] + nudge;
         evaluation = look(problem, t, moved, record, system, there, y_there);
         if (evaluation == RECOVERABLE) { /* the edge of what the model can do: from the other side */

@@ -42,6 +42,7 @@ class Forced:
         frequency, amplitude: of the forcing; what is varied has no effect.
         centre: about which the forcing moves.
         order: how many periods of the forcing the motion takes.
+        intervals: in so many the slopes along a period are taken.
         by_differences: whether the derivative is taken by differences of whole periods.
         count: number of periods run.
         stopped: asked before each period; true ends it by KeyboardInterrupt.
@@ -57,6 +58,7 @@ class Forced:
     amplitude: float
     centre: float = 0.0
     order: int = 1
+    intervals: int = _INTERVALS
     by_differences: bool = False
     count: int = 0
     stopped: Callable[[], bool] = lambda: False
@@ -137,7 +139,7 @@ class Forced:
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period from x; return it with its derivative, and ∂x1/∂p; see `Family`."""
-        lap = self.run(x, p, intervals=_EXACT if exact else _INTERVALS)
+        lap = self.run(x, p, intervals=_EXACT if exact else self.intervals)
         if self.by_differences:
             frequency, amplitude = self.forcing(p)
             self.count += self.order * len(x)
@@ -151,6 +153,12 @@ class Forced:
             return lap, lap.tangent.stretch * longer
         moved = self.run(x, p + _NUDGE)
         return lap, (moved.x1 - lap.x1) / _NUDGE
+
+    def finer(self) -> bool:
+        """Take the slopes at more instants from now on; False: they are as many as there can be."""
+        better = self.intervals < _EXACT and not self.by_differences
+        self.intervals = min(_EXACT, 3 * self.intervals)
+        return better
 
     def _at(self, p: float) -> PeriodMap:
         value = None if self.is_logarithmic else self.value(p)

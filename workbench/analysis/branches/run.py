@@ -11,7 +11,7 @@ from workbench.analysis.branches.family import Forced, near
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
 from workbench.analysis.harmonics import fundamental
-from workbench.analysis.periodic.continuation import Place, Special, Track, arrive, both_ways, depart
+from workbench.analysis.periodic.continuation import Place, Special, Track, arrive, both_ways, depart, follow
 from workbench.analysis.rates import sample_rates
 from workbench.core.forms import several
 from workbench.core.job import Job
@@ -35,6 +35,9 @@ _MAY_BE_SAME = 0.2
 _ASIDE = 0.02
 
 _SHOWN = 6  # multipliers
+
+# Why a branch may end without anything having gone wrong.
+_EXPECTED = {"the parameter's bound", "it closes", "it leaves another branch"}
 
 # The amplitude at which it begins to jump: found to this, relative.
 _ONSET = 0.002
@@ -106,24 +109,29 @@ class _Search:
                 return True
         return False
 
-    def doubled(self, order: int) -> None:
-        """Follow what branches off at period doublings, up to an order."""
-        todo = list(self.tracks)
-        while todo:
-            family, track = todo.pop(0)
-            if 2 * family.order > order:
-                continue
+    def branching(self, order: int) -> None:
+        """Follow what leaves the branches at period doublings, up to an order, and where branches cross."""
+        done = 0
+        while done < len(self.tracks):
+            family, track = self.tracks[done]
+            done += 1
             for special in track.special:
-                if special.kind != "period doubling":
-                    continue
-                twice = family.again(order=2 * family.order)
-                try:
-                    place = depart(twice, special.place, _ASIDE)
-                except SimulationError:
-                    continue
-                if not self._is_known(twice, place):
-                    self._follow(twice, place)
-                    todo.append(self.tracks[-1])
+                if special.kind == "branch point":
+                    self._leave(family, special.place, 1.0, _ASIDE)
+                    self._leave(family, special.place, 1.0, -_ASIDE)
+                elif special.kind == "period doubling" and 2 * family.order <= order:
+                    self._leave(family.again(order=2 * family.order), special.place, -1.0, _ASIDE)
+
+    def _leave(self, family: Forced, crossing: Place, multiplier: float, aside: float) -> None:
+        """Follow what leaves a branch, away from it."""
+        try:
+            place = depart(family, crossing, multiplier, aside)
+        except SimulationError:
+            return
+        if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
+            track = follow(family, place, way=0.0, told=self.told, most=self.most, marks=self.marks)
+            track.ends = ("it leaves another branch", track.ends[1])
+            self.tracks.append((family, track))
 
     def _reach(self, family: Forced, x: np.ndarray | None, p: float) -> Place:
         """Return a periodic response that a few periods and Newton's method lead to."""
@@ -184,9 +192,9 @@ def explore(
     marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
     search = _Search(family, told, asked.places, marks)
     search.from_starts()
-    search.doubled(asked.order)
+    search.branching(asked.order)
     search.from_seeds(asked.seeds, asked.order)
-    search.doubled(asked.order)
+    search.branching(asked.order)
     return search.tracks
 
 
@@ -285,7 +293,7 @@ def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
     """Return a line for each branch that ends for want of a way on."""
     for number, branch in enumerate(branches, 1):
         for place, why in zip((0, -1), branch.ends, strict=False):
-            if why and why not in {"the parameter's bound", "it closes"}:
+            if why and why not in _EXPECTED:
                 yield f"branch {number} ends at {branch.varied[place]:.6g}: {why}"
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap
@@ -18,7 +20,8 @@ from workbench.session.base import Floats
 __all__ = ["Family", "Place", "Special", "Track", "arrive", "both_ways", "depart", "follow"]
 
 # A place is reached where a further step of Newton's method moves it by less than this, in units of the motion.
-_REACHED = 1e-5
+# One whose multipliers count, where it hardly moves at all.
+_REACHED, _EXACTLY = 1e-5, 1e-7
 
 # Steps of Newton's method to a place, and how many of them let the next stride be longer.
 _ROUNDS, _EASY = 6, 3
@@ -33,8 +36,7 @@ _NEARBY = 0.3
 _STRAIGHT = 0.9
 
 # A special point is located to this part of a stride.
-_LOCATED = 1e-9
-_BISECTIONS = 40
+_LOCATED, _CROSSING = 1e-7, 1e-3
 
 # Where a multiplier leaves the unit circle: so near to the real axis it does so at 1 or −1.
 _REAL = 1e-6
@@ -60,6 +62,9 @@ class Family(Protocol):
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest parameter."""
+
+    def finer(self) -> bool:
+        """Take derivatives better from now on; False: they are as good as they can be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,23 +159,24 @@ def arrive(family: Family, x: Floats, p: float, *, exact: bool = False) -> Place
     return _correct(family, x, p, level, exact=exact, rounds=3 * _ROUNDS)
 
 
-def depart(twice: Family, doubling: Place, aside: float) -> Place:
-    """Return a place on the branch of twice the period, beside a period doubling.
+def depart(other: Family, crossing: Place, multiplier: float, aside: float) -> Place:
+    """Return a place on the branch that leaves another at a branch point or period doubling.
 
     Args:
-        twice: period maps of twice the order.
-        doubling: where a multiplier is -1.
-        aside: how far from it, in units of the motion.
+        other: period maps of the same order, or of twice the order.
+        crossing: where a multiplier is 1, or -1.
+        multiplier: that.
+        aside: how far from it, in units of the motion; negative: to the other side.
 
     Raises:
         SimulationError: it is not found.
     """
-    unit = doubling.lap.unit
-    found, vectors = np.linalg.eig(doubling.at.Phi * unit / unit[:, None])
-    way = vectors[:, int(np.argmin(np.abs(found + 1.0)))].real
-    way /= float(np.linalg.norm(way))
+    unit = crossing.lap.unit
+    found, vectors = np.linalg.eig(crossing.at.Phi * unit / unit[:, None])
+    way = vectors[:, int(np.argmin(np.abs(found - multiplier)))].real
+    way *= np.sign(aside) / float(np.linalg.norm(way))
     level = np.append(way, 0.0)
-    place = _correct(twice, doubling.x + aside * unit * way, doubling.p, level, rounds=3 * _ROUNDS)
+    place = _correct(other, crossing.x + abs(aside) * unit * way, crossing.p, level, rounds=3 * _ROUNDS)
     return place if place.direction[:-1] @ way > 0.0 else _turned(place)
 
 
@@ -185,18 +191,19 @@ def _correct(
             raise SimulationError("the model cannot be linearised along its motion")
         matrix = _jacobian(lap, lap.tangent.Phi, along)
         whole = np.vstack([matrix, level])
-        away = np.append((x - start[0]) / lap.unit, p - start[1])
+        aside = np.append((x - start[0]) / lap.unit, p - start[1])
         try:
-            step = np.linalg.solve(whole, np.append(lap.defect / lap.unit, -level @ away))
+            step = np.linalg.solve(whole, np.append(lap.defect / lap.unit, -level @ aside))
         except np.linalg.LinAlgError:
             raise SimulationError("the branch has no direction here") from None
         before, moved = moved, float(np.max(np.abs(step)))
-        if not math.isfinite(moved) or (moved > 2.0 * before and moved > 1e-3):
+        away = not -1.0 <= p + float(step[-1]) <= 2.0
+        if not math.isfinite(moved) or away or (moved > 2.0 * before and moved > 1e-3):
             raise SimulationError("Newton's method leaves the branch")
         rate = moved / before if math.isfinite(before) else 1.0
         x, p = x + step[:-1] * lap.unit, p + float(step[-1])
         # A step that converges as fast as the ones before leaves moved·rate.
-        if moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED):
+        if moved < _EXACTLY or (not exact and (moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED))):
             direction = _direction(matrix, level)
             return Place(x, p, _settled(lap, step), direction, _regular(matrix, direction), count)
     raise SimulationError(f"Newton's method did not converge in {rounds} periods")
@@ -244,7 +251,7 @@ def follow(
     Args:
         family: period maps.
         first: where to begin.
-        way: 1: towards higher parameters, -1: lower.
+        way: 1: towards higher parameters, -1: lower, 0: as the first place points.
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with each place.
         most: number of places.
@@ -253,7 +260,7 @@ def follow(
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4.5 and 7.5; Yu. A. Kuznetsov, Elements of Applied
     Bifurcation Theory, 10.
     """
-    here = first if first.direction[-1] * way > 0.0 else _turned(first)
+    here = first if way == 0.0 or first.direction[-1] * way > 0.0 else _turned(first)
     track, stride = Track([here]), _FIRST
     while True:
         if stopped():
@@ -305,7 +312,13 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
         except SimulationError as error:
             why, stride = str(error), 0.25 * stride
             continue
-        if _missed(here, place, stride) > _NEARBY * stride:
+        missed = _missed(here, place, stride) / stride
+        # What is missed in proportion to the stride is a direction that is wrong.
+        if missed > _NEARBY and stride < 0.1 * _FIRST and family.finer():
+            here = _correct(family, here.x, here.p, here.direction, rounds=3 * _ROUNDS)
+            stride = _FIRST
+            continue
+        if missed > _NEARBY:
             why, stride = "Newton's method leads elsewhere", 0.25 * stride
             continue
         turned = float(_rescaled(here, place) @ place.direction)
@@ -386,32 +399,27 @@ def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
 
 def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     """Return the place between two where a test function is zero; None: it does not pass through zero."""
-    unit = a.lap.unit
-    # Distances along the direction at a.
-    far = float(np.append((b.x - a.x) / unit, b.p - a.p) @ a.direction)
-    low, high = 0.0, far
-    f_low, f_high = _tests(a)[kind], _tests(b)[kind]
-    best, periods, size = b, 0, abs(f_high)
-    for count in range(_BISECTIONS):
-        if abs(high - low) <= _LOCATED * max(abs(far), 1e-300) or size < 1e-10:
-            break
-        # Illinois' rule keeps both ends moving; every fourth step halves.
-        share = 0.5 if count % 4 == 3 else f_low / (f_low - f_high)
-        s = low + share * (high - low)
-        try:
-            place = _stride(family, a, s, exact=True)
-        except SimulationError:
-            return None
-        periods += place.periods
-        value = _tests(place)[kind]
-        if abs(value) < size:
-            best, size = place, abs(value)
-        if value * f_low < 0.0:
-            high, f_high, f_low = s, value, 0.5 * f_low
-        else:
-            low, f_low, f_high = s, value, 0.5 * f_high
-    small = size < 1e-3 * max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
-    return replace(best, periods=periods) if small else None
+    far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
+    tried: list[tuple[float, Place]] = []
+
+    def value(s: float) -> float:
+        if s == 0.0:
+            return _tests(a)[kind]
+        place = _stride(family, a, s, exact=True)
+        found = _tests(place)[kind]
+        tried.append((abs(found), place))
+        return found
+
+    # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
+    crossing = kind == "branch point"
+    with suppress(SimulationError, ValueError):  # the branch is lost between, or the exact test does not change sign
+        brentq(value, 0.0, far, xtol=(_CROSSING if crossing else _LOCATED) * abs(far), rtol=1e-12)
+    if not tried:
+        return None
+    least, place = min(tried, key=lambda one: one[0])
+    largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
+    passed = least < (0.1 if crossing else 0.01) * largest
+    return replace(place, periods=sum(one.periods for _, one in tried)) if passed else None
 
 
 def both_ways(family: Family, first: Place, **options: object) -> Track:

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
-from workbench.core.matrices import Complex
+from workbench.core.matrices import Complex, exponentials
 from workbench.kernel.native_record import NativeSlopes
 from workbench.session.base import Floats
 
@@ -84,7 +83,7 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
     mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
     mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
     with np.errstate(over="ignore", invalid="ignore"):
-        flows, held = np.asarray(expm(half * mixed)), np.asarray(expm(half * A))
+        flows, held = exponentials(half * mixed), exponentials(half * A)
         whole, coarse = np.eye(n + 1), np.eye(n + 1)
         starts = np.empty((k, n, n))
         for i in range(k):
