@@ -207,14 +207,10 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     with model.open_session() as session:
         point = standing(model, session)
     found: list[tuple[float | None, Forced, Track]] = []
-    notes, count, stop = list(remarks), 0, _Stop()
+    notes, stop = list(remarks), _Stop()
     onset: Onset | None = None
-
-    def told(_: Place) -> None:
-        nonlocal count
-        count += 1
-        job.done(None, count, 0)
-
+    amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
+    progress = _Progress(job, len(amplitudes))
     units = {v.name: v.unit for v in (*model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
@@ -238,7 +234,6 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
 
     job.partial = lambda: result() if found else None
     job.notes = notes
-    amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
     frequency = several(asked.frequencies or (1.0,))[0]
     with job.ended_by(stop.now):
         for amplitude in amplitudes:
@@ -246,13 +241,40 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
                 model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
                 stopped=lambda: stop.asked,
             )  # fmt: skip
-            tracks = explore(family, asked, told)
+            tracks = explore(family, asked, progress.at)
             found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
             if asked.onset and amplitude == amplitudes[-1]:
-                onset = _onset(tracks, told)
+                onset = _onset(tracks, progress.at)
                 if onset is None:
                     notes.append(f"at amplitude {amplitude:g} the response does not fold back: it does not jump")
+            progress.next()
     return result()
+
+
+@dataclass
+class _Progress:
+    """How far the branches have come: the part of the bounds that was seen, for each amplitude."""
+
+    job: Job
+    amplitudes: int
+    finished: int = 0
+    seen: float = 0.0
+
+    def at(self, place: Place) -> None:
+        """Tell of a place."""
+        self.seen = max(self.seen, min(0.99, abs(place.p)))
+        self.job.done(
+            f"{self.finished + 1} of {self.amplitudes}", round(100 * (self.finished + self.seen)), self._total
+        )
+
+    def next(self) -> None:
+        """Begin with the next amplitude."""
+        self.finished, self.seen = self.finished + 1, 0.0
+        self.job.done("branches", 100 * self.finished, self._total)
+
+    @property
+    def _total(self) -> int:
+        return 100 * self.amplitudes
 
 
 @dataclass

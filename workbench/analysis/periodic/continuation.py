@@ -274,7 +274,7 @@ def follow(
         low, high = family.bounds
         if not low <= place.p <= high:
             edge = low if place.p < low else high
-            last = _at_edge(family, here, place, edge)
+            last = None if here.p == edge else _at_edge(family, here, place, edge)
             if last is not None:
                 _look_between(family, track, here, last)
                 track.places.append(last)

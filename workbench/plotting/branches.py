@@ -1,0 +1,95 @@
+"""Picture of the periodic responses of a forced model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from workbench.core.decibels import decibels
+from workbench.plotting.figure import COLOURS, LEGEND, label, rows
+from workbench.plotting.response import plain_decades
+
+if TYPE_CHECKING:
+    from workbench.analysis.branches.result import BranchesResult, Fold, ResponseBranch
+
+__all__ = ["draw_branches", "plot_branches"]
+
+_MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch point": "P"}
+
+
+def plot_branches(result: BranchesResult) -> Figure:
+    """Draw gain [dB] and phase [deg] of all responses over what is varied: full where stable, dashed where not."""
+    onset = result.onset
+    figure, axes = rows(2, title=f"{result.model}: {result.input} → {result.output}")
+    amplitudes = sorted({b.amplitude for b in result.branches if b.amplitude is not None})
+    colours = {a: COLOURS[i % len(COLOURS)] for i, a in enumerate(amplitudes)}
+    draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
+    if onset is not None:
+        axes[0].axvline(onset.frequency_hz, color="#888888", linewidth=0.8, linestyle=":")
+    axes[0].set_ylabel("gain [dB]")
+    axes[1].set_ylabel("phase [deg]")
+    unit = {"frequency": "Hz", "amplitude": result.input_unit}.get(result.vary)
+    axes[1].set_xlabel(label(result.vary, unit))
+    if result.vary in {"frequency", "amplitude"}:
+        plain_decades(axes[1])
+    _legend(axes[0], result, colours)
+    figure.align_ylabels(axes)
+    return figure
+
+
+def draw_branches(
+    gain: Axes, phase: Axes, branches: Sequence[ResponseBranch], folds: Sequence[Fold],
+    colours: dict[float, str],
+) -> None:  # fmt: skip
+    """Draw branches and their folds.
+
+    Args:
+        gain: where the gain is drawn.
+        phase: where the phase is drawn.
+        branches: the responses.
+        folds: and what lies on them.
+        colours: amplitude → colour; another branch has the first one.
+    """
+    for b in branches:
+        colour = colours.get(b.amplitude if b.amplitude is not None else np.nan, COLOURS[0])
+        turned = b.phase_deg - 360.0 * np.round((np.median(b.phase_deg) + 90.0) / 360.0)
+        thin = 1.3 if b.order == 1 else 0.9
+        for ax, values in ((gain, decibels(b.gain.astype(np.complex128))), (phase, turned)):
+            for part, stable in _parts(b.stable):
+                ax.plot(b.varied[part], values[part], "-" if stable else "--", color=colour, linewidth=thin)
+    for kind, marker in _MARKERS.items():
+        chosen = [f for f in folds if f.kind == kind and f.gain > 0.0]
+        if chosen:
+            at = [f.varied for f in chosen]
+            gain.plot(at, decibels(np.array([f.gain + 0j for f in chosen])), marker, color="#333333", markersize=4.0)
+
+
+def _parts(stable: NDArray[np.bool_]) -> list[tuple[slice, bool]]:
+    """Return the stretches of a branch that are stable or not, each reaching to the next."""
+    breaks = [0, *(np.flatnonzero(stable[1:] != stable[:-1]) + 1).tolist(), len(stable)]
+    return [(slice(a, min(b + 1, len(stable))), bool(stable[a])) for a, b in pairwise(breaks)]
+
+
+def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None:
+    handles: list[Any] = []
+    if len(colours) > 1:
+        unit = f" {result.input_unit}" if result.input_unit else ""
+        handles += [Line2D([], [], color=c, label=f"amplitude {a:g}{unit}") for a, c in colours.items()]
+    if any(not b.stable.all() for b in result.branches):
+        handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
+        handles.append(Line2D([], [], color="#333333", linestyle="--", label="unstable"))
+    kinds = {f.kind for f in result.folds}
+    handles += [
+        Line2D([], [], color="#333333", linestyle="", marker=m, markersize=4.0, label=kind)
+        for kind, m in _MARKERS.items()
+        if kind in kinds
+    ]
+    if handles:
+        ax.legend(handles=handles, loc="best", **LEGEND)
