@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, MultipleLocator, NullFormatter
+from matplotlib.ticker import MultipleLocator
 
 from workbench.core.decibels import decibels
+from workbench.plotting.branches import draw_branches
 from workbench.plotting.figure import COLOURS, LEGEND, label, rows
-from workbench.plotting.response import plain_decades
+from workbench.plotting.response import log_axis
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -46,11 +47,15 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
         _curves(ax, result, values)
         ax.set_ylabel(name)
     _error_bars(axes[0], axes[1], result)
+    if result.branches:
+        colours = {a: COLOURS[i % len(COLOURS)] for i, a in enumerate(result.amplitude.tolist())}
+        draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
     _open_up(axes[0], result.gain_db, 1.0)
     _open_up(axes[1], result.phase_deg, 5.0)
     _degrees(axes[1], result.phase_deg)
     _failures(axes[0], result)
-    _frequency_axis(axes[-1], result.frequency_hz)
+    log_axis(axes[-1], float(result.frequency_hz[0]), float(result.frequency_hz[-1]))
+    axes[-1].set_xlabel("frequency [Hz]")
     _legend(figure, axes[0], result)
     figure.align_ylabels(axes)
     return figure
@@ -60,7 +65,8 @@ def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
     for i, row in enumerate(values):
         finite = np.where(np.isfinite(row), row, np.nan)
         colour = COLOURS[i % len(COLOURS)]
-        ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3)
+        if not result.branches:  # they are the curves then
+            ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3)
         for marker, chosen in (("o", ~result.averaged[i]), ("^", result.averaged[i])):
             style: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "markeredgewidth": 1.1}
             ax.plot(
@@ -112,23 +118,6 @@ def _open_up(ax: Axes, values: Floats, least: float) -> None:
     if finite.size and float(np.ptp(finite)) < least:
         middle = 0.5 * float(finite.min() + finite.max())
         ax.set_ylim(middle - 0.6 * least, middle + 0.6 * least)
-
-
-def _frequency_axis(ax: Axes, frequency: Floats) -> None:
-    plain_decades(ax)
-    low, high = float(frequency[0]), float(frequency[-1])
-    margin = (high / low) ** 0.03 if high > low else 1.5
-    ax.set_xlim(low / margin, high * margin)
-    ax.set_xlabel("frequency [Hz]")
-    if high / low < 4.0:
-        # Less than a decade has no or one power of ten in it: let the minor ticks speak, too.
-        ax.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0, 0.5))))
-        ax.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(10.0, 10.0)))
-    elif high / low < 120.0:
-        ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
-        ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    else:
-        ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:

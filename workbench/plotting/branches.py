@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from workbench.core.decibels import decibels
 from workbench.plotting.figure import COLOURS, LEGEND, label, rows
-from workbench.plotting.response import plain_decades
+from workbench.plotting.response import log_axis
 
 if TYPE_CHECKING:
     from workbench.analysis.branches.result import BranchesResult, Fold, ResponseBranch
@@ -38,7 +38,8 @@ def plot_branches(result: BranchesResult) -> Figure:
     unit = {"frequency": "Hz", "amplitude": result.input_unit}.get(result.vary)
     axes[1].set_xlabel(label(result.vary, unit))
     if result.vary in {"frequency", "amplitude"}:
-        plain_decades(axes[1])
+        values = np.concatenate([b.varied for b in result.branches])
+        log_axis(axes[1], float(values.min()), float(values.max()))
     _legend(axes[0], result, colours)
     figure.align_ylabels(axes)
     return figure
@@ -80,7 +81,7 @@ def _parts(stable: NDArray[np.bool_]) -> list[tuple[slice, bool]]:
 def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None:
     handles: list[Any] = []
     if len(colours) > 1:
-        unit = f" {result.input_unit}" if result.input_unit else ""
+        unit = f" {result.input_unit}" if result.input_unit not in {None, "1"} else ""
         handles += [Line2D([], [], color=c, label=f"amplitude {a:g}{unit}") for a, c in colours.items()]
     if any(not b.stable.all() for b in result.branches):
         handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatter, LogLocator, NullFormatter
 
 from workbench.core.response import Response
 
-__all__ = ["bode_axes", "draw_response", "plain_decades"]
+__all__ = ["bode_axes", "draw_response", "log_axis", "plain_decades"]
 
 
 def draw_response(gain: Axes, phase: Axes, response: Response, **style: object) -> None:
@@ -39,6 +39,28 @@ def bode_axes(axes: Sequence[Axes]) -> None:
     axes[1].set_xlabel("frequency [Hz]")
     for ax in axes[:2]:
         plain_decades(ax)
+        ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def log_axis(ax: Axes, low: float, high: float) -> None:
+    """Make the horizontal axis logarithmic over a span, with plain numbers between the decades where there is room.
+
+    Args:
+        ax: the axes.
+        low: lowest value.
+        high: highest value.
+    """
+    plain_decades(ax)
+    margin = (high / low) ** 0.03 if high > low else 1.5
+    ax.set_xlim(low / margin, high * margin)
+    if high / low < 4.0:
+        # Less than a decade has no or one power of ten in it: let the minor ticks speak, too.
+        ax.xaxis.set_minor_locator(LogLocator(subs=tuple(np.arange(1.0, 10.0, 0.5))))
+        ax.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(10.0, 10.0)))
+    elif high / low < 120.0:
+        ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
+        ax.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    else:
         ax.xaxis.set_minor_formatter(NullFormatter())
 
 

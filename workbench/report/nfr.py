@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from workbench.analysis.nfr.result import MISSING, NfrResult
+from workbench.report.branches import branches_table, folds_table
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict
@@ -45,12 +46,21 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         },
         sections=[
             Section("Gain and phase", figures=[(partial(result.plot, offset=offset), words)]),
+            *_branches(result),
             Section("Values", parts=[_values(result, i) for i in range(result.amplitude.size)], folded=True),
         ],
         summary=_verdicts(result),
         notes=result.warnings,
         kind="nfr",
     )
+
+
+def _branches(result: NfrResult) -> list[Section]:
+    """Return the sections of the branches, where they were asked for."""
+    found = (
+        [Section("Branches", tables=[branches_table(result.branches, "frequency", "Hz")])] if result.branches else []
+    )
+    return [*found, *([Section("Folds and bifurcations", tables=[folds_table(result.folds)])] if result.folds else [])]
 
 
 def _range(result: NfrResult) -> str:

@@ -239,7 +239,7 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
         for amplitude in amplitudes:
             family = Forced(
                 model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
-                stopped=lambda: stop.asked,
+                stopped=lambda: stop.asked or job.stopped,
             )  # fmt: skip
             tracks = explore(family, asked, progress.at)
             found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]

@@ -6,14 +6,17 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
-from typing import TypeGuard
 
+from workbench.analysis.branches.request import Branches
+from workbench.analysis.branches.result import BranchesResult
+from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
-from workbench.analysis.nfr.solved import NotSolvedError, solve_point
+from workbench.analysis.nfr.solved import NotSolvedError, can_solve, solve_point
 from workbench.analysis.nfr.step import at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
+from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
@@ -22,7 +25,7 @@ from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
 from workbench.workers import Job, Remark
 
-__all__ = ["PointsJob", "StartJob", "SurroundingsJob"]
+__all__ = ["BranchesJob", "PointsJob", "StartJob", "SurroundingsJob"]
 
 # The integration may take so much of the error that was asked for.
 _SHARE = 0.2
@@ -151,9 +154,8 @@ class PointsJob(Job):
             found = solve_point(session, task, evidence).point(task)
             if found.stable is not False:
                 return found
-            why = ""
-        except (NotSolvedError, WorkbenchError) as error:
-            why = str(error)
+        except (NotSolvedError, WorkbenchError):
+            pass  # it is waited for
         session.close()
         with model.open_session(signals={task.input: task.sine(model.start_time)}) as other:
             waited = run_point(other, task, evidence)
@@ -161,22 +163,12 @@ class PointsJob(Job):
                 return _beside(waited, found)
             if waited.status == "averaged" and isinstance(other, CompiledMeSession):
                 try:
-                    again = solve_point(other, task, evidence, here=True).point(task)
+                    again = solve_point(other, task, evidence, warm=1).point(task)
                 except (NotSolvedError, WorkbenchError):
                     again = waited
                 if again.stable:
                     return replace(again, periods=again.periods + waited.periods)
-            return waited if waited.status == "settled" else _unsolved(waited, why)
-
-
-def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
-    """Return whether a point can be solved for: by setting the states of a model that does not sample.
-
-    Args:
-        session: where it would be run.
-        task: what is asked for.
-    """
-    return task.method == "auto" and isinstance(session, CompiledMeSession) and not task.rates
+            return waited
 
 
 def _beside(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
@@ -186,11 +178,6 @@ def _beside(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
     if waited.reason is not None:
         return replace(waited, reason=f"{waited.reason}; {words}", stable=False)
     return replace(waited, warning="; ".join(filter(None, [waited.warning, words])))
-
-
-def _unsolved(waited: NfrPoint, why: str) -> NfrPoint:
-    del why
-    return waited
 
 
 def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:
@@ -207,3 +194,19 @@ def _factor(task: PointTask) -> float:
     error += CANCELLED * task.rtol * (forced.terms / abs(forced.response) - 1.0)
     allowed = _SHARE * task.errcrit / 10.0
     return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchesJob(Job):
+    """Follow all periodic responses of one amplitude.
+
+    Attributes:
+        asked: band, amplitude, frequencies.
+        told: ends it where it runs in the process that stops it.
+    """
+
+    asked: Branches
+    told: telling.Job | None = None
+
+    def run(self, model: Model) -> Iterator[BranchesResult]:
+        yield follow_branches(model, self.asked, self.told or telling.Job())

@@ -99,6 +99,9 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         choices=("auto", "settle"),
         default="auto",
     )
+    branches: bool = option(
+        "Also follow all periodic responses over the band, stable or not, around their folds.", default=False
+    )
     carry: bool = option(
         "Carry the state over to the next frequency; the band may then be falling (HI:LO).", default=False
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.branches.result import Fold, ResponseBranch
 from workbench.analysis.nfr.certificate import Certificate
 from workbench.analysis.nfr.jumps import jumps
 from workbench.analysis.nfr.point import NfrPoint
@@ -90,6 +91,8 @@ class NfrResult(Record):
         certificates: [amplitude][frequency]: what each point can be trusted for; None where
             nothing is known, as after a crash.
         zero_input: how the output moves while the input is zero; None where that was not watched.
+        branches: all periodic responses, where they were asked for; see `branches`.
+        folds: where these fold back or lose their stability.
         operating_point: where the sine begins, and about which value of the input it moves; None where it is not known,
             as after a crash.
     """
@@ -115,6 +118,8 @@ class NfrResult(Record):
     warnings: tuple[str, ...]
     certificates: tuple[tuple[Certificate | None, ...], ...] = field(metadata=entry(kept=False))
     zero_input: ZeroInput | None = None
+    branches: tuple[ResponseBranch, ...] = ()
+    folds: tuple[Fold, ...] = ()
     operating_point: OperatingPoint | None = None
 
     _WHAT, _COMMAND = "a frequency response", "nfr"
@@ -264,6 +269,8 @@ def assemble(
     points: Sequence[NfrPoint],
     warnings: Sequence[str] = (),
     zero_input: ZeroInput | None = None,
+    branches: tuple[ResponseBranch, ...] = (),
+    folds: tuple[Fold, ...] = (),
     operating_point: OperatingPoint | None = None,
 ) -> NfrResult:
     """Make a result of measured points; what is missing fails.
@@ -277,6 +284,8 @@ def assemble(
         points: in any order.
         warnings: passed on, after those of the points.
         zero_input: passed on.
+        branches: passed on.
+        folds: passed on.
         operating_point: passed on.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
@@ -310,6 +319,8 @@ def assemble(
         ),
         certificates=tuple(tuple(p.certificate for p in row) for row in grid),
         zero_input=zero_input,
+        branches=branches,
+        folds=folds,
         operating_point=operating_point,
     )
 

@@ -11,9 +11,11 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+from workbench.analysis.branches.request import Branches
+from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
-from workbench.analysis.nfr.job import PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr.jumps import disagreements
+from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
+from workbench.analysis.nfr.jumps import Second, SecondJob, another, disagreements, may_jump
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
@@ -83,6 +85,9 @@ class Sweep:
         self._surroundings = Surroundings()
         self._runner: Runner | None = None
         self._stopped = False
+        self._told = telling.Job()
+        self._followed: list[BranchesResult] = []
+        self._found: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
         self._recall(asked.previous)
@@ -161,7 +166,7 @@ class Sweep:
         with ExitStack() as stack:
             if self._store is not None:
                 stack.callback(self._store.close)
-            if self.done == self.total:
+            if self.done == self.total and not self._asked.branches:
                 yield iter(())
                 return
             runner, notes = choose(self._model, self._workers)
@@ -173,7 +178,41 @@ class Sweep:
             jobs: deque[Job] = deque(self._jobs())
             if isinstance(runner, InProcess):
                 jobs = deque(self._stoppable(job) for job in jobs)
-            yield chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
+            points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
+            yield chain(points, self._afterwards(runner))
+
+    def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
+        """Look for second responses where there may be some, and follow the branches if they are asked for."""
+        jobs: deque[Job] = deque()
+        for amplitude in self._amplitudes:
+            row = [self._points[amplitude, f] for f in sorted(self._frequencies)]
+            if self._asked.branches:
+                jobs.append(BranchesJob(asked=self._branches(amplitude)))
+            elif may_jump(row, self._surroundings.linear):
+                jobs.append(SecondJob(tasks=tuple(self._task(p.frequency, amplitude) for p in row)))
+        if isinstance(runner, InProcess):
+            jobs = deque(self._stoppable(job) for job in jobs)
+        for event in runner.run(perform, jobs):
+            if isinstance(event, Lost):
+                what = "branches" if isinstance(event.job, BranchesJob) else "second responses"
+                self._found.append(f"{what} could not be looked for: {event.reason}")
+            elif isinstance(event.value, BranchesResult):
+                self._followed.append(event.value)
+            elif isinstance(event.value, Second):
+                self._found += another(self._points, event.value.points, self._asked.output)
+        yield from ()
+
+    def _branches(self, amplitude: float) -> Branches:
+        low, high = min(self._frequencies), max(self._frequencies)
+        if low == high:
+            raise InputError("branches: they are followed over a band of frequencies; give one (--band LO:HI)")
+        return Branches(
+            input=self._asked.input,
+            output=self._asked.output,
+            amplitudes=[amplitude],
+            band=(low, high),
+            frequencies=self._frequencies[:: 1 if self._frequencies[0] == low else -1],
+        )
 
     def _look(self, runner: Runner) -> None:
         """Find out what the model shows of itself before anything is measured."""
@@ -187,6 +226,7 @@ class Sweep:
     def stop(self) -> None:
         """Let `run` end with KeyboardInterrupt soon; may be called by a signal handler."""
         self._stopped = True
+        self._told.stopped = True
         if self._runner is not None:
             self._runner.stop()
 
@@ -220,7 +260,9 @@ class Sweep:
 
     def _stoppable(self, job: Job) -> Job:
         """Let a job that runs in this process ask between periods whether to stop."""
-        if isinstance(job, PointsJob):
+        if isinstance(job, BranchesJob):
+            return replace(job, told=self._told)
+        if isinstance(job, PointsJob | SecondJob):
             return replace(job, tasks=tuple(replace(t, stopped=lambda: self._stopped) for t in job.tasks))
         return job
 
@@ -276,7 +318,8 @@ class Sweep:
         """Return what was measured so far."""
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
-        warnings = [*disagreements(self._points, self._before), *filter(None, [warning])]
+        warnings = [*disagreements(self._points, self._before), *self._found, *filter(None, [warning])]
+        warnings += [text for found in self._followed for text in found.warnings]
         return assemble(
             self._model,
             input=self._asked.input,
@@ -286,6 +329,8 @@ class Sweep:
             points=points,
             warnings=warnings,
             zero_input=self._zero_input,
+            branches=tuple(branch for found in self._followed for branch in found.branches),
+            folds=tuple(fold for found in self._followed for fold in found.folds),
             operating_point=self._standing,
         )
 

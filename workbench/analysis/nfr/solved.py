@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -14,10 +15,10 @@ from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap, PeriodMap, correction, resolvent_rows
 from workbench.core.matrices import Complex
-from workbench.session.base import Floats
+from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["NotSolvedError", "Solved", "solve_point"]
+__all__ = ["NotSolvedError", "Solved", "can_solve", "solve_point"]
 
 # Intervals in which the slopes along a period are taken, one level after the other: a coarse derivative does for
 # Newton's method while it converges.
@@ -53,6 +54,16 @@ _INTEGRATES = 1e-6
 
 # Of the slopes that a state has an error this part of the tolerance in each period, as a bound; see `INTEGRATION`.
 _PER_PERIOD = 30.0
+
+
+def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
+    """Return whether a point can be solved for: by setting the states of a model that does not sample.
+
+    Args:
+        session: where it would be run.
+        task: what is asked for.
+    """
+    return task.method == "auto" and isinstance(session, CompiledMeSession) and not task.rates
 
 
 class NotSolvedError(Exception):
@@ -110,7 +121,7 @@ class Solved:
 _SHOWN = 6  # multipliers
 
 
-def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence, *, here: bool = False) -> Solved:
+def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence, *, warm: int = 0) -> Solved:
     """Solve for the periodic response.
 
     The fixed point of the period map φ(x) = x(T) is found by Newton's method, x ← x + (I − Φ)⁻¹(φ(x) − x), beginning
@@ -122,7 +133,8 @@ def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence,
         session: where to run, at the operating point.
         task: what to measure.
         evidence: what is known of the point.
-        here: begin where the session stands, not at the periodic motion of the linear model.
+        warm: run so many periods from where the session stands and begin there; 0: begin at the periodic motion of the
+            linear model.
 
     Raises:
         NotSolvedError: it does not converge, or there is no response.
@@ -132,7 +144,7 @@ def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence,
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 7.3 (shooting); A. H. Nayfeh, B. Balachandran,
     Applied Nonlinear Dynamics, 6.5.
     """
-    return _Search(session, task, evidence).run(here=here)
+    return _Search(session, task, evidence).run(warm=warm)
 
 
 class _Search:
@@ -150,8 +162,10 @@ class _Search:
             return None
         return Tangent(twin.forced.phi, twin.forced.rows, np.zeros(len(twin.forced.phi)))
 
-    def run(self, *, here: bool) -> Solved:
-        x = None if here else self._start()
+    def run(self, *, warm: int) -> Solved:
+        x = None if warm else self._start()
+        for _ in range(warm - 1):
+            self._lap(None)
         before: tuple[Lap, float] | None = None
         quiet = 0
         for _ in range(_MOST):
