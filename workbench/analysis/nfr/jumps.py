@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -32,10 +32,12 @@ _APART, _ERRORS = 0.05, 3.0
 
 # A response may fold back where it departs from the linear one by more than this, and is distorted by so much.
 _BENT, _BENDS = 0.1, 3e-4
+_MEMORY = 0.5
 
 # On the way from one frequency to the next so many periods are run at each of a few between, at most this ratio apart,
 # so that the sweep stays with the response it comes from.
 _CARRIED, _APACE = 2, 1.04
+_PATIENT = 20
 
 
 def jumps(row: Sequence[NfrPoint]) -> list[str]:
@@ -115,10 +117,16 @@ def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
         return False
     if linear is None or max(map(_distortion, row)) < _BENDS:
         return False
-    return max(_bent(p, linear) for p in row) > _BENT
+    return any(_bent(p, linear) > _BENT and _remembers(p) for p in row)
 
 
 _FEWEST = 3  # points
+
+
+def _remembers(point: NfrPoint) -> bool:
+    """Whether a deviation outlives a period: without that, every period leads to the same response."""
+    known = () if point.certificate is None else point.certificate.multipliers
+    return max(map(abs, known), default=0.0) > _MEMORY
 
 
 def _bent(point: NfrPoint, linear: LinearStart) -> float:
@@ -154,14 +162,23 @@ class SecondJob(Job):
                     return
                 try:
                     _carry(session, task, before)
-                    found = solve_point(session, task, task.evidence(), warm=_CARRIED)
-                except (NotSolvedError, WorkbenchError):
+                    found = _stable_one(session, task)
+                except WorkbenchError:
                     stack.close()
                     session = None
-                    continue
-                finally:
-                    before = task.frequency
-                yield found.point(task)
+                else:
+                    yield from found
+                before = task.frequency
+
+
+def _stable_one(session: CompiledMeSession, task: PointTask) -> list[NfrPoint]:
+    """Return the stable response near to where a session stands; none: it was not reached soon."""
+    for warm in (_CARRIED, _PATIENT):
+        with suppress(NotSolvedError):
+            found = solve_point(session, task, task.evidence(), warm=warm).point(task)
+            if found.stable:
+                return [found]
+    return []
 
 
 def _carry(session: CompiledMeSession, task: PointTask, before: float) -> None:
