@@ -61,6 +61,7 @@ class Fold(Part):
         amplitude: of the forcing [unit of the input].
         varied: value of what is varied.
         gain: of the fundamental.
+        phase_deg: of the fundamental [deg].
         kind: "fold", "period doubling", "Neimark-Sacker", "branch point".
         branch: number of the branch, from 0.
     """
@@ -69,6 +70,7 @@ class Fold(Part):
     amplitude: float
     varied: float
     gain: float
+    phase_deg: float
     kind: str
     branch: int = 0
 

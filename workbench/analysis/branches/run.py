@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model import Model
 from workbench.model.placing import standing, start_at
+from workbench.session.base import Floats
 
 __all__ = ["explore", "run"]
 
@@ -131,9 +134,10 @@ class _Search:
         if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
             track = follow(family, place, way=0.0, told=self.told, most=self.most, marks=self.marks)
             track.ends = ("it leaves another branch", track.ends[1])
-            self.tracks.append((family, track))
+            if not self._is_known(family, track.places[len(track.places) // 2]):
+                self.tracks.append((family, track))
 
-    def _reach(self, family: Forced, x: np.ndarray | None, p: float) -> Place:
+    def _reach(self, family: Forced, x: Floats | None, p: float) -> Place:
         """Return a periodic response that a few periods and Newton's method lead to."""
         start = family.start(p) if x is None else x
         for _ in range(_WARM):
@@ -152,28 +156,36 @@ class _Search:
             raise
 
     def _is_known(self, family: Forced, place: Place) -> bool:
+        """Whether a branch that was found passes here; a subharmonic counts from each of its periods."""
+        x, seen = place.x, [place.x]
+        for _ in range(1, family.order):
+            x = self.family.run(x, place.p).x1
+            seen.append(x)
+        return any(self._passes(family, place, x) for x in seen)
+
+    def _passes(self, family: Forced, place: Place, x: Floats) -> bool:
+        unit = place.lap.unit
         for other, track in self.tracks:
             if other.order != family.order:
                 continue
-            for a, b in zip(track.places, track.places[1:], strict=False):
+            for a, b in pairwise(track.places):
                 if (a.p - place.p) * (b.p - place.p) > 0.0 or a.p == b.p:
                     continue
-                x = a.x + (place.p - a.p) / (b.p - a.p) * (b.x - a.x)
-                if near(x, place.x, place.lap.unit) > _MAY_BE_SAME:
+                guess = a.x + (place.p - a.p) / (b.p - a.p) * (b.x - a.x)
+                if near(guess, x, unit) > _MAY_BE_SAME:
                     continue
-                try:
-                    same = arrive(family, x, place.p)
-                except SimulationError:
-                    continue
-                if near(same.x, place.x, place.lap.unit) < _SAME:
-                    return True
+                with suppress(SimulationError):
+                    if near(arrive(family, guess, place.p).x, x, unit) < _SAME:
+                        return True
         return False
 
     def _follow(self, family: Forced, place: Place) -> None:
         if self._is_known(family, place):
             return
         track = both_ways(family, place, told=self.told, most=self.most, marks=self.marks)
-        self.tracks.append((family, track))
+        # Where it meets the branch of half its period it crosses itself: that is told there, as a period doubling.
+        own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
+        self.tracks.append((family, replace(track, special=own)))
 
 
 def explore(
@@ -343,11 +355,13 @@ def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBr
 
 def _fold(family: Forced, special: Special, number: int) -> Fold:
     frequency, amplitude = family.forcing(special.place.p)
+    response = _response(special.place)
     return Fold(
         frequency_hz=frequency,
         amplitude=amplitude,
         varied=family.value(special.place.p),
-        gain=abs(_response(special.place)),
+        gain=abs(response),
+        phase_deg=float(np.degrees(np.angle(response))),
         kind=special.kind,
         branch=number,
     )

@@ -29,6 +29,9 @@ _ROUNDS, _EASY = 6, 3
 # Strides along the branch, in units of the motion of the states and of the span of the parameter.
 _FIRST, _LONGEST, _SHORTEST = 0.02, 0.08, 1e-6
 
+# Multipliers that are worse than this, relative to the largest, ask for better derivatives.
+_DOUBTED = 0.05
+
 # A place farther from where its stride led than this part of it is another branch's.
 _NEARBY = 0.3
 
@@ -290,6 +293,8 @@ def follow(
         if len(track.places) > 5 and _passes(here, place, first):
             track.closed = True
             return _ended(track, "it closes")
+        if place.at.doubt > _DOUBTED * max(1.0, float(np.max(np.abs(place.multipliers), initial=0.0))):
+            family.finer()
         here = place
 
 
@@ -403,8 +408,6 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     tried: list[tuple[float, Place]] = []
 
     def value(s: float) -> float:
-        if s == 0.0:
-            return _tests(a)[kind]
         place = _stride(family, a, s, exact=True)
         found = _tests(place)[kind]
         tried.append((abs(found), place))
@@ -412,8 +415,13 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
 
     # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
     crossing = kind == "branch point"
-    with suppress(SimulationError, ValueError):  # the branch is lost between, or the exact test does not change sign
-        brentq(value, 0.0, far, xtol=(_CROSSING if crossing else _LOCATED) * abs(far), rtol=1e-12)
+    with suppress(
+        SimulationError, ValueError, StopIteration
+    ):  # the branch is lost between, or nothing changes sign after all
+        low, high = next(
+            (low, high) for low, high in ((0.0, far), (-far, far), (0.0, 2.0 * far)) if value(low) * value(high) < 0.0
+        )
+        brentq(value, low, high, xtol=(_CROSSING if crossing else _LOCATED) * abs(far), rtol=1e-12)
     if not tried:
         return None
     least, place = min(tried, key=lambda one: one[0])

@@ -1,0 +1,195 @@
+"""Branches of periodic responses, against SciPy's integration of the same equations."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import workbench as wb
+from workbench.analysis.branches.family import Forced
+from workbench.analysis.branches.request import Branches
+from workbench.analysis.branches.run import explore
+from workbench.analysis.periodic.monodromy import instants
+from workbench.cli.app import run
+
+Floats = NDArray[np.float64]
+
+
+def duffing(
+    x: Floats, f: float, amplitude: float, k: tuple[float, float, float], periods: int = 1
+) -> tuple[Floats, Floats]:
+    """Return the states after some periods of x″ + k₀x′ + k₁x + k₂x³ = amplitude·sin, and their derivative."""
+
+    def slope(t: float, z: Floats) -> Floats:
+        p = z[2:].reshape(2, 2)
+        a = np.array([[0.0, 1.0], [-k[1] - 3.0 * k[2] * z[0] ** 2, -k[0]]])
+        dv = amplitude * math.sin(2.0 * math.pi * f * t) - k[0] * z[1] - k[1] * z[0] - k[2] * z[0] ** 3
+        return np.array([z[1], dv, *(a @ p).ravel()])
+
+    end = solve_ivp(slope, (0.0, periods / f), [*x, 1.0, 0.0, 0.0, 1.0], method="DOP853", rtol=1e-12, atol=1e-13).y[
+        :, -1
+    ]
+    return end[:2], end[2:].reshape(2, 2)
+
+
+HARDENING = (0.05, 1.0, 1.0)
+UEDA = (0.1, 0.0, 1.0)
+
+
+@cache
+def hardening() -> wb.BranchesResult:
+    with wb.load("fmu:Duffing", tolerance=1e-9) as model:
+        return wb.branches(model, "u", "y", [0.1], band=(0.1, 0.4), frequencies=[0.207], onset=True)
+
+
+def from_fundamental(gain: float, phase_deg: float, f: float, amplitude: float) -> Floats:
+    w, angle = 2.0 * math.pi * f, math.radians(phase_deg)
+    return gain * amplitude * np.array([math.sin(angle), w * math.cos(angle)])
+
+
+def test_the_folds_are_those_of_the_equation() -> None:
+    folds = hardening().folds
+    assert [f.kind for f in folds] == ["fold", "fold"]
+    for fold in folds:
+        x = from_fundamental(fold.gain, fold.phase_deg, fold.frequency_hz, 0.1)
+
+        def misses(z: Floats) -> Floats:
+            end, phi = duffing(z[:2], z[2], 0.1, HARDENING)
+            return np.array([*(end - z[:2]), np.linalg.det(phi - np.eye(2))])
+
+        truth = fsolve(misses, [*x, fold.frequency_hz], xtol=1e-11)
+        assert np.abs(misses(truth)).max() < 1e-8
+        assert fold.frequency_hz == pytest.approx(truth[2], rel=1e-6)
+
+
+def test_between_the_folds_there_are_three_responses() -> None:
+    (branch,) = hardening().branches
+    places = branch.at(0.207)
+    assert [bool(branch.stable[i]) for i in places] == [True, False, True]
+    for i in places:
+        x = from_fundamental(branch.gain[i], branch.phase_deg[i], 0.207, 0.1)
+        orbit = fsolve(lambda z: duffing(z, 0.207, 0.1, HARDENING)[0] - z, x, xtol=1e-12)
+        largest = np.abs(np.linalg.eigvals(duffing(orbit, 0.207, 0.1, HARDENING)[1])).max()
+        assert max(map(abs, branch.multipliers[i])) == pytest.approx(largest, rel=1e-3)
+        points = np.arange(400) / 400 / 0.207
+        y = solve_ivp(
+            lambda t, z: [z[1], 0.1 * math.sin(2 * math.pi * 0.207 * t) - 0.05 * z[1] - z[0] - z[0] ** 3],
+            (0.0, 1.0 / 0.207), orbit, t_eval=points, method="DOP853", rtol=1e-11, atol=1e-12,
+        ).y[0]  # fmt: skip
+        gain = 2.0 * abs(np.mean(y * np.exp(-2j * math.pi * 0.207 * points))) / 0.1
+        assert branch.gain[i] == pytest.approx(gain, rel=1e-5)
+
+
+def test_it_begins_to_jump_where_the_folds_meet() -> None:
+    onset = hardening().onset
+    assert onset is not None
+    # One harmonic: (w² − 1 − ¾A²)² + (0.05w)² = (F/A)² has a cusp at 0.01709.
+    assert onset.amplitude == pytest.approx(0.01709, rel=5e-3)
+    assert onset.frequency_hz == pytest.approx(0.1662, rel=1e-3)
+    assert np.all(onset.curve_hz[:, 1] >= onset.curve_hz[:, 0])
+
+
+def test_the_first_two_doublings_are_those_of_the_equation() -> None:
+    f = 0.5 / math.pi
+    asked = Branches(input="u", output="y", vary={"amplitude": (4.0, 6.0)}, frequencies=[f], order=2, seeds=2)
+    with wb.load("fmu:Duffing", start_values={"stiffness": 0.0, "damping": 0.1}, tolerance=1e-10) as model:
+        family = Forced(model, "u", "y", "amplitude", 4.0, 6.0, f, 1.0)
+        tracks = explore(family, asked)
+    doublings = [(fam, s) for fam, track in tracks for s in track.special if s.kind == "period doubling"]
+    found = {1: math.nan, 2: math.nan}
+    for fam, special in doublings:
+        if fam.order not in found:
+            continue
+
+        def misses(z: Floats, order: int = fam.order) -> Floats:
+            end, phi = duffing(z[:2], f, z[2], UEDA, order)
+            return np.array([*(end - z[:2]), np.linalg.det(phi + np.eye(2))])
+
+        truth = fsolve(misses, [*special.place.x, fam.value(special.place.p)], xtol=1e-11)
+        assert np.abs(misses(truth)).max() < 1e-6
+        assert fam.value(special.place.p) == pytest.approx(truth[2], rel=1e-4)
+        found[fam.order] = truth[2]
+    assert found[1] == pytest.approx(4.87609, abs=1e-4)
+    assert found[2] == pytest.approx(5.43954, abs=1e-4)
+
+
+def test_an_isola_of_three_periods_is_found_from_random_states() -> None:
+    with wb.load("fmu:Duffing", start_values={"stiffness": 0.0, "damping": 0.1}, tolerance=1e-9) as model:
+        found = wb.branches(
+            model, "u", "y", vary={"amplitude": (1.2, 1.8)}, frequencies=[0.5 / math.pi], order=3, seeds=12
+        )
+    (isola,) = [b for b in found.branches if b.order == 3 and b.closed]
+    assert isola.varied.min() == pytest.approx(1.3786, abs=2e-3)
+    assert isola.varied.max() == pytest.approx(1.6693, abs=3e-3)
+    assert 0 < isola.stable.sum() < len(isola.stable)
+
+
+def test_a_parameter_can_be_varied() -> None:
+    with wb.load("fmu:Duffing") as model:
+        found = wb.branches(model, "u", "y", [0.1], vary={"cubic": (0.2, 2.0)}, frequencies=[0.207], seeds=4)
+    assert found.vary == "cubic"
+    # At 1 it is the model of the other tests.
+    gains = []
+    for b in found.branches:
+        for i in np.flatnonzero((b.varied[1:] - 1.0) * (b.varied[:-1] - 1.0) < 0.0).tolist():
+            share = (1.0 - b.varied[i]) / (b.varied[i + 1] - b.varied[i])
+            gains.append(float(b.gain[i] + share * (b.gain[i + 1] - b.gain[i])))
+    assert sorted(gains) == pytest.approx([1.474, 8.873, 10.012], rel=0.01)
+
+
+def test_a_linear_model_has_one_branch_and_its_gain_is_the_closed_form() -> None:
+    plant = control.ss([[0, 1], [-1, -0.2]], [[0], [1]], [[1, 0]], 0)
+    with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        found = wb.branches(model, "u", "y", [1.0], band=(0.05, 0.5), seeds=3)
+    (branch,) = found.branches
+    s = 2j * np.pi * branch.frequency_hz
+    assert found.folds == ()
+    assert branch.stable.all()
+    assert np.abs(branch.gain * np.abs(s**2 + 0.2 * s + 1.0) - 1.0).max() < 2e-4
+
+
+def test_the_instants_of_slopes_lie_inside_the_period_and_rise() -> None:
+    times = instants(1.0, 2.0, 3)
+    assert np.all(np.diff(times) > 0.0)
+    assert times.shape == (6,)
+    assert times[0] > 1.0
+    assert times[-1] < 3.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--amplitude", "0.1"], "band: give the lowest and the highest frequency"),
+        (["--band", "0.1:0.4"], "amplitude: give one or several"),
+        (["--amplitude", "0.1", "--band", "0.1:0.4", "--interface", "cs"], "use --interface me"),
+        (["--freq", "0.2", "--amplitude", "0.1", "--vary", "cubi=0:1"], "did you mean cubic?"),
+        (["--vary", "amplitude=0.1:1", "--amplitude", "1", "--band", "0.1:1"], "vary: give the one frequency"),
+    ],
+)
+def test_what_cannot_be_followed_is_one_line(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["branches", "fmu:Duffing", "--input", "u", "--output", "y", *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_json_csv_and_picture(tmp_path: Path) -> None:
+    out, table, picture = (str(tmp_path / f"b.{kind}") for kind in ("json", "csv", "png"))
+    command = ["nfr", "fmu:Duffing", "--input", "u", "--output", "y", "--amplitude", "0.1", "--band", "0.15:0.3"]
+    assert run([*command, "--branches", "--json", out, "--csv", table, "--plot", picture]) == 0
+    data = json.loads(Path(out).read_text(encoding="utf-8"))
+    (branch,) = data["branches"]
+    assert {"amplitude", "frequency_hz", "gain", "phase_deg", "stable", "multipliers"} <= branch.keys()
+    assert len(branch["frequency_hz"]) == len(branch["gain"]) == len(branch["stable"]) == len(branch["multipliers"])
+    assert {"frequency_hz", "amplitude", "gain", "kind"} <= data["folds"][0].keys()
+    assert [f["kind"] for f in data["folds"]] == ["fold", "fold"]
+    assert Path(picture).stat().st_size > 10_000

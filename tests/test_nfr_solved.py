@@ -1,0 +1,216 @@
+"""Points of a frequency response that are solved for: against closed forms and piecewise exact motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import fsolve
+
+import workbench as wb
+from scripts.coverage_nfr import Plant, measure
+from tests.lin_fmus import built
+
+HERE: dict[str, Any] = {"in_process": True, "drift_check": False}
+
+
+def source(name: str, body: str) -> str:
+    return f"model {name}\n input Real u(start = 0);\n output Real o;\n{body}\nend {name};\n"
+
+
+def solved(name: str, body: str, f: float, amplitude: float, **options: Any) -> wb.NfrResult:  # noqa: ANN401 - those of nfr
+    with wb.load(built(source(name, body), name), "me", tolerance=1e-8) as model:
+        return wb.nfr(model, "u", "o", frequencies=[f], amplitudes=[amplitude], **HERE, **options)
+
+
+def test_the_aircraft_needs_hardly_more_than_a_period_a_point() -> None:
+    f = np.geomspace(2.8, 8.0, 10)
+    with wb.load("fmu:Aircraft") as model:
+        found = wb.nfr(model, "elevator", "z_front_fuselage", frequencies=f, amplitudes=[1e-3], **HERE)
+        exact = wb.lin(model, inputs=["elevator"], outputs=["z_front_fuselage"])
+    truth = np.array([complex(exact(2j * math.pi * x)) for x in f])
+    assert found.periods.sum() <= 30  # at most three each
+    assert all(s == "settled" for row in found.status for s in row)
+    assert np.all(found.stable == 1.0)
+    off = np.abs(found.response[0] / truth - 1.0)
+    assert np.all(off <= 0.00115)  # 0.01 dB
+    assert np.all(off <= found.error[0])
+
+
+def test_lightly_damped_plants_are_settled_and_within_their_errors() -> None:
+    random = np.random.default_rng(5)
+    trials = [measure(Plant.random(random), tolerance=1e-8, max_periods=20, blind=False) for _ in range(12)]
+    assert all(t.status == "settled" for t in trials)
+    assert all(t.true <= t.stated <= 0.01 for t in trials)
+
+
+def test_the_multipliers_are_those_of_the_poles() -> None:
+    f, poles = 0.7, np.array([-0.3 + 2.0j, -0.3 - 2.0j, -1.1])
+    plant = control.ss([[0, 1, 0], [-4.09, -0.6, 1], [0, 0, -1.1]], [[0], [0], [1]], [[1, 0, 0]], 0)
+    with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[f], amplitudes=[1.0], **HERE)
+    certificate = found.certificates[0][0]
+    assert certificate is not None
+    assert certificate.method == "solved"
+    wanted = np.exp(poles / f)
+    assert np.abs(np.sort_complex(np.array(certificate.multipliers)) - np.sort_complex(wanted)).max() < 1e-4
+    assert certificate.fold_distance == pytest.approx(np.abs(1.0 - wanted).min(), rel=1e-3)
+
+
+# -- motions whose pieces are known exactly -------------------------------------------------------------------------
+
+
+def fundamental(x: Callable[[float], float], phase: float, half: float) -> complex:
+    """Of a motion whose second half is the negative of its first, which begins at a phase of the forcing."""
+    t = (np.arange(40000) + 0.5) / 40000 * half
+    values = np.array([x(s) for s in t])
+    return 2j * complex(np.mean(values * np.exp(-1j * (math.pi / half * t + phase))))
+
+
+def rate_limiter(f: float, m: float) -> complex:
+    peak = 1.0 / (4.0 * f)
+    turn = math.pi - math.asin(peak / m)
+    return 8.0 * peak / math.pi**2 / m * complex(np.exp(-1j * (turn - math.pi / 2.0)))
+
+
+def coulomb(f: float, m: float) -> complex:
+    """x″ + 0.1x′ + x + 0.3·sign x′ = m·sin: from one turning point to the next it is linear."""
+    w = 2.0 * math.pi * f
+    a = np.array([[0, 1, 0, 0, 0], [-1, -0.1, m, 0, -0.3], [0, 0, 0, w, 0], [0, 0, -w, 0, 0], [0, 0, 0, 0, 0.0]])
+
+    def begin(z: list[float]) -> np.ndarray:
+        return np.array([z[0], 0.0, math.sin(z[1]), math.cos(z[1]), 1.0])
+
+    def misses(z: list[float]) -> list[float]:
+        end = expm(a * math.pi / w) @ begin(z)
+        return [end[0] + z[0], end[1]]
+
+    z = fsolve(misses, [-1.2, 1.0], xtol=1e-13)
+    n = 20000
+    step, x = expm(a * math.pi / w / n), expm(a * math.pi / w / n / 2) @ begin(z)
+    total = 0.0j
+    for k in range(n):
+        total += x[0] * np.exp(-1j * ((k + 0.5) / n * math.pi + z[1]))
+        x = step @ x
+    return 2j * total / n / m
+
+
+def relay(f: float, m: float) -> complex:
+    """z′ = r − z, r switched by u − z = ±0.3."""
+    half = 0.5 / f
+    e = math.exp(-half)
+    z0 = -(1.0 - e) / (1.0 + e)
+    return fundamental(lambda t: 1.0 + (z0 - 1.0) * math.exp(-t), math.asin((0.3 + z0) / m), half) / m
+
+
+def backlash(f: float, m: float) -> complex:
+    """x′ = −10·(what x − u exceeds ±0.3 by): drawn along for a part of each half period, and at rest for the other."""
+    w, rate, h = 2.0 * math.pi * f, 10.0, 0.3
+
+    def drawn(t: float, x0: float, th: float) -> float:
+        # x′ = rate·(m·sin(wt + th) − h − x)
+        s = rate * m / math.hypot(rate, w)
+        lag = math.atan2(w, rate)
+        return s * math.sin(w * t + th - lag) - h + (x0 + h - s * math.sin(th - lag)) * math.exp(-rate * t)
+
+    def misses(z: list[float]) -> list[float]:
+        x, th, end = z
+        at = drawn(end, -x, th)
+        return [at - x, m * math.sin(w * end + th) - h - at, m * math.sin(th) - h + x]
+
+    x, th, end = fsolve(misses, [0.8 * (m - h), math.asin((h - 0.8 * (m - h)) / m), 0.4 / f], xtol=1e-13)
+    return fundamental(lambda t: drawn(t, -x, th) if t < end else x, th, 0.5 / f) / m
+
+
+LIMITED = "Real y(start = 0, fixed = true);\nequation\n der(y) = if u > y then 1 else -1; o = y;"
+RUBBED = """Real x(start = -1.2, fixed = true); Real v(start = 0.01, fixed = true);
+equation
+  der(x) = v;
+  der(v) = u - 0.1 * v - x - (if v > 0 then 0.3 else -0.3);
+  o = x;"""
+SWITCHED = """Real z(start = 0, fixed = true); discrete Real r(start = 1, fixed = true);
+equation
+  der(z) = r - z;
+  when u - z > 0.3 then r = 1; elsewhen u - z < -0.3 then r = -1; end when;
+  o = z;"""
+DRAWN = """Real x(start = 0, fixed = true); Real v;
+equation
+  v = x - u;
+  der(x) = -10 * (if v > 0.3 then v - 0.3 elseif v < -0.3 then v + 0.3 else 0);
+  o = x;"""
+
+# Name → (model, its response, frequency [Hz], amplitude).
+CASES: dict[str, tuple[str, Callable[[float, float], complex], float, float]] = {
+    "RateLimiter": (LIMITED, rate_limiter, 1.0, 1.0),
+    "Coulomb": (RUBBED, coulomb, 1.3 / (2.0 * math.pi), 1.0),
+    "Relay": (SWITCHED, relay, 0.5, 2.0),
+    "Backlash": (DRAWN, backlash, 0.5, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("method", ["auto", "settle"])
+def test_responses_with_jumps_and_kinks_are_the_exact_ones(name: str, method: str) -> None:
+    body, truth, f, m = CASES[name]
+    result = solved(name, body, f, m, method=method, max_periods=60)
+    off = abs(complex(result.response[0, 0]) / exact(truth, f, m) - 1.0)
+    assert result.status == (("settled",),)
+    assert off <= result.error[0, 0] <= 0.01
+    assert result.stable[0, 0] == 1.0
+
+
+@cache
+def exact(truth: Callable[[float, float], complex], f: float, m: float) -> complex:
+    return truth(f, m)
+
+
+# -- what cannot be solved for --------------------------------------------------------------------------------------
+
+
+def test_an_unstable_response_is_told_as_such() -> None:
+    plant = control.ss([[0.2]], [[1]], [[1]], 0)
+    with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[1.0], amplitudes=[1.0], **HERE)
+    size = abs(1.0 / (2j * math.pi - 0.2))
+    assert found.status == (("failed",),)
+    assert found.stable[0, 0] == 0.0
+    assert f"there is an unstable periodic response of gain {size:.3f}"[:-1] in found.failed[0].reason
+
+
+def test_a_model_without_states_needs_one_period() -> None:
+    with wb.load("fmu:Saturation") as model:
+        found = wb.nfr(model, "u", "y", frequencies=[1.0], amplitudes=[0.1], **HERE)
+    assert found.periods.max() <= 2
+    assert found.status == (("settled",),)
+
+
+def test_an_integrator_is_solved_for_although_a_multiplier_is_one() -> None:
+    plant = control.tf([1.0], [1.0, 0.0])
+    with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[0.5], amplitudes=[1.0], **HERE)
+    assert abs(found.response[0, 0] * 1j * math.pi - 1.0) <= found.error[0, 0]
+    assert found.status == (("settled",),)
+
+
+def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> None:
+    with wb.load("fmu:Duffing") as model:
+        found = wb.nfr(model, "u", "y", amplitudes=[0.1], band=(0.1, 0.4), **HERE)
+        calm = wb.nfr(model, "u", "y", amplitudes=[0.01], band=(0.1, 0.4), **HERE)
+    (words,) = found.warnings
+    assert "another stable response, gain 10.05 besides 1.461" in words or "gain 1.461 besides 10.05" in words
+    assert calm.warnings == ()
+
+
+def test_settling_can_be_asked_for() -> None:
+    with wb.load("fmu:Rudder") as model:
+        found = wb.nfr(model, "delC", "del", frequencies=[2.0], amplitudes=[1.0], method="settle", **HERE)
+    certificate = found.certificates[0][0]
+    assert certificate is not None
+    assert certificate.method == "settled"
+    assert found.periods[0, 0] >= 3
