@@ -23,6 +23,9 @@ __all__ = ["Family", "Place", "Special", "Track", "arrive", "both_ways", "depart
 # One whose multipliers count, where it hardly moves at all.
 _REACHED, _EXACTLY = 1e-5, 1e-7
 
+# There a period closes to this, in units of the motion.
+_CLOSED = 1e-3
+
 # Steps of Newton's method to a place, and how many of them let the next stride be longer.
 _ROUNDS, _EASY = 6, 3
 
@@ -205,8 +208,11 @@ def _correct(
             raise SimulationError("Newton's method leaves the branch")
         rate = moved / before if math.isfinite(before) else 1.0
         x, p = x + step[:-1] * lap.unit, p + float(step[-1])
-        # A step that converges as fast as the ones before leaves moved·rate.
-        if moved < _EXACTLY or (not exact and (moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED))):
+        # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are small
+        # though the period does not close.
+        there = moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED)
+        closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
+        if (moved < _EXACTLY if exact else there) and closes:
             direction = _direction(matrix, level)
             return Place(x, p, _settled(lap, step), direction, _regular(matrix, direction), count)
     raise SimulationError(f"Newton's method did not converge in {rounds} periods")
