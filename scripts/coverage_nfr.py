@@ -5,6 +5,7 @@
     python scripts/coverage_nfr.py --plants 20 --seed 3
     python scripts/coverage_nfr.py --max-periods 400      so that more of them settle
     python scripts/coverage_nfr.py --blind                without the linear model's help, as for co-simulation
+    python scripts/coverage_nfr.py --method settle        waited for, not solved for
 
 Each plant has one to five modes with damping ratios of 2e-4 … 2e-2 (logarithmic), the first at 1 Hz, the others at
 0.3 … 3 Hz, and is forced within ±4 damping ratios of the first resonance. Its response is known in closed form. It is
@@ -87,7 +88,9 @@ class Trial:
     periods: int
 
 
-def measure(plant: Plant, *, tolerance: float, max_periods: int, blind: bool, solver: str = "gear") -> Trial:
+def measure(
+    plant: Plant, *, tolerance: float, max_periods: int, blind: bool, solver: str = "gear", method: str = "auto"
+) -> Trial:
     """Return the trial of a plant; `blind`: without its linear model."""
     with plant.model(tolerance=tolerance, solver=solver) as model:
         task = PointTask(
@@ -97,6 +100,7 @@ def measure(plant: Plant, *, tolerance: float, max_periods: int, blind: bool, so
             amplitude=1.0,
             errcrit=0.1,
             max_periods=max_periods,
+            method=method,
             linear=None if blind else surroundings(model, "u", "y").linear,
         )
         job = PointsJob(tasks=(task,), carry=False, step=None)
@@ -141,8 +145,9 @@ def main() -> int:
     parser.add_argument("--max-periods", type=int, default=20)
     parser.add_argument("--solver", default="gear")
     parser.add_argument("--blind", action="store_true")
+    parser.add_argument("--method", choices=("auto", "settle"), default="auto")
     o = parser.parse_args()
-    how = {"tolerance": o.tolerance, "max_periods": o.max_periods, "blind": o.blind, "solver": o.solver}
+    how = {name: getattr(o, name) for name in ("tolerance", "max_periods", "blind", "solver", "method")}
     found = list(trials(o.plants, o.seed, **how))
     print("\n".join(lines(found)))
     settled = [t for t in found if t.status == "settled"]

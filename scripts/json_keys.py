@@ -32,6 +32,8 @@ LINES = (
     "nfr fmu:Rudder --input delC --output del --freq 1,2 --amplitude 1,4 --json nfr.json",
     "nfr fmu:FirstOrderLag --input u --output y --freq 1 --amplitude 1 --carry --json nfr_carried.json",
     "trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json",
+    "branches fmu:Duffing --input u --output y --amplitude 0.1 --band 0.15:0.3 --onset --json branches.json",
+    "nfr fmu:Duffing --input u --output y --amplitude 0.1 --band 0.15:0.3 --branches --json nfr_branches.json",
     "trim fmu:ElevatorLaw --json trim_law.json",
     "lin fmu:Rudder --at trim.json --inputs delC --json lin.json",
     "lin fmu:FirstOrderLag --over tau=0.1,0.2 --json lin_over.json",

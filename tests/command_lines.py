@@ -82,6 +82,7 @@ LINES = {
     "info": (f"{LAG_FMU} --no-probe", "model"),
     "simulate": (f"{LAG_FMU} --stop 300 --step 0.05 --input u=1", "time"),
     "nfr": (f"{LAG_FMU} {SWEEP}", "gain_db"),
+    "branches": (f"{LAG_FMU} --input u --output y --amplitude 1,2 --band 0.1:0.2 --in-process", "branches"),
     "trim": (f"{LAG_FMU} --u0 u=2", "converged"),
     "lin": (f"{LAG_FMU} --over tau=0.5,1,2", "systems"),
     "loop": ("loop.toml --open c.y --amplitude 1,2 --freq 0.1,0.2 --how inject --refine 0 --in-process", "measured"),

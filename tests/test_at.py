@@ -62,6 +62,8 @@ COMMANDS = {
     "simulate": ["simulate", "fmu:Rudder", "--stop", "0.01", "--in-process"],
     "nfr": [*NFR, "--in-process"],
     "nfr carried": [*NFR, "--in-process", "--carry"],
+    "branches": ["branches", "fmu:Rudder", "--input", "delC", "--output", "del", "--band", "4:5", "--amplitude", "0.01",
+                 "--seeds", "0"],
     "lin": ["lin", "fmu:Rudder"],
     "trim": ["trim", "fmu:Rudder", "--float", "p1,p2"],
     "excite": [

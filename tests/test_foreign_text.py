@@ -28,6 +28,8 @@ LINES: dict[str, tuple[list[str], str]] = {
     "info of a system": (["{system}"], "html"),
     "simulate": (["{fmu}", "--stop", "1", "--input", f"{U}=2", "--set", f"{X}=0.5"], "csv svg html"),
     "nfr": (["{fmu}", "--input", U, "--output", Y, "--freq", "1", "--amplitude", "1"], "csv svg html"),
+    "branches": (["{fmu}", "--input", U, "--output", Y, "--band", "1:2", "--amplitude", "1", "--seeds", "0"],
+                 "csv svg html"),
     "trim": (["{fmu}"], "csv svg html"),
     "lin": (["{fmu}"], "csv svg html"),
     "excite": ([

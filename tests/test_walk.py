@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 # Run in a process of its own: `main` takes over its signals.
 COUNTED = """
 import sys
@@ -24,19 +26,21 @@ def watched(*arguments):
 
 kernel().kernel_me_run = watched
 try:
-    main("nfr fmu:FirstOrderLag --input u --output y --freq 1 --amplitude 1 --in-process".split())
+    line = "nfr fmu:FirstOrderLag --input u --output y --freq 1 --amplitude 1 --in-process --method"
+    main([*line.split(), *sys.argv[1:]])
 finally:
     print("way:", *max((w for w in ways if "harmonics" in w), key=len), file=sys.stderr)
 """
 
 
-def test_a_frequency_passes_at_most_ten_functions_from_main_to_the_kernel() -> None:
-    ended = subprocess.run([sys.executable, "-c", COUNTED], capture_output=True, text=True, check=False)
+@pytest.mark.parametrize(("method", "own"), [("auto", "lap"), ("settle", "run_point")])
+def test_a_frequency_passes_at_most_ten_functions_from_main_to_the_kernel(method: str, own: str) -> None:
+    ended = subprocess.run([sys.executable, "-c", COUNTED, method], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     assert "period" in ended.stdout  # the page of the result
     *_, told = ended.stderr.splitlines()
     begin, *way = told.split()
     assert begin == "way:"
     assert way[0] == "main"
-    assert {"run_point", "harmonics"} <= set(way)  # the points, not what looks at the model before
+    assert {own, "harmonics"} <= set(way)  # the points, not what looks at the model before
     assert len(way) <= 10, " → ".join(way)

@@ -29,7 +29,8 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ),
     ("systems", "Systems", ("system", "analysis.delays")),
     ("loops", "Loops, limit cycles, control", (
-        "analysis.loop", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle", "analysis.feedback",
+        "analysis.loop", "analysis.branches", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle",
+        "analysis.feedback",
         "analysis.feed_forward", "analysis.reduction", "analysis.modes", "analysis.motions", "analysis.acceleration",
     )),
     ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check", "analysis.info")),

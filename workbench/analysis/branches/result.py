@@ -125,7 +125,7 @@ class BranchesResult(Record):
     warnings: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = field(default=None, metadata=entry())
 
-    _WHAT, _COMMAND = "branches of a frequency response", "branches"
+    _WHAT, _COMMAND = "a set of branches", "branches"
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each place: the branch's number, where it is, gain, phase, stability."""

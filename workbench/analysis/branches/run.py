@@ -17,8 +17,9 @@ from workbench.analysis.periodic.continuation import Place, Special, Track, arri
 from workbench.analysis.rates import sample_rates
 from workbench.core.forms import several
 from workbench.core.job import Job
-from workbench.errors import InputError, SimulationError, suggest
+from workbench.errors import InputError, SimulationError
 from workbench.model import Model
+from workbench.model.names import check_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats
 
@@ -307,17 +308,9 @@ def _check(model: Model, asked: Branches) -> None:
         raise InputError(f"branches: {model.name} has no states; its response is the same at every frequency: use nfr")
     if rates := sample_rates(model):
         raise InputError(f"branches: {model.name} samples every {rates[0]:g} s; use nfr --method settle")
-    known = [v.name for v in model.parameters if v.is_number]
-    for name in asked.vary:
-        if name != "amplitude" and name not in known:
-            raise InputError(f"vary: '{name}' is neither amplitude nor a parameter; {suggest(name, known)}")
-    outputs = [v.name for v in (*model.outputs, *model.states)]
-    for what, name, names in (
-        ("input", asked.input, [v.name for v in model.inputs]),
-        ("output", asked.output, outputs),
-    ):
-        if name not in names:
-            raise InputError(f"{what}: {model.name} has no '{name}'; {suggest(name, names)}")
+    check_variables(model, [asked.input], "input", what="input")
+    check_variables(model, [asked.output], "output", "state", what="output")
+    check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
 
 
 # -- the result -------------------------------------------------------------------------------------------------------

@@ -12,13 +12,13 @@ from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
-from workbench.analysis.nfr.solved import NotSolvedError, can_solve, solve_point
+from workbench.analysis.nfr.solved import Search, can_solve
 from workbench.analysis.nfr.step import at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import standing
 from workbench.session.base import Floats, Session
@@ -137,7 +137,11 @@ class PointsJob(Job):
                     session = stack.enter_context(model.open_session(signals=first, step=max(steps, default=None)))
                 evidence = task.evidence(known)
                 if not self.carry and can_solve(session, task):
-                    point = self._solved(model, session, task, evidence)
+                    search = Search(session, task, evidence)
+                    with search.trying():
+                        while search.found is None:
+                            search.add(search.periods.lap(**search.next))
+                    point = self._solved(model, session, task, search)
                 else:
                     point = run_point(session, task, evidence)
                 if self.carry and point.reason is None:
@@ -147,27 +151,24 @@ class PointsJob(Job):
                     session = known = None
                 yield point if model.interface == "cs" else replace(point, step=None)
 
-    def _solved(self, model: Model, session: CompiledMeSession, task: PointTask, evidence: Evidence) -> NfrPoint:
-        """Solve for a point; where that does not work, or what it finds is unstable, wait for it in a new session."""
-        found: NfrPoint | None = None
-        try:
-            found = solve_point(session, task, evidence).point(task)
-            if found.stable is not False:
-                return found
-        except (NotSolvedError, WorkbenchError):
-            pass  # it is waited for
+    def _solved(self, model: Model, session: Session, task: PointTask, search: Search) -> NfrPoint:
+        """Return what was solved for; where that did not work, or found what is unstable, wait in a new session."""
+        found = None if search.found is None else search.found.point(task)
+        if found is not None and found.stable is not False:
+            return found
         session.close()
         with model.open_session(signals={task.input: task.sine(model.start_time)}) as other:
-            waited = run_point(other, task, evidence)
+            waited = run_point(other, task, task.evidence())
             if found is not None:
                 return _beside(waited, found)
             if waited.status == "averaged" and isinstance(other, CompiledMeSession):
-                try:
-                    again = solve_point(other, task, evidence, warm=1).point(task)
-                except (NotSolvedError, WorkbenchError):
-                    again = waited
-                if again.stable:
-                    return replace(again, periods=again.periods + waited.periods)
+                again = Search(other, task, task.evidence(), warm=1)
+                with again.trying():
+                    while again.found is None:
+                        again.add(again.periods.lap(**again.next))
+                if not again.failed and again.found.stable:
+                    point = again.found.point(task)
+                    return replace(point, periods=point.periods + waited.periods)
             return waited
 
 

@@ -14,7 +14,7 @@ from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
 from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
-from workbench.analysis.periodic.period_map import ROWS, Span, one_period
+from workbench.analysis.periodic.period_map import ROWS, Span, period_of
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Session
@@ -159,9 +159,9 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
                     raise KeyboardInterrupt
                 k = len(settling.periods)
                 if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
-                    forced = {task.input: sine}
                     span = Span(sine.start, task.frequency, task.rows, k)
-                    period, longest = one_period(session, task.output, forced, span)
+                    found = session.harmonics(signals={task.input: sine}, **span.asked(task.output))
+                    period, longest = period_of(found), found.gap
                 else:
                     period, longest = _recorded(session, task, sine, k)
                 _check(period, task, time=session.time)

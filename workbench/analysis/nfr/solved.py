@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -15,10 +17,11 @@ from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap, PeriodMap, correction, resolvent_rows
 from workbench.core.matrices import Complex
+from workbench.errors import WorkbenchError
 from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["NotSolvedError", "Solved", "can_solve", "solve_point"]
+__all__ = ["NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]
 
 # Intervals in which the slopes along a period are taken, one level after the other: a coarse derivative does for
 # Newton's method while it converges.
@@ -122,7 +125,21 @@ _SHOWN = 6  # multipliers
 
 
 def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence, *, warm: int = 0) -> Solved:
-    """Solve for the periodic response.
+    """Solve for the periodic response; see `Search`.
+
+    Raises:
+        NotSolvedError: it does not converge, or there is no response.
+        SimulationError: the model cannot be run there; the session cannot be continued.
+        KeyboardInterrupt: `task.stopped`.
+    """
+    search = Search(session, task, evidence, warm=warm)
+    while search.found is None:
+        search.add(search.periods.lap(**search.next))
+    return search.found
+
+
+class Search:
+    """Solves for the periodic response, period by period.
 
     The fixed point of the period map φ(x) = x(T) is found by Newton's method, x ← x + (I − Φ)⁻¹(φ(x) − x), beginning
     at the periodic motion of the linear model. Φ is that of the linear model while it describes the motion; then it
@@ -136,25 +153,92 @@ def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence,
         warm: run so many periods from where the session stands and begin there; 0: begin at the periodic motion of the
             linear model.
 
-    Raises:
-        NotSolvedError: it does not converge, or there is no response.
-        SimulationError: the model cannot be run there; the session cannot be continued.
-        KeyboardInterrupt: `task.stopped`.
+    Attributes:
+        periods: the period map.
+        found: the response, once it is known.
+        failed: why it was not found, see `trying`; empty: it was, or may yet be.
 
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 7.3 (shooting); A. H. Nayfeh, B. Balachandran,
     Applied Nonlinear Dynamics, 6.5.
     """
-    return _Search(session, task, evidence).run(warm=warm)
 
-
-class _Search:
-    def __init__(self, session: CompiledMeSession, task: PointTask, evidence: Evidence) -> None:
-        self._map = PeriodMap(session, task.output, task.input, task.centre, task.rows)
+    def __init__(self, session: CompiledMeSession, task: PointTask, evidence: Evidence, *, warm: int = 0) -> None:
+        self.periods = PeriodMap(session, task.output, task.input, task.centre, task.rows)
+        self.found: Solved | None = None
+        self.failed = ""
         self._task, self._evidence, self._count = task, evidence, 0
         self._linear = self._linear_tangent()
-        n = session.instance.nx
-        self._level = -1 if self._linear is not None and n > _CHEAP else 0
+        self._level = -1 if self._linear is not None and session.instance.nx > _CHEAP else 0
         self._differ = False
+        self._warm = max(warm - 1, 0)
+        self._most = _MOST + self._warm
+        self._x = None if warm else self._start()
+        self._before: tuple[Lap, float] | None = None
+        self._quiet = 0
+
+    @contextmanager
+    def trying(self) -> Iterator[None]:
+        """Keep as `failed` why the response cannot be solved for."""
+        try:
+            yield
+        except (NotSolvedError, WorkbenchError) as error:
+            self.failed = str(error)
+
+    @property
+    def next(self) -> dict[str, Any]:
+        """What `PeriodMap.lap` is asked for next.
+
+        Raises:
+            KeyboardInterrupt: the task is stopped.
+            NotSolvedError: there were periods enough.
+        """
+        if self._task.stopped():
+            raise KeyboardInterrupt
+        if self._count >= self._most:
+            raise NotSolvedError(f"Newton's method did not converge in {self._most} periods")
+        intervals = 0 if self._level < 0 or self._warm else _LEVELS[self._level]
+        task = self._task
+        return {"frequency": task.frequency, "amplitude": task.amplitude, "x": self._x, "intervals": intervals}
+
+    def add(self, lap: Lap) -> None:
+        """Take the next period.
+
+        Args:
+            lap: what `next` has asked for.
+
+        Raises:
+            NotSolvedError: there is no response, or no derivative.
+        """
+        self._count += 1
+        if self._warm:
+            self._warm -= 1
+            self._x = None
+            return
+        lap = self._checked(lap)
+        at = self._derivative(lap)
+        e, left = correction(lap, at.Phi)
+        distance = float(np.max(np.abs(e / lap.unit), initial=0.0))
+        if not math.isfinite(distance):
+            raise NotSolvedError("the period map has no finite derivative")
+        change = abs(complex(*(at.rows @ e)[1:])) / abs(fundamental(lap.period.harmonics))
+        before, rate = self._before, 0.0
+        if before is not None:
+            rate = distance / max(before[1], 1e-300)
+        good = change <= self._tolerance and distance <= _REACHED and (left <= _LEFT or self._is_small(lap))
+        self._quiet = self._quiet + 1 if good else 0
+        trusted = at is not self._linear or self._alike(lap)
+        if self._quiet > (lap.events > 0) and trusted:
+            found = self._solved(lap, at, e)
+            if found.stable is not None or not self._finer():
+                self.found = found
+                return
+        elif rate > _POOR or not trusted:
+            self._finer()
+        if before is not None and rate > _WORSE:
+            self._x = before[0].x0 + 0.25 * (lap.x0 - before[0].x0)
+            return
+        # With events the next period shows whether the discrete states repeat, too.
+        self._before, self._x = (lap, distance), None if good and lap.events else lap.x0 + e
 
     def _linear_tangent(self) -> Tangent | None:
         twin = self._evidence.twin
@@ -162,66 +246,29 @@ class _Search:
             return None
         return Tangent(twin.forced.phi, twin.forced.rows, np.zeros(len(twin.forced.phi)))
 
-    def run(self, *, warm: int) -> Solved:
-        x = None if warm else self._start()
-        for _ in range(warm - 1):
-            self._lap(None)
-        before: tuple[Lap, float] | None = None
-        quiet = 0
-        for _ in range(_MOST):
-            lap = self._lap(x)
-            at = self._derivative(lap)
-            e, left = correction(lap, at.Phi)
-            distance = float(np.max(np.abs(e / lap.unit), initial=0.0))
-            if not math.isfinite(distance):
-                raise NotSolvedError("the period map has no finite derivative")
-            change = abs(complex(*(at.rows @ e)[1:])) / abs(fundamental(lap.period.harmonics))
-            rate = 0.0 if before is None else distance / max(before[1], 1e-300)
-            good = change <= self._tolerance and distance <= _REACHED
-            good = good and (left <= _LEFT or self._is_small(lap, at))
-            quiet = quiet + 1 if good else 0
-            if quiet > (lap.events > 0) and (at is not self._linear or self._alike(lap)):
-                found = self._solved(lap, at, e)
-                if found.stable is not None or not self._finer():
-                    return found
-            elif rate > _POOR or (at is self._linear and not self._alike(lap)):
-                self._finer()
-            if before is not None and rate > _WORSE:
-                x = before[0].x0 + 0.25 * (lap.x0 - before[0].x0)
-                before = (before[0], before[1])
-                continue
-            before, x = (lap, distance), lap.x0 + e
-            if good:
-                x = None if quiet and lap.events else x
-        raise NotSolvedError(f"Newton's method did not converge in {_MOST} periods")
-
     def _start(self) -> Floats | None:
         """Return the periodic motion of the linear model; None: begin where the session stands."""
         twin = self._evidence.twin
         if twin is None:
             return None
-        start: Floats = self._map.session.stand() + twin.periodic
+        start: Floats = self.periods.session.stand() + twin.periodic
         return start if np.isfinite(start).all() else None
 
-    def _lap(self, x: Floats | None) -> Lap:
-        if self._task.stopped():
-            raise KeyboardInterrupt
-        self._count += 1
-        intervals = 0 if self._level < 0 else _LEVELS[self._level]
-        lap = self._map.lap(self._task.frequency, self._task.amplitude, x, intervals=intervals)
+    def _checked(self, lap: Lap) -> Lap:
+        """Return a lap in units of the motion, if there is a response."""
         floor = self._evidence.floor(abs(lap.period.drive), lap.period.size)
-        twin = self._evidence.twin
-        if self._level < 0 and twin is not None:
-            motion = self._task.amplitude * np.abs(twin.forced.states)
-            lap = replace(lap, unit=np.maximum(motion, 1e-9 * np.maximum(np.abs(lap.x0), 1e-300)))
         if not lap.period.responds(floor) or lap.period.drive == 0.0:
             raise NotSolvedError("there is no response at the frequency of the input")
-        return lap
+        twin = self._evidence.twin
+        if self._level >= 0 or twin is None:
+            return lap
+        motion = self._task.amplitude * np.abs(twin.forced.states)
+        return replace(lap, unit=np.maximum(motion, 1e-9 * np.maximum(np.abs(lap.x0), 1e-300)))
 
     def _derivative(self, lap: Lap) -> Tangent:
         if self._differ:
             self._count += len(lap.x0)
-            found = self._map.by_differences(lap, self._task.frequency, self._task.amplitude).tangent
+            found = self.periods.by_differences(lap, self._task.frequency, self._task.amplitude).tangent
         else:
             found = self._linear if self._level < 0 else lap.tangent
         if len(lap.x0) == 0:
@@ -235,7 +282,7 @@ class _Search:
         if self._level + 1 < len(_LEVELS):
             self._level += 1
             return True
-        if self._differ or self._map.session.instance.nx > _FEW_STATES:
+        if self._differ or self.periods.session.instance.nx > _FEW_STATES:
             return False
         self._differ = True
         return True
@@ -253,9 +300,8 @@ class _Search:
         measured = fundamental(lap.period.harmonics) / lap.period.drive
         return abs(measured - twin.forced.response) <= _ALIKE * abs(measured)
 
-    def _is_small(self, lap: Lap, at: Tangent) -> bool:
+    def _is_small(self, lap: Lap) -> bool:
         """Whether what is left of the defect hardly moves the states in a period."""
-        del at
         return float(np.max(np.abs(lap.defect / lap.unit), initial=0.0)) <= 1e-2 * self._tolerance
 
     def _solved(self, lap: Lap, at: Tangent, e: Floats) -> Solved:

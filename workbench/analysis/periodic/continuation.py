@@ -208,8 +208,8 @@ def _correct(
             raise SimulationError("Newton's method leaves the branch")
         rate = moved / before if math.isfinite(before) else 1.0
         x, p = x + step[:-1] * lap.unit, p + float(step[-1])
-        # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are small
-        # though the period does not close.
+        # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are
+        # small though the period does not close.
         there = moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED)
         closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
         if (moved < _EXACTLY if exact else there) and closes:

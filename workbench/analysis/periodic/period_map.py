@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from workbench.analysis.periodic.monodromy import Tangent, instants, tangent
 from workbench.core.matrices import Complex
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
-from workbench.session.compiled import CompiledMeSession, CompiledSession
+from workbench.session.compiled import CompiledMeSession, Harmonics
 from workbench.signals import Signal, Sine
 
-__all__ = ["ROWS", "Lap", "PeriodMap", "Span", "correction", "one_period", "resolvent_rows"]
+__all__ = ["ROWS", "Lap", "PeriodMap", "Span", "correction", "period_of", "resolvent_rows"]
 
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
@@ -58,31 +58,24 @@ class Span:
         times: Floats = self.begin + parts / self.frequency
         return times
 
+    def asked(self, output: str) -> dict[str, Any]:
+        """Return what `CompiledSession.harmonics` is told besides the signals, to measure an output."""
+        points, orders = self.points, max(1, min(ORDERS, self.rows // 4))
+        return {
+            "until": float(points[-1]),
+            "record": (output,),
+            "begin": self.begin,
+            "frequency": self.frequency,
+            "orders": orders,
+            "points": points,
+            "basis": _basis(self.rows, orders, self.order),
+        }
 
-def one_period(
-    session: CompiledSession, output: str, signals: Mapping[str, Signal], span: Span
-) -> tuple[Period, float]:
-    """Run a period; return its harmonics and the largest distance of two rows [s].
 
-    Args:
-        session: stands at the begin of the period.
-        output: what is measured.
-        signals: what forces the inputs; the fundamental of the first one is the drive.
-        span: which period.
-    """
-    points, orders = span.points, max(1, min(ORDERS, span.rows // 4))
-    found = session.harmonics(
-        float(points[-1]),
-        signals=signals,
-        record=(output,),
-        begin=span.begin,
-        frequency=span.frequency,
-        orders=orders,
-        points=points,
-        basis=_basis(span.rows, orders, span.order),
-    )
-    drive = fundamental(next(iter(found.inputs.values()))) if signals else 0.0j
-    return Period(found.values[output], drive, found.largest[output]), found.gap
+def period_of(found: Harmonics) -> Period:
+    """Return what the one output did in a period, and the one input, where there is one."""
+    (output,), inputs = found.values, list(found.inputs.values())
+    return Period(found.values[output], fundamental(inputs[0]) if inputs else 0.0j, found.largest[output])
 
 
 @lru_cache(maxsize=8)
@@ -170,7 +163,7 @@ class PeriodMap:
         with ExitStack() as stack:
             if intervals and len(x0):
                 slopes = stack.enter_context(session.slopes(instants(begin, length, intervals * self.order), 1))
-            period, _ = one_period(session, self.output, signals, span)
+            period = period_of(session.harmonics(signals=signals, **span.asked(self.output)))
         if not np.isfinite(period.harmonics).all():
             raise SimulationError(f"{self.output} is not finite", time=session.time)
         lap = Lap(x0, session.stand(), period, session.events - events, np.maximum(np.abs(x0), 1e-12))
