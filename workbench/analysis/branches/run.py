@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,8 @@ class _Search:
         most: places on a branch.
         marks: parameters at which there is to be a place.
         tracks: what was found, with the family of each.
+        unfinished: what is being followed, likewise.
+        families: all of them, to be closed.
     """
 
     family: Forced
@@ -67,6 +70,9 @@ class _Search:
     most: int
     marks: Sequence[float] = ()
     tracks: list[tuple[Forced, Track]] = field(default_factory=list)
+    unfinished: list[tuple[Forced, Track]] = field(default_factory=list)
+    families: list[Forced] = field(default_factory=list)
+    _left: int = 0
 
     def from_starts(self) -> None:
         """Follow the branches on which the model's start leads."""
@@ -95,7 +101,7 @@ class _Search:
             p = (k + 0.5) / count
             x = random.standard_normal(len(reach)) * reach
             for m in range(1, order + 1):
-                family = self.family if m == 1 else self.family.again(order=m)
+                family = self.family if m == 1 else self._again(self.family, m)
                 try:
                     place = self._reach(family, x, p)
                 except SimulationError:
@@ -115,16 +121,20 @@ class _Search:
 
     def branching(self, order: int) -> None:
         """Follow what leaves the branches at period doublings, up to an order, and where branches cross."""
-        done = 0
-        while done < len(self.tracks):
-            family, track = self.tracks[done]
-            done += 1
+        while self._left < len(self.tracks):
+            family, track = self.tracks[self._left]
+            self._left += 1
             for special in track.special:
                 if special.kind == "branch point":
                     self._leave(family, special.place, 1.0, _ASIDE)
                     self._leave(family, special.place, 1.0, -_ASIDE)
                 elif special.kind == "period doubling" and 2 * family.order <= order:
-                    self._leave(family.again(order=2 * family.order), special.place, -1.0, _ASIDE)
+                    self._leave(self._again(family, 2 * family.order), special.place, -1.0, _ASIDE)
+
+    def _again(self, family: Forced, order: int) -> Forced:
+        """Return the family of another order."""
+        self.families.append(family.again(order=order))
+        return self.families[-1]
 
     def _leave(self, family: Forced, crossing: Place, multiplier: float, aside: float) -> None:
         """Follow what leaves a branch, away from it."""
@@ -133,7 +143,8 @@ class _Search:
         except SimulationError:
             return
         if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
-            track = follow(family, place, way=0.0, told=self.told, most=self.most, marks=self.marks)
+            track = follow(family, place, way=0.0, **self._how(family))
+            self.unfinished.clear()
             track.ends = ("it leaves another branch", track.ends[1])
             if not self._is_known(family, track.places[len(track.places) // 2]):
                 self.tracks.append((family, track))
@@ -183,14 +194,27 @@ class _Search:
     def _follow(self, family: Forced, place: Place) -> None:
         if self._is_known(family, place):
             return
-        track = both_ways(family, place, told=self.told, most=self.most, marks=self.marks)
+        track = both_ways(family, place, **self._how(family))
+        self.unfinished.clear()
         # Where it meets the branch of half its period it crosses itself: that is told there, as a period doubling.
         own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
         self.tracks.append((family, replace(track, special=own)))
 
+    def _how(self, family: Forced) -> dict[str, Any]:
+        """Return what following is told, to keep what is there if it is stopped."""
+        return {
+            "told": self.told,
+            "most": self.most,
+            "marks": self.marks,
+            "begun": lambda track: self.unfinished.append((family, track)),
+        }
+
 
 def explore(
-    family: Forced, asked: Branches, told: Callable[[Place], None] = lambda _: None
+    family: Forced,
+    asked: Branches,
+    told: Callable[[Place], None] = lambda _: None,
+    begun: Callable[[_Search], None] = lambda _: None,
 ) -> list[tuple[Forced, Track]]:
     """Return all branches of a family that can be found.
 
@@ -198,16 +222,22 @@ def explore(
         family: period maps of order 1.
         asked: how far to look.
         told: called for each place.
+        begun: called with what holds the branches while they are found.
 
     Raises:
         SimulationError: no periodic response was found.
     """
     marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
     search = _Search(family, told, asked.places, marks)
-    search.from_starts()
-    search.branching(asked.order)
-    search.from_seeds(asked.seeds, asked.order)
-    search.branching(asked.order)
+    begun(search)
+    try:
+        search.from_starts()
+        search.branching(asked.order)
+        search.from_seeds(asked.seeds, asked.order)
+        search.branching(asked.order)
+    finally:
+        for one in (family, *search.families):
+            one.close()
     return search.tracks
 
 
@@ -223,11 +253,13 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     notes, stop = list(remarks), _Stop()
     onset: Onset | None = None
     amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
-    progress = _Progress(job, len(amplitudes))
+    progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()
     units = {v.name: v.unit for v in (*model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
-        branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in found)
+        now = [t for search in at_work for t in (*search.tracks, *search.unfinished)]
+        every = [*found, *((None if vary == "amplitude" else f.amplitude, f, t) for f, t in now)]
+        branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in every)
         return BranchesResult(
             model=model.name,
             interface=model.interface,
@@ -238,14 +270,14 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
             output_unit=units.get(asked.output),
             vary=vary,
             branches=branches,
-            folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(found) for s in track.special),
+            folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(every) for s in track.special),
             onset=onset,
-            periods=sum({id(f): f.count for _, f, _ in found}.values()),
+            periods=sum({id(f): f.count for _, f, _ in every}.values()),
             warnings=(*notes, *_cut_short(branches)),
             operating_point=point,
         )
 
-    job.partial = lambda: result() if found else None
+    job.partial = lambda: result() if found or any(s.tracks or s.unfinished for s in at_work) else None
     job.notes = notes
     frequency = several(asked.frequencies or (1.0,))[0]
     with job.ended_by(stop.now):
@@ -254,7 +286,8 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
                 model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
                 stopped=lambda: stop.asked or job.stopped,
             )  # fmt: skip
-            tracks = explore(family, asked, progress.at)
+            tracks = explore(family, asked, progress.at, at_work.append)
+            at_work.clear()
             found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
             if asked.onset and amplitude == amplitudes[-1]:
                 onset = _onset(tracks, progress.at)

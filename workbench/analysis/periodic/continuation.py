@@ -248,6 +248,7 @@ def _regular(matrix: Floats, direction: Floats) -> float:
 def follow(
     family: Family, first: Place, *, way: float = 1.0, stopped: Callable[[], bool] = lambda: False,
     told: Callable[[Place], None] = lambda _: None, most: int = _MOST_PLACES, marks: Sequence[float] = (),
+    begun: Callable[[Track], None] = lambda _: None,
 ) -> Track:  # fmt: skip
     """Follow a branch from a place until the parameter leaves its bounds, or the branch closes.
 
@@ -265,12 +266,14 @@ def follow(
         told: called with each place.
         most: number of places.
         marks: parameters at which there is to be a place.
+        begun: called with the branch, which fills up while it is followed.
 
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4.5 and 7.5; Yu. A. Kuznetsov, Elements of Applied
     Bifurcation Theory, 10.
     """
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else _turned(first)
     track, stride = Track([here]), _FIRST
+    begun(track)
     while True:
         if stopped():
             raise KeyboardInterrupt
