@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from workbench.analysis.lin.sweep import with_parameters
+from workbench.analysis.periodic.continuation import Place
 from workbench.analysis.periodic.period_map import Lap, PeriodMap
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
@@ -153,6 +154,9 @@ class Forced:
             return lap, lap.tangent.stretch * longer
         moved = self.run(x, p + _NUDGE)
         return lap, (moved.x1 - lap.x1) / _NUDGE
+
+    def stands(self, place: Place) -> None:
+        """Take no note: the forcing holds the phase."""
 
     def finer(self) -> bool:
         """Take the slopes at more instants from now on; False: they are as many as there can be."""

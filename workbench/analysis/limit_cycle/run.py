@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -38,7 +38,7 @@ from workbench.analysis.limit_cycle.request import (
     LimitCycles,
 )
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
-from workbench.analysis.limit_cycle.shooting import shoot
+from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits, shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.blas import one_thread
@@ -71,7 +71,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
         loop = cut(system, asked.block, at=system.at, time=time, keep=keep)
         curve = _crossings(system, loop, asked)
         job.done("crossings", 1, steps)
-        work = _Work(system, loop, curve, names, asked, time, keep)
+        work = _Work(system, loop, curve, names, asked, time, keep, job)
         result = work.run()
         job.partial = lambda: result
         job.done("limit cycles", 2, steps)
@@ -123,6 +123,7 @@ class _Work:
     asked: LimitCycles
     time: float
     keep: ExitStack
+    job: Job
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
@@ -254,8 +255,7 @@ class _Work:
         """Return the branches over a parameter through the cycles of harmonic balance, each once."""
         block = self.loop.block
         if block is None:
-            self.notes.append(f"{name}: a measured block cannot be followed")
-            return []
+            return self._followed_by_shooting(name, limits)
         family, start = self._family(name, block, limits)
         if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
@@ -263,6 +263,35 @@ class _Work:
         for cycle in self.cycles:
             if not any(_passes(b, start, cycle) for b in found):
                 found.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
+        return found
+
+    def _followed_by_shooting(self, name: str, limits: tuple[float, float]) -> list[Branch]:
+        """Return the branches over a parameter of the system through the closed orbits that shooting found."""
+        if name == GAIN:
+            self.notes.append("gain: it is no parameter of a measured loop; vary one of the system's")
+            return []
+        check_variables(self.system, [name], "parameter", "state", what="vary", number=True)
+        with self.system.open_session(start_time=self.time) as session:
+            start = session.values([name])[name]
+        if not limits[0] < start < limits[1]:
+            raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
+        opened = _Opened(self.system, name, limits)
+        self.keep.callback(opened.close)
+        found: list[Branch] = []
+        for cycle in [c for c in self.found if c.method == SHOOTING]:
+            states = cycle.states or {}
+            if any(_near(b, start, cycle.amplitude) for b in found):
+                continue
+            sizes = {n: max(abs(x), 1e-6) for n, x in states.items()}
+            orbits = Orbits(
+                opened.at, tuple(states), sizes, self.loop.point.u, self.loop.ports.v, self.time, (0.0, 1.0)
+            )
+            try:
+                first = orbits.arrive(states, cycle.frequency_hz, (start - limits[0]) / (limits[1] - limits[0]))
+            except SimulationError as error:
+                self.notes.append(f"{name}: the cycle of {cycle.frequency_hz:.4g} Hz cannot be followed: {error}")
+                continue
+            found.append(follow_orbits(orbits, first, parameter=name, limits=limits, stopped=lambda: self.job.stopped))
         return found
 
     def _family(self, name: str, block: Block, limits: tuple[float, float]) -> tuple[Family, float]:
@@ -395,6 +424,44 @@ def _place(c: LimitCycle) -> tuple[int, int]:
 
 def _named(number: int | None) -> str:
     return "free run" if number is None else f"crossing {number + 1}"
+
+
+class _Opened:
+    """A system at other values of one of its parameters, the newest kept open."""
+
+    def __init__(self, system: DescribedModel, name: str, limits: tuple[float, float]) -> None:
+        self._system, self._name, self._limits = system, name, limits
+        self._open: dict[float, DescribedModel] = {}
+
+    def at(self, p: float) -> AbstractContextManager[DescribedModel]:
+        """Return the system at a part of the way between the limits."""
+        value = self._limits[0] + (self._limits[1] - self._limits[0]) * p
+        if value not in self._open:
+            if len(self._open) >= _KEPT:
+                self._open.pop(next(iter(self._open))).close()
+            recipe = self._system.recipe
+            starts = {**recipe.start_values, self._name: value}
+            self._open[value] = replace(recipe, start_values=starts).open()
+        return nullcontext(self._open[value])
+
+    def close(self) -> None:
+        """Close what is open."""
+        for model in self._open.values():
+            model.close()
+        self._open.clear()
+
+
+_KEPT = 4  # opened systems
+
+
+def _near(branch: Branch, value: float, amplitude: float) -> bool:
+    """Whether a branch has an orbit of an amplitude at a value of its parameter."""
+    for a, b in pairwise(branch.points):
+        if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
+            part = (value - a.value) / (b.value - a.value)
+            if abs((a.amplitude + part * (b.amplitude - a.amplitude)) / amplitude - 1.0) < _ON_BRANCH:
+                return True
+    return False
 
 
 def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:

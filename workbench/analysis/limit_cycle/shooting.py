@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.passes import half_range, told_mean
+from workbench.analysis.periodic.continuation import Place, arrive, both_ways
+from workbench.analysis.periodic.monodromy import Tangent
+from workbench.analysis.periodic.period_map import Lap, PeriodMap
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
+from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["Orbit", "shoot"]
+__all__ = ["Orbit", "Orbits", "follow_orbits", "shoot"]
 
 _TOLERANCE = 1e-10
-_NUDGE = 1e-5  # of the size of each state
-_CLOSE = 1e-7
-_ROUNDS = 16
-_CLOSING = 0.2
-_NEARBY = 2e-3
+_NUDGE = 1e-4  # of the span of a parameter
 _MOST_STATES = 200
 _SAMPLES = 1000
-_FARTHEST = 0.5  # relative change of the period in one step
+_DOUBT = 1e-3  # by which the flow may fail to be mapped onto itself where the slopes along the orbit are believed
+_INTERVALS, _EXACT = 20, 200  # in which they are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +66,8 @@ def shoot(
 ) -> Orbit | str:
     """Return the closed orbit near a predicted state; in words why there is none.
 
-    Newton's method on φ(x, T) = x, the step kept orthogonal to the flow; the Jacobian by differences of
-    whole periods. It finds unstable orbits as well.
+    Newton's method on φ(x, T) = x, the step kept orthogonal to the flow; the Jacobian by the slopes along the orbit, or
+    by differences of whole periods where jumps of the flow make the slopes fail. It finds unstable orbits as well.
 
     Args:
         model: continuous model exchange.
@@ -76,111 +80,162 @@ def shoot(
 
     Source: Seydel, Practical Bifurcation and Stability Analysis, 7.3.
     """
-    names = list(states)
-    if len(names) > _MOST_STATES:
-        return f"{len(names)} states are too many for differences of whole periods"
+    if len(states) > _MOST_STATES:
+        return f"{len(states)} states are too many for shooting"
+    orbits = Orbits(lambda _: nullcontext(model), tuple(states), sizes, inputs, watch, time)
     try:
-        shooting = _Shooting(_Task(model, inputs, watch, time), names, sizes)
-        return shooting.run(np.array([states[n] for n in names]), 1.0 / frequency)
+        return orbits.orbit(orbits.arrive(states, frequency))
     except (SimulationError, InputError) as error:
         return str(error)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What is run."""
+@dataclass
+class Orbits:
+    """Closed orbits over a parameter, a `Family` of the map (x, ln T) → (φ(x, T), ln T + phase condition).
 
-    model: DescribedModel
+    The phase condition keeps x on a plane across the orbit. Every period is run in a session of its own, so that
+    connections that close later stay open.
+
+    Attributes:
+        open: parameter → the model there.
+        names: of the states.
+        sizes: how far each moves in a period.
+        inputs: held values.
+        watch: variable that is measured.
+        time: session time at which each period begins [s].
+        bounds: lowest and highest parameter.
+        differ: whether derivatives are differences of whole periods.
+    """
+
+    open: Callable[[float], AbstractContextManager[DescribedModel]]
+    names: tuple[str, ...]
+    sizes: Mapping[str, float]
     inputs: Mapping[str, float]
     watch: str
     time: float
+    bounds: tuple[float, float] = (0.0, 0.0)
+    differ: bool = False
+    intervals: int = _INTERVALS
+    _anchor: tuple[Floats, Floats] | None = None
 
+    def arrive(self, states: Mapping[str, float], frequency: float, p: float = 0.0) -> Place:
+        """Return the orbit near a predicted one.
 
-class _Shooting:
-    def __init__(self, task: _Task, names: list[str], sizes: Mapping[str, float]) -> None:
-        self._model, self._names, self._inputs, self._time = task.model, names, task.inputs, task.time
-        self._watch = task.watch
-        size = np.array([sizes[n] for n in names])
-        self._size = np.maximum(size, 1e-9 * max(float(size.max(initial=0.0)), 1e-300))
+        Raises:
+            SimulationError: there is none.
+        """
+        start = np.append([states[n] for n in self.names], -np.log(frequency))
+        try:
+            place = arrive(self, start, p, exact=True)
+            if place.at.doubt <= _DOUBT:
+                return place
+        except SimulationError:
+            place = None
+        self.differ, self._anchor = True, None
+        return arrive(self, start if place is None else place.x, p, exact=True)
 
-    def run(self, x: Floats, period: float) -> Orbit | str:
-        flow, residual, origin = self._direction(x), np.inf, x
-        jacobian: Floats | None = None
-        for _ in range(_ROUNDS):
-            end = self._after(x, period)
-            distance = (end - x) / self._size
-            before, residual = residual, float(np.abs(distance).max())
-            moved = float(np.abs((x - origin) / self._size).max())
-            # A Jacobian is good for the steps after it as long as they close in, and for the multipliers nearby.
-            if jacobian is None or (residual > _CLOSING * before or moved > _NEARBY):
-                jacobian, origin = self._jacobian(x, period, end), x
-            if residual < _CLOSE:
-                return self._orbit(x, period, jacobian, residual)
-            step, stretch = self._newton(jacobian, self._direction(end), flow, distance, period)
-            x, period = x + step * self._size, period + stretch
-        return f"shooting did not arrive in {_ROUNDS} steps: distance {residual:.1e} of the orbit's size"
+    def stands(self, place: Place) -> None:
+        """Take the plane across the orbit at a place from now on."""
+        del place
+        self._anchor = None
 
-    def _newton(
-        self, jacobian: Floats, end_flow: Floats, flow: Floats, distance: Floats, period: float
-    ) -> tuple[Floats, float]:
-        n = len(distance)
-        system = np.zeros((n + 1, n + 1))
-        system[:n, :n] = jacobian - np.eye(n)
-        system[:n, n] = end_flow * period
-        system[n, :n] = flow / max(float(np.linalg.norm(flow)), 1e-300)
-        found = np.linalg.lstsq(system, np.append(-distance, 0.0), rcond=1e-12)[0]
-        shrink = min(1.0, _FARTHEST / max(abs(found[n]), 1e-300), 1.0 / max(float(np.abs(found[:n]).max()), 1e-300))
-        return shrink * found[:n], float(shrink * found[n] * period)
+    def finer(self) -> bool:
+        """Take the slopes at more instants from now on; False: they are as many as there can be."""
+        better = self.intervals < _EXACT and not self.differ
+        self.intervals = min(_EXACT, 3 * self.intervals)
+        return better
 
-    def _jacobian(self, x: Floats, period: float, end: Floats) -> Floats:
-        """Return ∂φ/∂x in units of the sizes."""
-        columns = []
-        for i in range(len(x)):
-            moved = x.copy()
-            moved[i] += _NUDGE * self._size[i]
-            columns.append((self._after(moved, period) - end) / self._size / _NUDGE)
-        return np.array(columns, dtype=np.float64).T
+    def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
+        """Run one period; see `Family`."""
+        lap = self._run(x, p, _EXACT if exact else self.intervals)
+        if self.bounds[0] == self.bounds[1]:
+            return lap, np.zeros(len(x))
+        moved = self._run(x, p + _NUDGE, 0)
+        return lap, (moved.x1 - lap.x1) / _NUDGE
 
-    def _orbit(self, x: Floats, period: float, jacobian: Floats, residual: float) -> Orbit:
-        found, doubt = _across(jacobian, self._direction(x))
-        states = dict(zip(self._names, x.tolist(), strict=True))
-        v = self._along(x, period)
+    def _run(self, z: Floats, p: float, intervals: int) -> Lap:
+        """Run one period of the extended map, with its derivative if that takes intervals."""
+        x, period = z[:-1], float(np.exp(z[-1]))
+        with self.open(p) as model:
+            lap = self._period(model, x, period, max(intervals, 1))
+            unit = np.append(lap.unit, 1.0)
+            if self._anchor is None:
+                away = (lap.flow if lap.flow is not None else lap.defect) / lap.unit
+                self._anchor = x.copy(), away / max(float(np.linalg.norm(away)), 1e-300) / lap.unit
+            start, across = self._anchor
+            phase = float(across @ (x - start))
+            whole = replace(lap, x0=z, x1=np.append(lap.x1, z[-1] - phase), unit=unit)
+            if not intervals:
+                return whole
+            Phi, rows, flow = self._derivative(model, lap, period)
+        others, doubt = _across(Phi * lap.unit / lap.unit[:, None], flow / lap.unit)
+        extended = np.block([[Phi, (flow * period)[:, None]], [-across[None, :], np.ones((1, 1))]])
+        n = len(x)
+        tangent = Tangent(extended, np.column_stack([rows, np.zeros(3)]), np.zeros(n + 1), others=others, doubt=doubt)
+        return replace(whole, tangent=tangent)
+
+    def _period(self, model: DescribedModel, x: Floats, period: float, intervals: int) -> Lap:
+        with self._session(model, x) as session:
+            lap = PeriodMap(session, self.watch).lap(1.0 / period, intervals=intervals)
+        order = self._order(model)
+        sizes = np.array([self.sizes[n] for n in self.names])
+        least = np.maximum(sizes, 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))
+        unit = least if lap.tangent is None else np.maximum(lap.unit[order], 1e-3 * least)
+        tangent = lap.tangent
+        if tangent is not None:
+            Phi = tangent.Phi[np.ix_(order, order)]
+            tangent = replace(tangent, Phi=Phi, rows=tangent.rows[:, order], stretch=tangent.stretch[order])
+        flow = None if lap.flow is None else lap.flow[order]
+        return replace(lap, x0=x, x1=lap.x1[order], unit=unit, tangent=tangent, flow=flow)
+
+    def _derivative(self, model: DescribedModel, lap: Lap, period: float) -> tuple[Floats, Floats, Floats]:
+        if lap.flow is None or lap.tangent is None:
+            raise SimulationError("the model cannot be linearised along its motion")
+        if not self.differ:
+            return lap.tangent.Phi, lap.tangent.rows, lap.flow
+        n = len(lap.x0)
+        Phi, rows = np.empty((n, n)), np.empty((3, n))
+        for i in range(n):
+            x, step = lap.x0.copy(), _APART * lap.unit[i]
+            x[i] += step
+            moved = self._period(model, x, period, 1)
+            Phi[:, i] = (moved.x1 - lap.x1) / step
+            rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
+        return Phi, rows, lap.flow
+
+    def _session(self, model: DescribedModel, x: Floats) -> CompiledMeSession:
+        values = {**self.inputs, **dict(zip(self.names, x.tolist(), strict=True))}
+        session = model.open_at(time=self.time, values=values, tolerance=_TOLERANCE)
+        if not isinstance(session, CompiledMeSession):
+            session.close()
+            raise InputError("shooting needs model exchange")
+        return session
+
+    def _order(self, model: DescribedModel) -> list[int]:
+        place = {v.name: i for i, v in enumerate(model.states)}
+        return [place[n] for n in self.names]
+
+    def orbit(self, place: Place, p: float = 0.0) -> Orbit:
+        """Return what a place is, measured along it."""
+        x, period = place.x[:-1], float(np.exp(place.x[-1]))
+        points = self.time + period * np.arange(1, _SAMPLES + 1) / _SAMPLES
+        with self.open(p) as model, self._session(model, x) as session:
+            record = session.advance(float(points[-1]), signals={}, record=[self.watch], points=points)
+        v = record.right_limits(points).values[self.watch]
+        residual = float(np.max(np.abs(place.lap.defect[:-1] / place.lap.unit[:-1])))
         return Orbit(
             frequency=1.0 / period,
-            states=states,
-            multipliers=found,
-            doubt=doubt,
+            states=dict(zip(self.names, x.tolist(), strict=True)),
+            multipliers=place.multipliers,
+            doubt=place.at.doubt,
             mean=told_mean(float(np.mean(v)), amplitude=half_range(v), residual=residual),
             amplitude=half_range(v),
             fundamental=float(2.0 * np.abs(np.fft.rfft(v)[1]) / len(v)),
             residual=residual,
         )
 
-    # -- the system -------------------------------------------------------------------------
 
-    def _values(self, x: Floats) -> dict[str, float]:
-        return {**self._inputs, **dict(zip(self._names, x.tolist(), strict=True))}
-
-    def _after(self, x: Floats, period: float) -> Floats:
-        """Return the states a period later."""
-        with self._model.open_at(time=self._time, values=self._values(x), tolerance=_TOLERANCE) as session:
-            session.advance(self._time + period, signals={})
-            found = session.values(self._names)
-        return np.array([found[n] for n in self._names], dtype=np.float64)
-
-    def _along(self, x: Floats, period: float) -> Floats:
-        """Return the watched variable at equidistant times of one period."""
-        points = self._time + period * np.arange(1, _SAMPLES + 1) / _SAMPLES
-        with self._model.open_at(time=self._time, values=self._values(x), tolerance=_TOLERANCE) as session:
-            record = session.advance(float(points[-1]), signals={}, record=[self._watch], points=points)
-        return record.right_limits(points).values[self._watch]
-
-    def _direction(self, x: Floats) -> Floats:
-        """Return dx/dt in units of the sizes."""
-        with self._model.open_point(time=self._time, values=self._values(x)) as point:
-            place = {v.name: i for i, v in enumerate(point.states)}
-            dx = point.at(point.x0, point.u0).dx
-        return np.asarray(np.array([dx[place[n]] for n in self._names]) / self._size, dtype=np.float64)
+_APART = 1e-5  # of the motion of each state, for differences
 
 
 def _across(jacobian: Floats, flow: Floats) -> tuple[Complex, float]:
@@ -196,3 +251,41 @@ def _across(jacobian: Floats, flow: Floats) -> tuple[Complex, float]:
     across = np.linalg.svd(along[None, :])[2][1:].T
     found = np.linalg.eigvals(across.T @ jacobian @ across).astype(np.complex128)
     return found[np.argsort(-np.abs(found))], float(np.linalg.norm(jacobian @ along - along))
+
+
+def follow_orbits(
+    orbits: Orbits, first: Place, *, parameter: str, limits: tuple[float, float], stopped: Callable[[], bool]
+) -> Branch:
+    """Return the orbits over a parameter through one of them, around folds.
+
+    Args:
+        orbits: over p in 0 … 1, between the limits.
+        first: one of them.
+        parameter: its name.
+        limits: lowest and highest value.
+        stopped: asked between places; true ends it by KeyboardInterrupt.
+    """
+
+    def point(place: Place) -> BranchPoint:
+        p = min(max(place.p, 0.0), 1.0)
+        found = orbits.orbit(place, p)
+        return BranchPoint(
+            value=limits[0] + (limits[1] - limits[0]) * p,
+            frequency_hz=found.frequency,
+            amplitude=found.amplitude,
+            fundamental=found.fundamental,
+            mean=found.mean,
+            stable=is_stable(found.multipliers, doubt=found.doubt),
+        )
+
+    track = both_ways(orbits, first, stopped=stopped, most=_MOST_ORBITS)
+    folds = [s.place for s in track.special if s.kind == "fold"]
+    return Branch(
+        parameter=parameter,
+        points=tuple(map(point, track.places)),
+        folds=tuple(map(point, folds)),
+        ends=track.ends if track.ends[0] else ("it closes", "it closes"),
+    )
+
+
+_MOST_ORBITS = 200

@@ -69,6 +69,13 @@ class Family(Protocol):
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest parameter."""
 
+    def stands(self, place: Place) -> None:
+        """Take note of where the branch has come to.
+
+        Args:
+            place: the newest.
+        """
+
     def finer(self) -> bool:
         """Take derivatives better from now on; False: they are as good as they can be."""
 
@@ -304,6 +311,7 @@ def follow(
             return _ended(track, "it closes")
         if place.at.doubt > _DOUBTED * max(1.0, float(np.max(np.abs(place.multipliers), initial=0.0))):
             family.finer()
+        family.stands(place)
         here = place
 
 
@@ -387,13 +395,10 @@ def _passes(here: Place, there: Place, first: Place) -> bool:
 def _tests(place: Place) -> dict[str, float]:
     """Return the test functions: each changes sign where something happens."""
     found = place.multipliers
-    n = len(found)
     complex_ones = found[np.abs(found.imag) > _REAL]
     outside = sum(1 for mu in complex_ones if mu.imag > 0.0 and abs(mu) > 1.0)
     nearest = min((abs(mu) - 1.0 for mu in complex_ones if mu.imag > 0.0), key=abs, default=-1.0)
-    unit = place.lap.unit
-    scaled = place.at.Phi * unit / unit[:, None]
-    doubled = float(np.linalg.slogdet(scaled + np.eye(n))[0]) if n else 1.0
+    doubled = float(np.sign(np.prod(np.sign((found[np.abs(found.imag) <= _REAL] + 1.0).real))))
     return {
         "fold": float(place.direction[-1]),
         "period doubling": doubled * float(np.min(np.abs(found + 1.0), initial=1.0)),

@@ -28,6 +28,7 @@ class Tangent:
         rows: to mean, in-phase and quadrature part of the fundamental of the output, shape (3, n).
         stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
         through: largest |∂y/∂x| along the period, shape (n,); None: not known.
+        others: multipliers that count, where they are not all eigenvalues of Φ; None: they are.
         doubt: error of the multipliers, about: how far a rule of lower order has them elsewhere.
     """
 
@@ -35,12 +36,13 @@ class Tangent:
     rows: Floats
     stretch: Floats
     through: Floats | None = None
+    others: Complex | None = None
     doubt: float = 0.0
 
     @property
     def multipliers(self) -> Complex:
         """Floquet multipliers, largest first, shape (n,)."""
-        found = np.linalg.eigvals(self.Phi).astype(np.complex128)
+        found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
         return found[np.argsort(-np.abs(found))]
 
 
@@ -65,20 +67,20 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
     which multiply the derivative by a saltation matrix, are not in it.
 
     Args:
-        slopes: at `instants`.
+        slopes: at the begin of the period, and at `instants`.
         period: of the motion [s].
         order: how many periods of the forcing it takes.
 
     Source: S. Blanes, P. C. Moan, Fourth- and sixth-order commutator-free Magnus integrators, Appl. Numer. Math. 56
     (2006); A. H. Nayfeh, B. Balachandran, Applied Nonlinear Dynamics, 3.3 (monodromy matrix).
     """
-    k, n = slopes.x.shape
+    k, n = len(slopes.x) - 1, slopes.x.shape[1]
     half = period / k
     # In units of each state's motion, lest the exponentials lose pascals against metres.
     unit = _units(slopes)
     A = np.zeros((k, n + 1, n + 1))
-    A[:, :n, :n] = slopes.A * unit / unit[:, None]
-    A[:, :n, n] = slopes.dx / unit / period
+    A[:, :n, :n] = slopes.A[1:] * unit / unit[:, None]
+    A[:, :n, n] = slopes.dx[1:] / unit / period
     mixed = np.empty_like(A)
     mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
     mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
@@ -89,7 +91,7 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
         for i in range(k):
             starts[i] = whole[:n, :n]
             whole, coarse = flows[i] @ whole, held[i] @ coarse
-        rows = _rows(A[:, :n, :n], slopes.C[:, 0] * unit, (held[:, :n, :n], starts), period, order)
+        rows = _rows(A[:, :n, :n], slopes.C[1:, 0] * unit, (held[:, :n, :n], starts), period, order)
     Phi, other = whole[:n, :n], coarse[:n, :n]
     if not (np.isfinite(whole).all() and np.isfinite(coarse).all() and np.isfinite(rows).all()):
         return None

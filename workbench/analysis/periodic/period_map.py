@@ -29,6 +29,9 @@ _MOST_KEPT = 2000
 # Directions that a period turns by less than this, relative, are not corrected: an integrator stands where it is put.
 _STANDS = 1e-9
 
+# The flow at the begin is taken this part of a period after it.
+_AT_ONCE = 1e-9
+
 # Of the motion of each state, for differences of whole periods.
 _NUDGE = 1e-4
 
@@ -162,7 +165,8 @@ class PeriodMap:
         length = self.order / frequency
         with ExitStack() as stack:
             if intervals and len(x0):
-                slopes = stack.enter_context(session.slopes(instants(begin, length, intervals * self.order), 1))
+                times = instants(begin, length, intervals * self.order)
+                slopes = stack.enter_context(session.slopes(np.append(begin + _AT_ONCE * length, times), 1))
             period = period_of(session.harmonics(signals=signals, **span.asked(self.output)))
         if not np.isfinite(period.harmonics).all():
             raise SimulationError(f"{self.output} is not finite", time=session.time)
