@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="fmi-workbench-tests-"))
+    return Path(tempfile.mkdtemp(prefix="tests-of-workbench-"))
 
 
 @cache

@@ -329,7 +329,7 @@ def test_the_command_ends_with_0_where_no_promise_is_broken(capsys: pytest.Captu
         (["check", "fmu:Rudder", "--only", "stpe"], "'stpe' is not a check; did you mean step?"),
         (["check", "fmu:Rudder", "--skip", "drfit"], "did you mean drift?"),
         (["check", "fmu:Rudder", "--timeout", "0"], "timeout: 0 s is not a positive number"),
-        (["check", "fmu:Rudder", "--set", "nosuch=1"], "'nosuch' is not a variable"),
+        (["check", "fmu:Rudder", "--set", "nosuch=1"], "the model has no variable 'nosuch'"),
         (["check", "fmu:Rudder", "--step", "-1"], "step: -1 is not a positive number"),
         (["check", "fmu:Rudder", "--report", "card.txt"], "--report"),
         (["check", "fmu:Rudder", "--bias", "delC=x"], "'x' is not a number"),

@@ -372,3 +372,38 @@ def test_no_system_no_loop() -> None:
         pytest.raises(InputError, match="0 connected outputs"),
     ):
         limit_cycle(system, block="block")
+
+
+@pytest.mark.parametrize(("mu", "period"), [(0.1, 6.287111), (3.0, 8.859096), (10.0, 19.078370)])
+def test_van_der_pol_from_a_sine_to_a_relaxation(mu: float, period: float) -> None:
+    """Periods computed by others; at 10 harmonic balance finds nothing, and the cycle is taken from a run."""
+    with around(lambda u: u**3 / 3.0 - u, control.tf([mu, 0.0], [1.0, 0.0, 1.0])) as system:
+        found = by_method(limit_cycle(system, block="block", harmonics=25))
+    assert 1.0 / found["shooting"].frequency_hz == pytest.approx(period, rel=1.5e-7)
+    assert found["shooting"].stable
+
+
+def test_cycles_of_a_measured_block_are_followed_and_scale_with_its_width() -> None:
+    # All of the loop but the block is linear, and the block's width is the only length.
+    plant = control.tf([6.0], [1.0, 1.5, 1.0, 0.0])
+    with connect(
+        {"block": "fmu:Hysteresis", "a": control.ss(plant)},
+        [("a.y", "block.u", {"gain": -0.5}), ("block.y", "a.u", {"gain": 0.2})],
+        outputs={"y": "a.y"},
+        start_values={"block.halfWidth": 0.05, "block.k": 2.0, "block.omegaC": 100.0},
+    ) as system:
+        result = limit_cycle(
+            system, block="block", band=(0.03, 0.5), amplitudes=(0.06, 1.0), workers=Workers(in_process=True),
+            vary={"block.halfWidth": (0.03, 0.09)}, methods=("describing function", "shooting"),
+        )  # fmt: skip
+    assert len(result.branches) == 2
+    for branch in result.branches:
+        values = np.array([p.value for p in branch.points])
+        assert (values.min(), values.max()) == pytest.approx((0.03, 0.09))
+        for of in ("amplitude", "fundamental"):
+            scaled = np.array([getattr(p, of) for p in branch.points]) / values
+            assert np.ptp(scaled) < 1e-6 * scaled.mean()
+        frequency = np.array([p.frequency_hz for p in branch.points])
+        assert np.ptp(frequency) < 1e-6 * frequency.mean()
+        assert not branch.folds
+    assert {p.stable for b in result.branches for p in b.points} == {True, False}

@@ -111,11 +111,14 @@ def test_a_killed_program_leaves_neither_process_nor_folder(tmp_path: Path) -> N
 @posix
 def test_a_folder_that_was_not_locked_yet_when_its_process_died_is_removed(tmp_path: Path) -> None:
     (tmp_path / "fmi-workbench-empty").mkdir()
-    (tmp_path / "fmi-workbench-half" / "worker-x").mkdir(parents=True)  # whoever removed it died on the way
+    somebody_s = tmp_path / "fmi-workbench-notes" / "mine.txt"  # never locked, and not empty: it is none of ours
+    somebody_s.parent.mkdir()
+    somebody_s.write_text("kept", encoding="utf-8")
     after = makes(tmp_path, "")
     made(after)
     after.communicate()
-    assert not list(tmp_path.iterdir())
+    assert [path.name for path in tmp_path.iterdir()] == ["fmi-workbench-notes"]
+    assert somebody_s.read_text(encoding="utf-8") == "kept"
 
 
 @posix

@@ -99,6 +99,8 @@ def remove_if_dead(folder: Path) -> bool:
         owner = folder.lstat()
         if not stat.S_ISDIR(owner.st_mode) or (hasattr(os, "getuid") and owner.st_uid != os.getuid()):
             return False  # a link, or somebody else's
+        if not (folder / _LOCK).exists() and any(folder.iterdir()):
+            return False  # ours begin with the lock: somebody else gave it such a name
     except OSError:
         return False
     lock = _lock_of(folder)
@@ -106,6 +108,9 @@ def remove_if_dead(folder: Path) -> bool:
         return False
     if sys.platform == "win32":
         os.close(lock)  # what is open cannot be removed there
+    for left in folder.iterdir():  # the lock last: what is left of a folder without it is left alone
+        if left.name != _LOCK:
+            shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
     if sys.platform != "win32":
         os.close(lock)

@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
-__all__ = ["MARK_BYTES", "Channel"]
+__all__ = ["HUNG_UP", "MARK_BYTES", "Channel"]
 
 MARK_BYTES = 16
 
@@ -25,6 +25,10 @@ _CHUNK = 1 << 20  # [byte]
 _PIECES = 16  # are read at a time: whoever writes without end must not keep the reader from all else
 _LONGEST = 1 << 34  # [byte]: no frame is longer
 _DAMAGED = "something was written into the middle of it, by the FMU into a file that is not its own"
+
+
+# Exit code of a worker that cannot tell what it has found: its end of the connection is closed.
+HUNG_UP = 119
 
 
 class Channel:

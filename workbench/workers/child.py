@@ -28,7 +28,7 @@ from workbench.errors import WorkbenchError
 from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
-from workbench.workers.channel import Channel
+from workbench.workers.channel import HUNG_UP, Channel
 from workbench.workers.limits import MemoryWatch
 
 if TYPE_CHECKING:
@@ -144,15 +144,18 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     channel = _Worker.channel = Channel(end, mark, dumps=in_records if confined() else pickle.dumps)
     if module:
         import_module(module)
-    with suppress(OSError):
+    code = 0
+    try:
         channel.send((READY, None))
         for order in _orders(channel):
             channel.send(_done(channel, *order))
             end_now()
             _flush()
             channel.send((READY, None))
+    except OSError:  # the connection is gone: the parent is, or the FMU has closed it
+        code = HUNG_UP
     watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
-    os._exit(0)  # libraries are not unloaded: what they do then concerns nobody
+    os._exit(code)  # libraries are not unloaded: what they do then concerns nobody
 
 
 def _orders(channel: Channel) -> Iterator[Any]:

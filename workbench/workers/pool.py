@@ -26,6 +26,7 @@ from workbench.errors import (
     WorkbenchError,
 )
 from workbench.model.recipe import Recipe
+from workbench.workers.channel import HUNG_UP
 from workbench.workers.child import BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.workers.process import WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
@@ -288,7 +289,7 @@ def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> L
         limits: what it was allowed.
         platform: as in `sys.platform`.
     """
-    if code is None:
+    if code is None or code == HUNG_UP:
         return LostError("the FMU closed the connection to its process, which went on")
     if platform == "win32" and code & 0xFFFFFFFF in _WINDOWS:
         text = _WINDOWS[code & 0xFFFFFFFF]

@@ -305,8 +305,10 @@ class _Work:
     def _sine(self, first: LimitCycle) -> Cycle:
         """Return a describing function's prediction as a motion of the linear part."""
         v = np.array([0.0, -1j * first.amplitude], dtype=np.complex128)
-        value = complex(self.loop.part.response(np.array([first.frequency_hz]))[0])
-        return Cycle(first.frequency_hz, v, np.array([0.0, -v[1] / value], dtype=np.complex128))
+        with np.errstate(all="ignore"):
+            value = complex(self.loop.part.response(np.array([first.frequency_hz]))[0])
+            w = -v[1] / np.complex128(value)
+        return Cycle(first.frequency_hz, v, np.array([0.0, w], dtype=np.complex128))
 
     def _balanced(self, number: int, first: LimitCycle, block: Block) -> Cycle | None:
         part = self.loop.part
@@ -363,8 +365,12 @@ class _Work:
     def _predicted(self, cycle: Cycle) -> tuple[dict[str, float], dict[str, float]]:
         """Return the states of the linear part at phase 0, and how far each moves."""
         names = self.loop.rest.state_names
-        along = states_of(self.loop.part, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
+        with np.errstate(all="ignore"):
+            along = states_of(self.loop.part, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
         rest = self.loop.rest.operating_point.x
+        if not np.isfinite(along).all():  # the linear part has a pole at that very frequency
+            pushed = self._pushed(cycle.amplitude)
+            return pushed, {n: max(abs(pushed[n] - rest[n]), 1e-3 * cycle.amplitude) for n in names}
         states = {n: rest[n] + x for n, x in zip(names, along[0].tolist(), strict=True)}
         return states, dict(zip(names, np.ptp(along, axis=0).tolist(), strict=True))
 

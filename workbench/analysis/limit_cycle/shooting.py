@@ -117,6 +117,7 @@ class Orbits:
     differ: bool = False
     intervals: int = _INTERVALS
     _anchor: tuple[Floats, Floats] | None = None
+    _first: float | None = None
 
     def arrive(self, states: Mapping[str, float], frequency: float, p: float = 0.0) -> Place:
         """Return the orbit near a predicted one.
@@ -147,6 +148,10 @@ class Orbits:
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period; see `Family`."""
+        if self._first is None:
+            self._first = float(x[-1])
+        if x[-1] - self._first > _LONGER:
+            raise SimulationError(f"the period grows beyond {np.exp(_LONGER):.0f} times that of the first cycle")
         lap = self._run(x, p, _EXACT if exact else self.intervals)
         if self.bounds[0] == self.bounds[1]:
             return lap, np.zeros(len(x))
@@ -289,3 +294,4 @@ def follow_orbits(
 
 
 _MOST_ORBITS = 200
+_LONGER = np.log(8.0)  # a branch on which the period grows so much ends there

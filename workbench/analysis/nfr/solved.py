@@ -52,6 +52,9 @@ _LEFT = 0.05
 # The error is so many times what one more step would have changed.
 _MARGIN = 2.0
 
+# What rounding leaves of the sums over a period, relative to the largest value.
+_ROUNDING = 2e-14
+
 # A multiplier this near to 1 is that of an integrator.
 _INTEGRATES = 1e-6
 
@@ -308,7 +311,8 @@ class Search:
         harmonics = lap.period.harmonics.copy()
         step = at.rows @ e
         harmonics[:3] += step
-        change = _MARGIN * abs(complex(step[1], step[2])) / abs(fundamental(harmonics))
+        size = abs(fundamental(harmonics))
+        change = _MARGIN * abs(complex(step[1], step[2])) / size + _ROUNDING * lap.period.size / size
         multipliers = at.multipliers if len(e) else np.empty(0, dtype=np.complex128)
         error = relative_to_true(
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
