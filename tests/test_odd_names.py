@@ -93,3 +93,24 @@ def test_without_outputs_and_states_locals_are_recorded_and_told(tmp_path: Path)
         result = simulate(model, stop=1.0)
     assert "y[1,2]" in result.signals
     assert any("the local variables are recorded (x, " in text for text in result.notes)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["info", "{long}"],
+        ["info", "{long}.toml"],
+        ["run", "{long}.toml"],
+        ["check", "{long}.fmu"],
+        ["build", "{long}.mo", "--out", "x.fmu"],
+        ["lin", "fmu:FirstOrderLag", "--json", "{long}.json"],
+        ["lin", "fmu:FirstOrderLag", "--at", "{long}.json"],
+        ["simulate", "fmu:FirstOrderLag", "--stop", "1", "--plot", "{long}.png"],
+    ],
+)
+def test_a_name_that_no_file_can_have_is_one_line(line: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    # Found by fuzzing a system file.
+    assert run([word.format(long="1" * 300) for word in line]) == 2
+    error = capsys.readouterr().err
+    assert "File name too long" in error
+    assert len([text for text in error.splitlines() if text.startswith("workbench: ")]) == 1

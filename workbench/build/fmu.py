@@ -25,7 +25,7 @@ from workbench.build.frontend import Checked, check, models_in
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
-from workbench.core.files import pack
+from workbench.core.files import named_path, pack
 from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
@@ -239,7 +239,7 @@ def _find(sources: Sequence[Path]) -> dict[str, Path]:
     """Return {model: file} of all models in `sources`."""
     found: dict[str, Path] = {}
     for source in sources:
-        if not source.exists():
+        if not named_path(source).exists():
             raise BuildError(f"{source}: no such file or folder; give a Modelica file (.mo) or a folder of them")
         for file in sorted(source.rglob("*.mo")) if source.is_dir() else [source]:
             for name in models_in(file):

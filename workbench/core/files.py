@@ -6,16 +6,38 @@ import os
 import shutil
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from workbench.errors import InputError
+from workbench.errors import InputError, one_line
 
-__all__ = ["file_to_write", "pack", "replacing"]
+__all__ = ["file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
+_SHOWN = 60  # characters of a name that no file can have
 _FILE_MODE = 0o100644 << 16
+
+
+def named_path(path: str | Path) -> Path:
+    """Return a path that somebody has named; asking for one that no file can have would fail otherwise.
+
+    Args:
+        path: as it was given; "~" is the home folder.
+
+    Raises:
+        InputError: the system takes no such name.
+    """
+    found = Path(path).expanduser()
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+            found.lstat()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        text = str(path)
+        shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+        raise InputError(f"'{one_line(shown)}': no file can have this name: {why}") from None
+    return found
 
 
 def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Path:
@@ -29,7 +51,7 @@ def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Pa
     Raises:
         InputError: another suffix, a folder, or a folder that does not exist.
     """
-    target, said = Path(path), f"{option}: " if option else ""
+    target, said = named_path(path), f"{option}: " if option else ""
     if suffix and target.suffix.lower() != suffix:
         raise InputError(f"{said}'{path}' must end in {suffix}: it is the file to write")
     if target.is_dir():

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from types import TracebackType
 from typing import Self
 
+from workbench.core.files import named_path
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
@@ -77,7 +78,7 @@ def locate(model: str | Path) -> Path:
     """
     if is_bundled(str(model)):
         return bundled_path(str(model))
-    path = Path(model).expanduser()
+    path = named_path(model)
     if not path.exists():
         raise InputError(f"{model}: no such file; {what_is_meant(path)}give an .fmu, an unpacked FMU, or fmu:NAME")
     if not path.is_file() and not path.is_dir():

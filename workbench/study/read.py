@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from workbench.bundled import bundled_files, find_bundled
+from workbench.core.files import named_path
 from workbench.core.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, command
@@ -81,7 +82,7 @@ def locate_study(name: str | Path) -> Path:
     """
     if is_bundled_study(str(name)):
         return find_bundled(str(name), bundled_studies(), "study")
-    path = Path(name).expanduser()
+    path = named_path(name)
     if path.is_file():
         return path
     if path.is_dir():
@@ -202,7 +203,7 @@ def existing(model: str, folder: Path, where: str) -> Path:
             return bundled_path(model)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-    path = (folder / Path(model).expanduser()).resolve()
+    path = (folder / named_path(model)).resolve()
     if path.exists():
         return path
     near = [p.name for p in path.parent.glob(f"*{path.suffix}")] if path.parent.is_dir() else []

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.core.files import named_path
 from workbench.core.named import named
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled_system, what_is_meant
@@ -20,7 +21,8 @@ def is_system_file(path: str | Path) -> bool:
     """Whether `path` is `system:NAME`, names a system by its suffix, or is a folder with a SystemStructure.ssd."""
     if is_bundled_system(str(path)):
         return True
-    return Path(path).suffix.lower() in _READERS or (Path(path) / "SystemStructure.ssd").is_file()
+    named = named_path(path)
+    return named.suffix.lower() in _READERS or (named / "SystemStructure.ssd").is_file()
 
 
 def read_system(path: str | Path) -> SystemDescription:

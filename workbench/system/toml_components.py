@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import tf2ss
 
+from workbench.core.files import named_path
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
@@ -91,7 +92,7 @@ def existing_fmu(model: str, folder: Path, where: str) -> str:
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         return str(bundled) if is_bundled_system(model) else model
-    path = (folder / Path(model).expanduser()).resolve()
+    path = (folder / named_path(model)).resolve()
     if path.exists():
         return str(path)
     near = [p.name for p in path.parent.glob("*.fmu")] if path.parent.is_dir() else []

@@ -8,6 +8,7 @@ from typing import Any, TypeGuard
 
 from workbench.build.export import ExportResult, export_linear
 from workbench.build.fmu import FMI_VERSIONS, BuiltModels, build_all, build_fmu
+from workbench.core.files import named_path
 from workbench.core.job import Job
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
@@ -49,7 +50,7 @@ def run_export(model: object, asked: Export, _job: Job) -> ExportResult | Contai
 
 def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltModels:
     """Build Modelica models; see `Build`."""
-    out, paths = Path(asked.out), [Path(source) for source in sources]
+    out, paths = named_path(asked.out), [named_path(source) for source in sources]
     folder = out.suffix != ".fmu"
     if folder and asked.model is not None:
         example = out / f"{asked.model}.fmu"
