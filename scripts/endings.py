@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import random
+import re
 import shlex
 import signal
 import sqlite3
@@ -135,7 +136,9 @@ def _ended(place: _Place, what: str, name: str, delay: float) -> Iterator[str]:
     took = time.monotonic() - sent
     if took > _ENDS_WITHIN:
         yield f"ended after {took:.1f} s"
-    if "Traceback" in error:
+    # Before the program's first line, in a package's `__init__`, Python itself is starting.
+    frames = [f for f in re.findall(r'File "([^"]+)"', error) if f"{os.sep}workbench{os.sep}" in f]
+    if "Traceback" in error and any(not f.endswith("__init__.py") for f in frames):
         yield f"traceback: {error.strip().splitlines()[-1]}"
     while place.processes() and time.monotonic() < sent + _GONE_WITHIN:
         time.sleep(0.1)

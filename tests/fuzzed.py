@@ -121,9 +121,9 @@ def _file(suffix: str, read: Callable[[Path], object]) -> Callable[[Path, bytes]
     return of
 
 
-def _unpack(path: Path) -> None:
+def _unpack(path: Path) -> object:
     with unpack(path) as unpacked:
-        read_description(unpacked.folder, source=path.name)
+        return read_description(unpacked.folder, source=path.name)
 
 
 def _description(folder: Path, data: bytes) -> object:

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
 
+from tests.platforms import needs_module
 from workbench.build import build_fmu
 from workbench.fmi.platforms import host
 from workbench.session.base import Floats
@@ -34,7 +34,7 @@ def fmu(name: str) -> str:
 @cache
 def built(source: str, name: str, fmi: int = 2) -> str:
     """Return the FMU of a Modelica text."""
-    pytest.importorskip("rumoca", reason="needs the extra [build]")
+    needs_module("rumoca", "build")
     file = _folder() / f"{name}.mo"
     file.write_text(source, encoding="utf-8")
     out = _folder() / f"{name}{fmi}.fmu"

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import workbench as wb
+from tests.lin_fmus import built
 from workbench.analysis.branches.family import Forced
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.run import explore
@@ -131,6 +132,42 @@ def test_an_isola_of_three_periods_is_found_from_random_states() -> None:
     assert isola.varied.min() == pytest.approx(1.3786, abs=2e-3)
     assert isola.varied.max() == pytest.approx(1.6693, abs=3e-3)
     assert 0 < isola.stable.sum() < len(isola.stable)
+
+
+# A forced lag beside a Hopf bifurcation at mu = 0 and a pitchfork z = ±√(mu − 0.2), which nothing couples.
+PITCHFORK = """model Pitchfork
+ input Real u(start = 0);
+ output Real y;
+ parameter Real mu = -0.3;
+ Real a(start = 0, fixed = true);
+ Real b(start = 0, fixed = true);
+ Real z(start = 0, fixed = true);
+ Real x(start = 0, fixed = true);
+equation
+ der(a) = mu*a - 2.3*b - a*(a*a + b*b);
+ der(b) = mu*b + 2.3*a - b*(a*a + b*b);
+ der(z) = (mu - 0.2)*z - z^3;
+ der(x) = u - x;
+ y = x + z;
+end Pitchfork;
+"""
+
+
+def test_a_torus_and_crossing_branches_are_located_and_the_crossing_ones_followed() -> None:
+    with wb.load(built(PITCHFORK, "Pitchfork"), "me", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "y", [1.0], frequencies=[0.5], vary={"mu": (-0.5, 0.5)}, seeds=0)
+    torus, crossing = sorted(found.folds, key=lambda f: f.varied)
+    assert (torus.kind, crossing.kind) == ("Neimark-Sacker", "branch point")
+    assert torus.varied == pytest.approx(0.0, abs=1e-9)
+    assert crossing.varied == pytest.approx(0.2, abs=1e-5)
+    straight, *aside = found.branches
+    assert np.array_equal(straight.stable, straight.varied < 0.0)
+    assert np.abs(straight.offset).max() < 1e-6
+    assert {np.sign(b.offset[-1]) for b in aside} == {1.0, -1.0}
+    for b in aside:
+        assert b.varied[-1] == 0.5
+        assert b.offset**2 == pytest.approx(b.varied - 0.2, rel=1e-4)
+        assert not b.stable.any()  # where a and b leave zero
 
 
 def test_a_parameter_can_be_varied() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from tests.platforms import needs_module, posix_signals
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
 from workbench.analysis.check.run import structured_name
@@ -180,7 +180,7 @@ def test_other_third_party_fmus() -> None:
 
 
 def test_fmi_1_fmus_get_a_card(tmp_path: Path) -> None:
-    pytest.importorskip("rumoca", reason="needs the extra [build]")
+    needs_module("rumoca", "build")
     from tests.fmi1_fmus import build_fmi1
 
     cards = {i: wb.check(build_fmi1(tmp_path, "FirstOrderLag", i), skip=NO_MEMORY, workers=HERE) for i in ("me", "cs")}
@@ -193,7 +193,7 @@ def test_fmi_1_fmus_get_a_card(tmp_path: Path) -> None:
 # -- FMUs that take their process with them ----------------------------------------------------------
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that end a process, which these messages name")
+@posix_signals
 def test_a_crash_is_a_line_and_the_other_checks_go_on(tmp_path: Path) -> None:
     card = wb.check(build_hostile(tmp_path, "abort"), interface="me", only=["runs", "determinism", "snapshots"])
     assert "the FMU aborted its process (SIGABRT)" in card.line("runs", "me").evidence
@@ -209,7 +209,7 @@ def test_a_hang_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "--timeout" in card.line("runs", "cs").consequence
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that end a process, which these messages name")
+@posix_signals
 def test_an_fmu_that_dies_at_once_is_given_up(tmp_path: Path) -> None:
     card = wb.check(build_hostile(tmp_path, "segfault-at-start"), interface="me", skip=["validation"])
     verdicts = [c.verdict for c in card.checks]

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.platforms import needs, posix_signals
 from tests.worker_tasks import obey
 from workbench.cli.app import run
 from workbench.core.where import Limits
@@ -34,8 +34,8 @@ from workbench.workers.pool import Pool
 from workbench.workers.stamp import Stamp, stamp
 
 pytestmark = [
-    pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed"),
-    pytest.mark.skipif(os.name == "nt", reason="signals"),
+    needs("distributed", "cluster"),
+    posix_signals,
     pytest.mark.filterwarnings("default"),
 ]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-pytest.importorskip("latex2mathml")
-pytest.importorskip("griffe")
+pytest.importorskip("latex2mathml", reason="not installed: pip install 'fmi-workbench[docs]'")
+pytest.importorskip("griffe", reason="not installed: pip install 'fmi-workbench[docs]'")
 
 from docs.tools.docstrings import as_markdown
 from docs.tools.mathematics import with_mathml

@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import fsolve
 
+from tests.platforms import needs_module
 from workbench import connect, limit_cycle
 from workbench.analysis.limit_cycle.cut import cut, driven_block
 from workbench.analysis.limit_cycle.driven import DrivenBlock
@@ -50,7 +51,7 @@ LEVELS = [(1.0, -1.0), (2.0, -1.0)]
 
 @pytest.fixture(scope="module")
 def relay(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    pytest.importorskip("rumoca", reason="needs the extra [build]")
+    needs_module("rumoca", "build")
     folder = tmp_path_factory.mktemp("relay")
     (folder / "TwoLevels.mo").write_text(RELAY)
     build_fmu([folder / "TwoLevels.mo"], out=folder / "TwoLevels.fmu", platforms=[p.name for p in host_only()])

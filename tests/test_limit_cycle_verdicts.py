@@ -11,6 +11,7 @@ import control
 import numpy as np
 import pytest
 
+from tests.platforms import needs_module
 from workbench.analysis.describing.base import Block
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
@@ -52,7 +53,7 @@ def around(block: object, plant: control.TransferFunction, start: dict[str, floa
 
 @pytest.fixture(scope="module")
 def thermostat(tmp_path_factory: pytest.TempPathFactory) -> LimitCycleResult:
-    pytest.importorskip("rumoca", reason="needs the extra [build]")
+    needs_module("rumoca", "build")
     folder = tmp_path_factory.mktemp("relay")
     (folder / "Relay.mo").write_text(RELAY)
     build_fmu([folder / "Relay.mo"], out=folder / "Relay.fmu", platforms=[host()])

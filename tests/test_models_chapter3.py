@@ -15,6 +15,7 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from tests.platforms import needs_module
 from workbench.analysis.simulate.request import simulate
 from workbench.model.load import load
 from workbench.reproduce.targets import read_targets
@@ -179,7 +180,7 @@ def fmus() -> Path:
 @pytest.fixture(scope="module")
 def oracle() -> dict[str, Vector]:
     """The front end's own simulator on all models at once, forced by a step up and a step down."""
-    pytest.importorskip("rumoca")
+    needs_module("rumoca", "build")
     from rumoca import Session, SimConfig
 
     sources = "\n".join((SOURCES / m / f"{m}.mo").read_text(encoding="utf-8") for m in MODELS)

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from tests import rudder_reference as reference
 from workbench.reproduce.targets import read_targets
 
-rumoca = pytest.importorskip("rumoca")
+rumoca = pytest.importorskip("rumoca", reason="not installed: pip install 'fmi-workbench[build]'")
 
 Vector = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sqlite3
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import control
@@ -16,6 +18,7 @@ from scipy.optimize import fsolve
 import workbench as wb
 from scripts.coverage_nfr import Plant, measure
 from tests.lin_fmus import built
+from workbench.store import FILE_NAME
 
 HERE: dict[str, Any] = {"in_process": True, "drift_check": False}
 
@@ -196,6 +199,26 @@ def test_an_integrator_is_solved_for_although_a_multiplier_is_one() -> None:
         found = wb.nfr(model, "u", "y", frequencies=[0.5], amplitudes=[1.0], **HERE)
     assert abs(found.response[0, 0] * 1j * math.pi - 1.0) <= found.error[0, 0]
     assert found.status == (("settled",),)
+
+
+def test_a_second_stable_response_is_told_of_points_from_the_store_too(tmp_path: Path) -> None:
+    def found() -> tuple[wb.NfrResult, int]:
+        seen: list[float] = []
+        with wb.load("fmu:Duffing") as model:
+            record = wb.nfr(
+                model, "u", "y", amplitudes=[0.1], band=(0.15, 0.3), store=tmp_path,
+                progress=lambda p, *_: seen.append(p), **HERE,
+            )  # fmt: skip
+        return record, len(seen)
+
+    (measured, some), (kept, none) = found(), found()
+    assert some == measured.periods.size
+    assert none <= 1  # the last one, told at the end
+    with sqlite3.connect(tmp_path / FILE_NAME) as database:  # as if it had been stopped before it looked
+        assert database.execute("DELETE FROM measurements WHERE point LIKE 'second responses%'").rowcount == 1
+    again, _ = found()
+    assert "another stable response" in measured.warnings[0]
+    assert measured.warnings == kept.warnings == again.warnings
 
 
 def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> None:

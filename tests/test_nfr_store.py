@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import sqlite3
 import subprocess
@@ -16,6 +15,7 @@ import pytest
 import workbench as wb
 from tests.fakes import lag
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
+from tests.platforms import posix_signals
 from tests.programs import start, wait_for
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
@@ -35,7 +35,7 @@ def points_in(folder: Path) -> int:
     try:
         return int(
             database.execute(
-                "SELECT count(*) FROM measurements WHERE point NOT IN ('zero input', 'operating point')"
+                "SELECT count(*) FROM measurements WHERE point LIKE '(%'"  # an amplitude and a frequency
             ).fetchone()[0]
         )
     except sqlite3.OperationalError:  # not made yet
@@ -68,7 +68,7 @@ def numbers(result: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in result.items() if k not in {"seconds", "store", "asked"}}  # asked: names the store
 
 
-@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+@posix_signals
 @pytest.mark.parametrize("carry", [[], ["--carry"]])
 def test_a_killed_sweep_goes_on_and_equals_an_uninterrupted_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], carry: list[str]
@@ -128,7 +128,7 @@ def test_averaged_points_of_an_earlier_result_are_measured_again_with_more_perio
     np.testing.assert_array_equal(first.response[0, [0, 2]], second.response[0, [0, 2]])
 
 
-@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+@posix_signals
 def test_failed_points_of_a_store_are_measured_again(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

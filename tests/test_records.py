@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import workbench
+from tests.platforms import needs_module
 from tests.record_examples import Maker
 from workbench.analysis.nfr.result import NfrResult
 from workbench.core.record import Part, Record, entry
@@ -139,14 +140,14 @@ def test_signals_are_found_by_name() -> None:
 
 
 def test_a_frame_has_the_columns_of_the_table() -> None:
-    pytest.importorskip("pandas")
+    needs_module("pandas", "frames")
     frame = _signals_only().to_dataframe()
     assert list(frame.columns) == ["time", "x"]
     np.testing.assert_array_equal(frame["x"], [1.0, np.nan, 3.0])
 
 
 def test_a_data_set_has_coordinates_and_units() -> None:
-    pytest.importorskip("xarray")
+    needs_module("xarray", "frames")
     data = sweep(signals={"x": np.array([1.0, np.nan, 3.0])}).to_xarray()
     assert data["x"].dims == ("time",)
     assert data["x"].attrs == {"unit": "m"}

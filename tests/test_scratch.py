@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 from pathlib import Path
 
-import pytest
-
+from tests.platforms import posix_signals
 from tests.programs import ended, start
-
-posix = pytest.mark.skipif(os.name == "nt", reason="signals and fork")
 
 MAKES = """
 import os, signal, sys, tempfile
@@ -40,7 +36,7 @@ def test_folders_go_with_their_process(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@posix
+@posix_signals
 def test_those_of_the_dead_are_removed_by_the_next_and_those_of_the_living_are_not(tmp_path: Path) -> None:
     dead, alive = makes(tmp_path), makes(tmp_path)
     of_dead, of_alive = made(dead), made(alive)
@@ -56,7 +52,7 @@ def test_those_of_the_dead_are_removed_by_the_next_and_those_of_the_living_are_n
     alive.communicate()
 
 
-@posix
+@posix_signals
 def test_a_copy_made_by_fork_removes_nothing(tmp_path: Path) -> None:
     process = makes(
         tmp_path, "if os.fork() == 0:\n    scratch_folder('two')\n    sys.exit(0)\nos.wait()\nsignal.pause()"
@@ -70,7 +66,7 @@ def test_a_copy_made_by_fork_removes_nothing(tmp_path: Path) -> None:
     process.communicate()
 
 
-@posix
+@posix_signals
 def test_a_fork_of_a_program_that_has_a_model_leaves_it_usable() -> None:
     code = (
         "import os, sys, workbench as wb\n"
@@ -87,7 +83,7 @@ def test_a_fork_of_a_program_that_has_a_model_leaves_it_usable() -> None:
     assert (out.split(), err) == (["7", "501"], "")
 
 
-@posix
+@posix_signals
 def test_a_killed_program_leaves_neither_process_nor_folder(tmp_path: Path) -> None:
     code = (
         f"import signal, tempfile; tempfile.tempdir = {str(tmp_path)!r}\n"
@@ -108,7 +104,7 @@ def test_a_killed_program_leaves_neither_process_nor_folder(tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
-@posix
+@posix_signals
 def test_a_folder_that_was_not_locked_yet_when_its_process_died_is_removed(tmp_path: Path) -> None:
     (tmp_path / "fmi-workbench-empty").mkdir()
     somebody_s = tmp_path / "fmi-workbench-notes" / "mine.txt"  # never locked, and not empty: it is none of ours
@@ -121,7 +117,7 @@ def test_a_folder_that_was_not_locked_yet_when_its_process_died_is_removed(tmp_p
     assert somebody_s.read_text(encoding="utf-8") == "kept"
 
 
-@posix
+@posix_signals
 def test_a_link_with_its_name_leads_nowhere(tmp_path: Path) -> None:
     elsewhere = tmp_path / "home"
     elsewhere.mkdir()
@@ -146,13 +142,13 @@ for _ in range(200):
 """
 
 
-@posix
+@posix_signals
 def test_processes_that_begin_at_the_same_time_leave_each_other_alone(tmp_path: Path) -> None:
     several = [start(["-c", RACE.format(folder=str(tmp_path))]) for _ in range(4)]
     assert [process.communicate(timeout=60)[1] for process in several] == [""] * 4
 
 
-@posix
+@posix_signals
 def test_threads_that_begin_at_the_same_time_share_a_folder(tmp_path: Path) -> None:
     code = (
         f"import tempfile, threading; tempfile.tempdir = {str(tmp_path)!r}\n"
@@ -167,7 +163,7 @@ def test_threads_that_begin_at_the_same_time_share_a_folder(tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
-@posix
+@posix_signals
 def test_a_worker_that_is_let_go_of_removes_nothing_of_its_parent(tmp_path: Path) -> None:
     """As one whose start was interrupted: its pipe ends, the parent goes on."""
     code = (

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 
 import workbench as wb
 from tests.hostile_fmus import build_hostile
+from tests.platforms import posix_signals
 from workbench.cli.app import run
 
 
@@ -41,7 +41,7 @@ def test_a_lie_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], name:
         assert why in found["why"] or "not those that were saved" in found["why"]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+@posix_signals
 def test_a_crash_in_the_probe_harms_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for found in snapshots(str(build_hostile(tmp_path, "segfault-at-start")), capsys).values():
         assert found == {

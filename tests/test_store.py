@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import workbench as wb
+from tests.platforms import posix_signals
 from workbench.store import FILE_NAME, Store
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -126,7 +127,7 @@ def test_two_processes_write_at_once(tmp_path: Path) -> None:
         assert shared.load() == {f"{name}{k}": [k, name] for name in "ab" for k in range(100)}
 
 
-@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+@posix_signals
 def test_what_was_saved_survives_a_kill(tmp_path: Path) -> None:
     process = writer(tmp_path, "p", 1_000_000)
     assert process.stdout is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import zipfile
 from collections import deque
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ import pytest
 
 import workbench as wb
 from tests.fakes import lag
+from tests.platforms import posix_signals
 from tests.worker_tasks import obey
 from workbench.errors import LostError
 from workbench.model.load import load
@@ -69,7 +69,7 @@ def test_threads(model: wb.FmuModel) -> None:
         assert threads.submit(int, "3").result() == 3
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals")
+@posix_signals
 def test_processes_that_break_lose_the_rest(model: wb.FmuModel) -> None:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
         found = values(OnExecutor(processes, model.recipe), ("name",), ("exit", 3), ("say", 1))

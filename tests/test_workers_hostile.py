@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +10,12 @@ import pytest
 
 import workbench as wb
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
+from tests.platforms import posix_signals
 from workbench.cli.app import run
 from workbench.workers import Workers
 from workbench.workers.limits import memory_limit_works
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="messages name signals")
+pytestmark = posix_signals
 
 # A period of 1 s passes t = 0.5 s, from where on these FMUs misbehave; a period of 0.04 s does not reach it.
 SWEEP = ["--input", "u", "--output", "y", "--amplitude", "1", "--freq", "1,25", "--max-periods", "4", "--json", "-"]

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 import workbench as wb
+from tests.platforms import posix_signals
 from tests.programs import ended, start
 from tests.worker_tasks import obey
 from workbench.cli.app import run
@@ -32,7 +33,6 @@ from workbench.workers.process import WorkerProcess
 from workbench.workers.runner import Lost, Reply
 
 ROOT = Path(__file__).resolve().parent.parent
-posix = pytest.mark.skipif(os.name == "nt", reason="signals")
 linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
 
 Outcome = dict[tuple[Any, ...], list[Any]]
@@ -70,7 +70,7 @@ def test_jobs_run_on_the_model_in_other_processes(model: wb.DescribedModel) -> N
     assert pid != os.getpid()
 
 
-@posix
+@posix_signals
 def test_a_crash_costs_its_own_job_only(model: wb.DescribedModel) -> None:
     say = [("say", k) for k in range(4)]
     bad: list[tuple[Any, ...]] = [("segfault",), ("signal", int(signal.SIGABRT)), ("exit", 3)]
@@ -94,7 +94,7 @@ class Clock:
         return self.now
 
 
-@posix
+@posix_signals
 def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(monkeypatch)
     with Pool(model.recipe, jobs=1, limits=Limits(timeout=0.3)) as pool:
@@ -163,13 +163,13 @@ def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.DescribedModel) -
     assert not any(alive(p) for p in pids)
 
 
-@posix
+@posix_signals
 @pytest.mark.parametrize("number", ENDING)
 def test_signals_that_ask_to_end_are_the_parents_affair(model: wb.DescribedModel, number: int) -> None:
     assert do(model, ("signal", number)) == {("signal", number): ["before", "still here"]}
 
 
-@posix
+@posix_signals
 def test_ctrl_c_at_once_does_not_end_a_worker_that_still_starts(
     model: wb.DescribedModel, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,7 +191,7 @@ def test_a_worker_loads_only_what_it_needs(model: wb.DescribedModel) -> None:
     assert not modules & {"matplotlib", "typer", "rich", "control", "pytest", "scipy", "sqlite3"}
 
 
-@posix
+@posix_signals
 def test_standard_output_belongs_to_the_result(model: wb.DescribedModel, capfd: pytest.CaptureFixture[str]) -> None:
     with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
         assert list(pool.run(obey, deque([("stdout",)])))
@@ -220,7 +220,7 @@ for event in pool.run(obey, deque([("sleep", 0.0, 100.0), ("say", 1), ("endless_
 """
 
 
-@posix
+@posix_signals
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_workers_end_with_their_parent_whatever_ends_it(how: signal.Signals) -> None:
     # The script has no `if __name__ == "__main__"`: a worker does not run it again.
@@ -235,7 +235,7 @@ def test_workers_end_with_their_parent_whatever_ends_it(how: signal.Signals) -> 
     assert not Path(folder).exists()
 
 
-@posix
+@posix_signals
 def test_a_worker_ends_with_its_parent_though_its_code_holds_the_lock_of_python() -> None:
     """As the code of an FMU that embeds Python may."""
     process = start(["-c", ORPHANS.replace("endless_in_c", "endless_with_lock")])
@@ -280,7 +280,7 @@ def test_reasons_name_what_happened(code: int | None, platform: str, text: str) 
 # -- what goes wrong between requests, or in odd ways -----------------------------------------
 
 
-@posix
+@posix_signals
 def test_a_worker_that_died_while_it_waited_costs_nothing(model: wb.DescribedModel) -> None:
     with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
         for _ in range(2):  # in a pool that is still open, and the second time after a kept one
@@ -294,7 +294,7 @@ def test_a_worker_that_died_while_it_waited_costs_nothing(model: wb.DescribedMod
     assert do(model, ("say", 3), workers=1) == {("say", 3): [3]}
 
 
-@posix
+@posix_signals
 def test_a_worker_that_an_earlier_request_broke_costs_the_next_one_nothing(model: wb.DescribedModel) -> None:
     """It dies as soon as it is asked: it cannot be seen before."""
     with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
@@ -308,7 +308,7 @@ def test_a_worker_that_an_earlier_request_broke_costs_the_next_one_nothing(model
     assert event.value[2] != pid
 
 
-@posix
+@posix_signals
 def test_what_was_printed_last_is_part_of_the_message(model: wb.DescribedModel) -> None:
     job = ("last_words", "warming up", "the pump\x1b ran dry")
     assert do(model, ("say", 1), job, workers=1)[job] == [
@@ -316,7 +316,7 @@ def test_what_was_printed_last_is_part_of_the_message(model: wb.DescribedModel) 
     ]
 
 
-@posix
+@posix_signals
 @pytest.mark.parametrize("what", ["StopIteration", "GeneratorExit", "SystemExit"])
 def test_an_odd_exception_ends_nothing_in_silence(model: wb.DescribedModel, what: str) -> None:
     jobs = [("say", 1), ("raise", what), ("say", 2)]
@@ -344,7 +344,7 @@ def test_an_answer_that_cannot_be_made_here_is_an_error(model: wb.DescribedModel
     assert found["say", 1] == [1]
 
 
-@posix
+@posix_signals
 @pytest.mark.parametrize(
     "messages", [[(READY, None)], [("nothing", "of the kind")], [5], [(DONE, None), (ITEM, 5)], [(ERROR, "none")]]
 )
@@ -425,7 +425,7 @@ except KeyboardInterrupt:
 """
 
 
-@posix
+@posix_signals
 def test_a_signal_in_the_middle_of_sending_ends_it_in_good_order() -> None:
     """Its handler sends nothing itself, and takes no lock."""
     process = start(["-c", STOPPED])
@@ -462,7 +462,7 @@ with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
 """
 
 
-@posix
+@posix_signals
 def test_a_fork_in_the_middle_of_a_run_disturbs_neither() -> None:
     process = start(["-c", FORKED])
     out, err = process.communicate(timeout=60)
@@ -528,7 +528,7 @@ def test_no_more_workers_start_than_there_are_tasks(begun: list[WorkerProcess], 
     assert len(begun) == 2
 
 
-@posix
+@posix_signals
 def test_none_starts_that_is_not_used(begun: list[WorkerProcess], model: wb.DescribedModel) -> None:
     assert run([*POINT[:-2], "--scheduler", "nonsense"]) == 2
     wb.nfr(model, "u", "y", [1.0], [1.0], workers=wb.Workers(executor=ThreadPoolExecutor(1)))

@@ -14,8 +14,8 @@ Names are loaded when they are first used, so that importing the package is quic
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as type checkers know it; importing typing would take the longest of importing the package
 if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise

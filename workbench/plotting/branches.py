@@ -21,18 +21,19 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_branches", "plot_branches"]
 
+_ONSET: dict[str, Any] = {"color": "#888888", "linewidth": 0.8, "linestyle": ":"}
+
 _MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch point": "P"}
 
 
 def plot_branches(result: BranchesResult) -> Figure:
     """Draw gain [dB] and phase [deg] of all responses over what is varied: full where stable, dashed where not."""
-    onset = result.onset
     figure, axes = rows(2, title=f"{result.model}: {result.input} → {result.output}")
     amplitudes = sorted({b.amplitude for b in result.branches if b.amplitude is not None})
     colours = {a: COLOURS[i % len(COLOURS)] for i, a in enumerate(amplitudes)}
     draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
-    if onset is not None:
-        axes[0].axvline(onset.frequency_hz, color="#888888", linewidth=0.8, linestyle=":")
+    if result.onset is not None:
+        axes[0].axvline(result.onset.frequency_hz, **_ONSET)
     axes[0].set_ylabel("gain [dB]")
     axes[1].set_ylabel("phase [deg]")
     unit = {"frequency": "Hz", "amplitude": result.input_unit}.get(result.vary)
@@ -86,6 +87,8 @@ def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None
     if any(not b.stable.all() for b in result.branches):
         handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
         handles.append(Line2D([], [], color="#333333", linestyle="--", label="unstable"))
+    if result.onset is not None:
+        handles.append(Line2D([], [], label=f"jumps from amplitude {result.onset.amplitude:.4g} on", **_ONSET))
     kinds = {f.kind for f in result.folds}
     handles += [
         Line2D([], [], color="#333333", linestyle="", marker=m, markersize=4.0, label=kind)

@@ -57,10 +57,12 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
 
 def _branches(result: NfrResult) -> list[Section]:
     """Return the sections of the branches, where they were asked for."""
-    found = (
-        [Section("Branches", tables=[branches_table(result.branches, "frequency", "Hz")])] if result.branches else []
-    )
-    return [*found, *([Section("Folds and bifurcations", tables=[folds_table(result.folds)])] if result.folds else [])]
+    tables = {}
+    if result.branches:
+        tables["Branches"] = branches_table(result.branches, "frequency", "Hz")
+    if result.folds:
+        tables["Folds and bifurcations"] = folds_table(result.folds)
+    return [Section(title, tables=[table]) for title, table in tables.items()]
 
 
 def _range(result: NfrResult) -> str:

@@ -6,34 +6,27 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from types import TracebackType
-from typing import Self
+from typing import ClassVar
 
 import numpy as np
 
-from workbench.analysis.lin.sweep import with_parameters
-from workbench.analysis.periodic.continuation import Place
-from workbench.analysis.periodic.period_map import Lap, PeriodMap
+from workbench.analysis.periodic.continuation import Family
+from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
+from workbench.model.varied import with_parameters
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["Forced"]
-
-# Intervals in which the slopes along a period are taken, to follow a branch and to locate what is on it.
-_INTERVALS, _EXACT = 12, 100
+__all__ = ["Forced", "near"]
 
 # Of the varied quantity, for its derivative by the difference of two periods.
 _NUDGE = 1e-4
 
-# With more states the derivative is not taken by differences of whole periods.
-_FEW_STATES = 24
-
 
 @dataclass
-class Forced:
-    """A `Family` of period maps.
+class Forced(Family):
+    """Period maps of a forced model.
 
     Attributes:
         model: stays open.
@@ -43,8 +36,6 @@ class Forced:
         frequency, amplitude: of the forcing; what is varied has no effect.
         centre: about which the forcing moves.
         order: how many periods of the forcing the motion takes.
-        intervals: in so many the slopes along a period are taken.
-        by_differences: whether the derivative is taken by differences of whole periods.
         count: number of periods run.
         stopped: asked before each period; true ends it by KeyboardInterrupt.
     """
@@ -59,21 +50,14 @@ class Forced:
     amplitude: float
     centre: float = 0.0
     order: int = 1
-    intervals: int = _INTERVALS
-    by_differences: bool = False
     count: int = 0
     stopped: Callable[[], bool] = lambda: False
     _open: ExitStack = field(default_factory=ExitStack, repr=False)
     _map: PeriodMap | None = None
     _value: float | None = None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    coarse: ClassVar[int] = 12
+    fine: ClassVar[int] = 100
 
     def close(self) -> None:
         """Close what is open. Any number of times."""
@@ -88,11 +72,6 @@ class Forced:
             self, order=order or self.order, amplitude=amplitude, low=low, high=high, count=0, _open=ExitStack(),
             _map=None, _value=None,
         )  # fmt: skip
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Lowest and highest parameter."""
-        return 0.0, 1.0
 
     @property
     def is_logarithmic(self) -> bool:
@@ -140,7 +119,7 @@ class Forced:
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period from x; return it with its derivative, and ∂x1/∂p; see `Family`."""
-        lap = self.run(x, p, intervals=_EXACT if exact else self.intervals)
+        lap = self.run(x, p, intervals=self.fine if exact else self.intervals)
         if self.by_differences:
             frequency, amplitude = self.forcing(p)
             self.count += self.order * len(x)
@@ -155,14 +134,8 @@ class Forced:
         moved = self.run(x, p + _NUDGE)
         return lap, (moved.x1 - lap.x1) / _NUDGE
 
-    def stands(self, place: Place) -> None:
+    def moved_on(self) -> None:
         """Take no note: the forcing holds the phase."""
-
-    def finer(self) -> bool:
-        """Take the slopes at more instants from now on; False: they are as many as there can be."""
-        better = self.intervals < _EXACT and not self.by_differences
-        self.intervals = min(_EXACT, 3 * self.intervals)
-        return better
 
     def _at(self, p: float) -> PeriodMap:
         value = None if self.is_logarithmic else self.value(p)
@@ -181,7 +154,7 @@ class Forced:
     @property
     def may_differ(self) -> bool:
         """Whether the model has few enough states for differences of whole periods."""
-        return len(self.model.states) <= _FEW_STATES and not self.by_differences
+        return len(self.model.states) <= FEW_STATES and not self.by_differences
 
 
 def near(a: Floats, b: Floats, unit: Floats) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from workbench.analysis.branches.family import Forced, near
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
 from workbench.analysis.harmonics import fundamental
-from workbench.analysis.periodic.continuation import Place, Special, Track, arrive, both_ways, depart, follow
+from workbench.analysis.periodic.continuation import Manner, Place, Special, Track, arrive, both_ways, depart, follow
 from workbench.analysis.rates import sample_rates
 from workbench.core.forms import several
 from workbench.core.job import Job
@@ -38,8 +37,6 @@ _MAY_BE_SAME = 0.2
 
 # How far from a period doubling the doubled branch is stepped on, in units of the motion.
 _ASIDE = 0.02
-
-_SHOWN = 6  # multipliers
 
 # Why a branch may end without anything having gone wrong.
 _EXPECTED = {"the parameter's bound", "it closes", "it leaves another branch"}
@@ -143,7 +140,7 @@ class _Search:
         except SimulationError:
             return
         if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
-            track = follow(family, place, way=0.0, **self._how(family))
+            track = follow(family, place, self._manner(family), way=0.0)
             self.unfinished.clear()
             track.ends = ("it leaves another branch", track.ends[1])
             if not self._is_known(family, track.places[len(track.places) // 2]):
@@ -194,20 +191,20 @@ class _Search:
     def _follow(self, family: Forced, place: Place) -> None:
         if self._is_known(family, place):
             return
-        track = both_ways(family, place, **self._how(family))
+        track = both_ways(family, place, self._manner(family))
         self.unfinished.clear()
         # Where it meets the branch of half its period it crosses itself: that is told there, as a period doubling.
         own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
         self.tracks.append((family, replace(track, special=own)))
 
-    def _how(self, family: Forced) -> dict[str, Any]:
-        """Return what following is told, to keep what is there if it is stopped."""
-        return {
-            "told": self.told,
-            "most": self.most,
-            "marks": self.marks,
-            "begun": lambda track: self.unfinished.append((family, track)),
-        }
+    def _manner(self, family: Forced) -> Manner:
+        """Return how a branch is followed, so that what is there is kept if it is stopped."""
+        return Manner(
+            told=self.told,
+            begun=lambda track: self.unfinished.append((family, track)),
+            most=self.most,
+            marks=self.marks,
+        )
 
 
 def explore(
@@ -250,7 +247,7 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     with model.open_session() as session:
         point = standing(model, session)
     found: list[tuple[float | None, Forced, Track]] = []
-    notes, stop = list(remarks), _Stop()
+    notes = list(remarks)
     onset: Onset | None = None
     amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
     progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()
@@ -280,11 +277,11 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     job.partial = lambda: result() if found or any(s.tracks or s.unfinished for s in at_work) else None
     job.notes = notes
     frequency = several(asked.frequencies or (1.0,))[0]
-    with job.ended_by(stop.now):
+    with job.ended_by(lambda: None):  # it ends before the next period
         for amplitude in amplitudes:
             family = Forced(
                 model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
-                stopped=lambda: stop.asked or job.stopped,
+                stopped=lambda: job.stopped,
             )  # fmt: skip
             tracks = explore(family, asked, progress.at, at_work.append)
             at_work.clear()
@@ -321,14 +318,6 @@ class _Progress:
     @property
     def _total(self) -> int:
         return 100 * self.amplitudes
-
-
-@dataclass
-class _Stop:
-    asked: bool = False
-
-    def now(self) -> None:
-        self.asked = True
 
 
 def _check(model: Model, asked: Branches) -> None:
@@ -372,7 +361,7 @@ def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBr
         phase_deg=np.degrees(np.unwrap(np.angle(response))),
         offset=np.array([p.lap.period.harmonics[0] for p in track.places]),
         stable=np.array([p.stable for p in track.places], dtype=bool),
-        multipliers=tuple(tuple(p.multipliers[:_SHOWN].tolist()) for p in track.places),
+        multipliers=tuple(p.at.kept for p in track.places),
         order=family.order,
         closed=track.closed,
         ends=track.ends,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from workbench.analysis.describing.base import Block
-from workbench.analysis.limit_cycle.branch import Branch
+from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
 from workbench.analysis.limit_cycle.continuation import Family, follow
 from workbench.analysis.limit_cycle.cut import SplitLoop, cut, driven_block, only_block
@@ -47,6 +47,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.model.names import check_variables
 from workbench.model.placing import named, start_at
+from workbench.model.varied import Varied
 from workbench.signals import Signal, signals_of
 
 __all__ = ["run"]
@@ -261,7 +262,7 @@ class _Work:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
         found: list[Branch] = []
         for cycle in self.cycles:
-            if not any(_passes(b, start, cycle) for b in found):
+            if not any(_passes(b, start, cycle.fundamental, lambda p: p.fundamental) for b in found):
                 found.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
         return found
 
@@ -275,17 +276,19 @@ class _Work:
             start = session.values([name])[name]
         if not limits[0] < start < limits[1]:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
-        opened = _Opened(self.system, name, limits)
-        self.keep.callback(opened.close)
+        varied = Varied(self.system, name)
+        self.keep.callback(varied.close)
+
+        def opened(p: float) -> DescribedModel:
+            return varied.at(limits[0] + (limits[1] - limits[0]) * p)
+
         found: list[Branch] = []
         for cycle in [c for c in self.found if c.method == SHOOTING]:
             states = cycle.states or {}
-            if any(_near(b, start, cycle.amplitude) for b in found):
+            if any(_passes(b, start, cycle.amplitude, lambda p: p.amplitude) for b in found):
                 continue
             sizes = {n: max(abs(x), 1e-6) for n, x in states.items()}
-            orbits = Orbits(
-                opened.at, tuple(states), sizes, self.loop.point.u, self.loop.ports.v, self.time, (0.0, 1.0)
-            )
+            orbits = Orbits(opened, tuple(states), sizes, self.loop.point.u, self.loop.ports.v, self.time, varied=True)
             try:
                 first = orbits.arrive(states, cycle.frequency_hz, (start - limits[0]) / (limits[1] - limits[0]))
             except SimulationError as error:
@@ -432,50 +435,11 @@ def _named(number: int | None) -> str:
     return "free run" if number is None else f"crossing {number + 1}"
 
 
-class _Opened:
-    """A system at other values of one of its parameters, the newest kept open."""
-
-    def __init__(self, system: DescribedModel, name: str, limits: tuple[float, float]) -> None:
-        self._system, self._name, self._limits = system, name, limits
-        self._open: dict[float, DescribedModel] = {}
-
-    def at(self, p: float) -> AbstractContextManager[DescribedModel]:
-        """Return the system at a part of the way between the limits."""
-        value = self._limits[0] + (self._limits[1] - self._limits[0]) * p
-        if value not in self._open:
-            if len(self._open) >= _KEPT:
-                self._open.pop(next(iter(self._open))).close()
-            recipe = self._system.recipe
-            starts = {**recipe.start_values, self._name: value}
-            self._open[value] = replace(recipe, start_values=starts).open()
-        return nullcontext(self._open[value])
-
-    def close(self) -> None:
-        """Close what is open."""
-        for model in self._open.values():
-            model.close()
-        self._open.clear()
-
-
-_KEPT = 4  # opened systems
-
-
-def _near(branch: Branch, value: float, amplitude: float) -> bool:
-    """Whether a branch has an orbit of an amplitude at a value of its parameter."""
+def _passes(branch: Branch, value: float, size: float, of: Callable[[BranchPoint], float]) -> bool:
+    """Whether a branch has a cycle of a size at a value of its parameter."""
     for a, b in pairwise(branch.points):
         if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
             part = (value - a.value) / (b.value - a.value)
-            if abs((a.amplitude + part * (b.amplitude - a.amplitude)) / amplitude - 1.0) < _ON_BRANCH:
-                return True
-    return False
-
-
-def _passes(branch: Branch, value: float, cycle: Cycle) -> bool:
-    """Whether a branch goes through a cycle at a value of its parameter."""
-    for a, b in pairwise(branch.points):
-        if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
-            part = (value - a.value) / (b.value - a.value)
-            size = a.fundamental + part * (b.fundamental - a.fundamental)
-            if abs(size / cycle.fundamental - 1.0) < _ON_BRANCH:
+            if abs((of(a) + part * (of(b) - of(a))) / size - 1.0) < _ON_BRANCH:
                 return True
     return False

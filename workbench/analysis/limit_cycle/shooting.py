@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.passes import half_range, told_mean
-from workbench.analysis.periodic.continuation import Place, arrive, both_ways
+from workbench.analysis.periodic.continuation import Family, Manner, Place, arrive, both_ways
 from workbench.analysis.periodic.monodromy import Tangent
-from workbench.analysis.periodic.period_map import Lap, PeriodMap
+from workbench.analysis.periodic.period_map import Lap, PeriodMap, differences
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.compiled import CompiledMeSession
@@ -26,7 +26,6 @@ _NUDGE = 1e-4  # of the span of a parameter
 _MOST_STATES = 200
 _SAMPLES = 1000
 _DOUBT = 1e-3  # by which the flow may fail to be mapped onto itself where the slopes along the orbit are believed
-_INTERVALS, _EXACT = 20, 200  # in which they are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ def shoot(
     """
     if len(states) > _MOST_STATES:
         return f"{len(states)} states are too many for shooting"
-    orbits = Orbits(lambda _: nullcontext(model), tuple(states), sizes, inputs, watch, time)
+    orbits = Orbits(lambda _: model, tuple(states), sizes, inputs, watch, time)
     try:
         return orbits.orbit(orbits.arrive(states, frequency))
     except (SimulationError, InputError) as error:
@@ -90,8 +89,8 @@ def shoot(
 
 
 @dataclass
-class Orbits:
-    """Closed orbits over a parameter, a `Family` of the map (x, ln T) → (φ(x, T), ln T + phase condition).
+class Orbits(Family):
+    """Closed orbits over a parameter, fixed points of the map (x, ln T) → (φ(x, T), ln T + phase condition).
 
     The phase condition keeps x on a plane across the orbit. Every period is run in a session of its own, so that
     connections that close later stay open.
@@ -103,21 +102,21 @@ class Orbits:
         inputs: held values.
         watch: variable that is measured.
         time: session time at which each period begins [s].
-        bounds: lowest and highest parameter.
-        differ: whether derivatives are differences of whole periods.
+        varied: whether the parameter is.
     """
 
-    open: Callable[[float], AbstractContextManager[DescribedModel]]
+    open: Callable[[float], DescribedModel]
     names: tuple[str, ...]
     sizes: Mapping[str, float]
     inputs: Mapping[str, float]
     watch: str
     time: float
-    bounds: tuple[float, float] = (0.0, 0.0)
-    differ: bool = False
-    intervals: int = _INTERVALS
+    varied: bool = False
     _anchor: tuple[Floats, Floats] | None = None
     _first: float | None = None
+
+    coarse: ClassVar[int] = 20
+    fine: ClassVar[int] = 200
 
     def arrive(self, states: Mapping[str, float], frequency: float, p: float = 0.0) -> Place:
         """Return the orbit near a predicted one.
@@ -132,19 +131,12 @@ class Orbits:
                 return place
         except SimulationError:
             place = None
-        self.differ, self._anchor = True, None
+        self.by_differences, self._anchor = True, None
         return arrive(self, start if place is None else place.x, p, exact=True)
 
-    def stands(self, place: Place) -> None:
-        """Take the plane across the orbit at a place from now on."""
-        del place
+    def moved_on(self) -> None:
+        """Take the plane across the orbit at the newest place from now on."""
         self._anchor = None
-
-    def finer(self) -> bool:
-        """Take the slopes at more instants from now on; False: they are as many as there can be."""
-        better = self.intervals < _EXACT and not self.differ
-        self.intervals = min(_EXACT, 3 * self.intervals)
-        return better
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period; see `Family`."""
@@ -152,8 +144,8 @@ class Orbits:
             self._first = float(x[-1])
         if x[-1] - self._first > _LONGER:
             raise SimulationError(f"the period grows beyond {np.exp(_LONGER):.0f} times that of the first cycle")
-        lap = self._run(x, p, _EXACT if exact else self.intervals)
-        if self.bounds[0] == self.bounds[1]:
+        lap = self._run(x, p, self.fine if exact else self.intervals)
+        if not self.varied:
             return lap, np.zeros(len(x))
         moved = self._run(x, p + _NUDGE, 0)
         return lap, (moved.x1 - lap.x1) / _NUDGE
@@ -161,18 +153,23 @@ class Orbits:
     def _run(self, z: Floats, p: float, intervals: int) -> Lap:
         """Run one period of the extended map, with its derivative if that takes intervals."""
         x, period = z[:-1], float(np.exp(z[-1]))
-        with self.open(p) as model:
-            lap = self._period(model, x, period, max(intervals, 1))
-            unit = np.append(lap.unit, 1.0)
-            if self._anchor is None:
-                away = (lap.flow if lap.flow is not None else lap.defect) / lap.unit
-                self._anchor = x.copy(), away / max(float(np.linalg.norm(away)), 1e-300) / lap.unit
-            start, across = self._anchor
-            phase = float(across @ (x - start))
-            whole = replace(lap, x0=z, x1=np.append(lap.x1, z[-1] - phase), unit=unit)
-            if not intervals:
-                return whole
-            Phi, rows, flow = self._derivative(model, lap, period)
+        model = self.open(p)
+        lap = self._period(model, x, period, max(intervals, 1))
+        unit = np.append(lap.unit, 1.0)
+        if self._anchor is None:
+            away = (lap.flow if lap.flow is not None else lap.defect) / lap.unit
+            self._anchor = x.copy(), away / max(float(np.linalg.norm(away)), 1e-300) / lap.unit
+        start, across = self._anchor
+        phase = float(across @ (x - start))
+        whole = replace(lap, x0=z, x1=np.append(lap.x1, z[-1] - phase), unit=unit)
+        if not intervals:
+            return whole
+        if lap.flow is None or lap.tangent is None:
+            raise SimulationError("the model cannot be linearised along its motion")
+        at, flow = lap.tangent, lap.flow
+        if self.by_differences:
+            at = differences(lap, lambda x: self._period(model, x, period, 1), _APART)
+        Phi, rows = at.Phi, at.rows
         others, doubt = _across(Phi * lap.unit / lap.unit[:, None], flow / lap.unit)
         extended = np.block([[Phi, (flow * period)[:, None]], [-across[None, :], np.ones((1, 1))]])
         n = len(x)
@@ -193,21 +190,6 @@ class Orbits:
         flow = None if lap.flow is None else lap.flow[order]
         return replace(lap, x0=x, x1=lap.x1[order], unit=unit, tangent=tangent, flow=flow)
 
-    def _derivative(self, model: DescribedModel, lap: Lap, period: float) -> tuple[Floats, Floats, Floats]:
-        if lap.flow is None or lap.tangent is None:
-            raise SimulationError("the model cannot be linearised along its motion")
-        if not self.differ:
-            return lap.tangent.Phi, lap.tangent.rows, lap.flow
-        n = len(lap.x0)
-        Phi, rows = np.empty((n, n)), np.empty((3, n))
-        for i in range(n):
-            x, step = lap.x0.copy(), _APART * lap.unit[i]
-            x[i] += step
-            moved = self._period(model, x, period, 1)
-            Phi[:, i] = (moved.x1 - lap.x1) / step
-            rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
-        return Phi, rows, lap.flow
-
     def _session(self, model: DescribedModel, x: Floats) -> CompiledMeSession:
         values = {**self.inputs, **dict(zip(self.names, x.tolist(), strict=True))}
         session = model.open_at(time=self.time, values=values, tolerance=_TOLERANCE)
@@ -224,7 +206,7 @@ class Orbits:
         """Return what a place is, measured along it."""
         x, period = place.x[:-1], float(np.exp(place.x[-1]))
         points = self.time + period * np.arange(1, _SAMPLES + 1) / _SAMPLES
-        with self.open(p) as model, self._session(model, x) as session:
+        with self._session(self.open(p), x) as session:
             record = session.advance(float(points[-1]), signals={}, record=[self.watch], points=points)
         v = record.right_limits(points).values[self.watch]
         residual = float(np.max(np.abs(place.lap.defect[:-1] / place.lap.unit[:-1])))
@@ -283,7 +265,7 @@ def follow_orbits(
             stable=is_stable(found.multipliers, doubt=found.doubt),
         )
 
-    track = both_ways(orbits, first, stopped=stopped, most=_MOST_ORBITS)
+    track = both_ways(orbits, first, Manner(stopped=stopped, most=_MOST_ORBITS))
     folds = [s.place for s in track.special if s.kind == "fold"]
     return Branch(
         parameter=parameter,

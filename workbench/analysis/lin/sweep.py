@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +19,9 @@ from workbench.core.job import Job
 from workbench.core.option import recast
 from workbench.core.record import Part, Record, drawn, entry
 from workbench.errors import InputError, SimulationError
-from workbench.fmi.variable import Value
-from workbench.model import DescribedModel, Model
+from workbench.model import Model
 from workbench.model.names import check_variables
+from workbench.model.varied import with_parameters
 from workbench.signals import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
@@ -204,19 +204,6 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
             yield LinPoint(job.varied, run(make_task(varied, job.asked), job.asked.method))
         except SimulationError as error:
             yield LinPoint(job.varied, None, str(error))
-
-
-def with_parameters(model: Model, parameters: Mapping[str, Value]) -> AbstractContextManager[Model]:
-    """Return the model with other parameters, a new one if there are any.
-
-    Raises:
-        InputError: the model is not a file.
-    """
-    if not parameters:
-        return nullcontext(model)
-    if not isinstance(model, DescribedModel):
-        raise InputError(f"over: the parameters of {model.name} cannot be set")
-    return replace(model.recipe, start_values={**model.recipe.start_values, **parameters}).open()
 
 
 def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:

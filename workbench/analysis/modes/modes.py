@@ -10,7 +10,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workbench.analysis.lin.request import Lin
-from workbench.analysis.lin.sweep import with_parameters
 from workbench.analysis.lin.task import NOT_AT_REST, point_in_full
 from workbench.analysis.modes.match import match
 from workbench.analysis.modes.request import Modes
@@ -25,6 +24,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.model.varied import with_parameters
 
 __all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 

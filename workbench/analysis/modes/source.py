@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinOver
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinPoint, points_over, with_parameters
+from workbench.analysis.lin.sweep import LinPoint, points_over
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.trim.request import trim
 from workbench.core.job import Job
@@ -20,6 +20,7 @@ from workbench.core.option import recast
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables
+from workbench.model.varied import with_parameters
 from workbench.system.description import GainComponent
 from workbench.system.recipe import SystemRecipe
 from workbench.workers import Lost, Workers, choose

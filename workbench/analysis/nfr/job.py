@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 
 from workbench.analysis.branches.request import Branches
@@ -12,13 +12,13 @@ from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
-from workbench.analysis.nfr.solved import Search, can_solve
+from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
 from workbench.analysis.nfr.step import at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
 from workbench.model.placing import standing
 from workbench.session.base import Floats, Session
@@ -162,13 +162,10 @@ class PointsJob(Job):
             if found is not None:
                 return _beside(waited, found)
             if waited.status == "averaged" and isinstance(other, CompiledMeSession):
-                again = Search(other, task, task.evidence(), warm=1)
-                with again.trying():
-                    while again.found is None:
-                        again.add(again.periods.lap(**again.next))
-                if not again.failed and again.found.stable:
-                    point = again.found.point(task)
-                    return replace(point, periods=point.periods + waited.periods)
+                with suppress(NotSolvedError, WorkbenchError):
+                    again = solve_point(other, task, task.evidence(), warm=1)
+                    if again.stable:
+                        return replace(again.point(task), periods=again.periods + waited.periods)
             return waited
 
 

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from workbench.analysis.nfr.point import NfrPoint, PointTask
-from workbench.analysis.nfr.solved import NotSolvedError, can_solve, solve_point
+from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.surroundings import LinearStart
-from workbench.analysis.periodic.period_map import PeriodMap
-from workbench.errors import WorkbenchError
-from workbench.model import Model
-from workbench.session import Session
-from workbench.session.compiled import CompiledMeSession
-from workbench.workers import Job
 
-__all__ = ["SecondJob", "another", "disagreements", "jumps", "may_jump"]
+__all__ = ["another", "disagreements", "distorted", "jumps", "may_jump"]
 
 # A change between neighbouring frequencies this large, and this many times the changes beside it, is a jump.
 _LARGE, _STEEPER = 0.5, 4.0
@@ -33,11 +23,6 @@ _APART, _ERRORS = 0.05, 3.0
 # A response may fold back where it departs from the linear one by more than this, and is distorted by so much.
 _BENT, _BENDS = 0.1, 3e-4
 _MEMORY = 0.5
-
-# On the way from one frequency to the next so many periods are run at each of a few between, at most this ratio apart,
-# so that the sweep stays with the response it comes from.
-_CARRIED, _APACE = 2, 1.04
-_PATIENT = 20
 
 
 def jumps(row: Sequence[NfrPoint]) -> list[str]:
@@ -88,6 +73,7 @@ def disagreements(
 
 
 def _contradict(new: NfrPoint, old: NfrPoint) -> bool:
+    """Whether two measurements of one point are two responses."""
     errors = (new.error or 0.0) + (old.error or 0.0)
     return _apart(new, old) > max(_APART, _ERRORS * errors)
 
@@ -103,21 +89,24 @@ def _distortion(point: NfrPoint) -> float:
     return (point.certificate.thd or 0.0) if point.certificate is not None else 0.0
 
 
-# -- looked for ------------------------------------------------------------------------------------------------------
+def distorted(row: Sequence[NfrPoint]) -> bool:
+    """Return whether responses of one amplitude were solved for, and are those of a nonlinear model.
+
+    Args:
+        row: points of one amplitude.
+    """
+    solved = sum(p.certificate is not None and p.certificate.method == "solved" for p in row)
+    return solved >= _FEWEST and max(map(_distortion, row)) >= _BENDS
 
 
 def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
     """Return whether the responses of one amplitude are nonlinear enough for a second one to be worth a look.
 
     Args:
-        row: points that were solved for.
+        row: points of one amplitude.
         linear: the linear model where they start.
     """
-    if len(row) < _FEWEST or any(p.certificate is None or p.certificate.method != "solved" for p in row):
-        return False
-    if linear is None or max(map(_distortion, row)) < _BENDS:
-        return False
-    return any(_bent(p, linear) > _BENT and _remembers(p) for p in row)
+    return linear is not None and distorted(row) and any(_bent(p, linear) > _BENT and _remembers(p) for p in row)
 
 
 _FEWEST = 3  # points
@@ -137,90 +126,32 @@ def _bent(point: NfrPoint, linear: LinearStart) -> float:
     return abs(abs(forced.response) - abs(point.response)) / largest if largest > 0.0 else 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class SecondJob(Job):
-    """Look for second responses: once rising and once falling in frequency, each begun where the one before stands.
-
-    Attributes:
-        tasks: the points of one amplitude, rising in frequency.
-    """
-
-    tasks: tuple[PointTask, ...]
-
-    def run(self, model: Model) -> Iterator[Second]:
-        yield Second(tuple(p for tasks in (self.tasks, self.tasks[::-1]) for p in self._carried(model, tasks)))
-
-    def _carried(self, model: Model, tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
-        session: Session | None = None
-        before = tasks[0].frequency
-        with ExitStack() as stack:
-            for task in tasks:
-                if session is None:
-                    first = {task.input: task.sine(model.start_time)}
-                    session = stack.enter_context(model.open_session(signals=first))
-                if not can_solve(session, task):
-                    return
-                try:
-                    _carry(session, task, before)
-                    found = _stable_one(session, task)
-                except WorkbenchError:
-                    stack.close()
-                    session = None
-                else:
-                    yield from found
-                before = task.frequency
-
-
-def _stable_one(session: CompiledMeSession, task: PointTask) -> list[NfrPoint]:
-    """Return the stable response near to where a session stands; none: it was not reached soon."""
-    for warm in (_CARRIED, _PATIENT):
-        with suppress(NotSolvedError):
-            found = solve_point(session, task, task.evidence(), warm=warm).point(task)
-            if found.stable:
-                return [found]
-    return []
-
-
-def _carry(session: CompiledMeSession, task: PointTask, before: float) -> None:
-    """Go slowly from one frequency to that of a point."""
-    steps = math.ceil(abs(math.log(task.frequency / before)) / math.log(_APACE))
-    periods = PeriodMap(session, task.output, task.input, task.centre, task.rows)
-    for i in range(1, steps):
-        for _ in range(_CARRIED):
-            if task.stopped():
-                raise KeyboardInterrupt
-            periods.lap(before * (task.frequency / before) ** (i / steps), task.amplitude)
-
-
-@dataclass(frozen=True)
-class Second:
-    """What `SecondJob` found.
-
-    Attributes:
-        points: by frequency, each at most twice.
-    """
-
-    points: tuple[NfrPoint, ...]
-
-
 def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[NfrPoint], output: str) -> list[str]:
     """Return a line if there are other stable responses than those measured.
 
     Args:
         points: measured, by amplitude and frequency.
-        second: found from elsewhere.
+        second: others at the same frequencies and amplitudes.
         output: name of the output.
     """
-    found: dict[tuple[float, float], NfrPoint] = {}
+    beside: dict[tuple[float, float], NfrPoint] = {}
+    missed: dict[tuple[float, float], NfrPoint] = {}
     for p in second:
         mine = points.get((p.amplitude, p.frequency))
-        if p.stable and mine is not None and mine.response is not None and _contradict(p, mine):
-            found.setdefault((p.amplitude, p.frequency), p)
-    if not found:
-        return []
-    key, other = min(found.items())
-    here = points[key]
-    span = f"{key[1]:.6g}" if len(found) == 1 else f"{key[1]:.6g} … {max(f for _, f in found):.6g}"
-    gains = f"gain {abs(other.response or 0.0):.4g} besides {abs(here.response or 0.0):.4g} of {output}"
-    what = f"{span} Hz, amplitude {key[0]:g}: there is another stable response, {gains} at {key[1]:.6g} Hz"
-    return [f"{what}; which one is reached depends on the start; --branches shows all"]
+        if p.stable and mine is not None and (mine.response is None or _contradict(p, mine)):
+            (missed if mine.response is None else beside).setdefault((p.amplitude, p.frequency), p)
+    found = []
+    if beside:
+        key, other = min(beside.items())
+        span = f"{key[1]:.6g}" if len(beside) == 1 else f"{key[1]:.6g} … {max(f for _, f in beside):.6g}"
+        gains = f"gain {_gain(other)} besides {_gain(points[key])} of {output}"
+        what = f"{span} Hz, amplitude {key[0]:g}: there is another stable response, {gains} at {key[1]:.6g} Hz"
+        found.append(f"{what}; which one is reached depends on the start; --branches shows all")
+    for (amplitude, frequency), other in sorted(missed.items()):
+        where = f"{frequency:.6g} Hz, amplitude {amplitude:g}"
+        found.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; --branches shows it")
+    return found
+
+
+def _gain(point: NfrPoint) -> str:
+    return f"{abs(point.response or 0.0):.4g}"

@@ -25,7 +25,10 @@ from workbench.signals import Sine
 __all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_point"]
 
 _REASONS = {
-    Outcome.DIVERGED: "grows without bound; the model is unstable under this input",
+    Outcome.DIVERGED: (
+        "grows from period to period: the model is unstable under this input, or on the way to another motion (look "
+        "longer: --max-periods)"
+    ),
     Outcome.SCATTERED: (
         "does not follow the input: its periods differ by more than their mean. Probably a light or slow mode, or an "
         "integrator, still moves: wait longer (--max-periods), or begin at rest (--at); or it moves by itself"

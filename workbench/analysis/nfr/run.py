@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -11,11 +13,13 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr.jumps import Second, SecondJob, another, disagreements, may_jump
+from workbench.analysis.nfr.jumps import another, disagreements, distorted, may_jump
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
@@ -24,6 +28,7 @@ from workbench.analysis.nfr.store import Key, NfrStore, check_redo, from_result
 from workbench.analysis.nfr.surroundings import Surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, doubt
 from workbench.core import job as telling
+from workbench.core.forms import several
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import with_options
 from workbench.errors import InputError
@@ -87,7 +92,8 @@ class Sweep:
         self._stopped = False
         self._told = telling.Job()
         self._followed: list[BranchesResult] = []
-        self._found: list[str] = []
+        self._second: dict[float, tuple[NfrPoint, ...]] = {}  # where it was looked for, by amplitude
+        self._not_found: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
         self._recall(asked.previous)
@@ -124,6 +130,7 @@ class Sweep:
             known |= self._store.finished(self._redo)
             self._zero_input = self._store.zero_input()
             self._standing = self._store.standing() or self._standing
+            self._second = self._store.second(self._frequencies)
         for a in self._amplitudes:
             keys = [(a, f) for f in self._frequencies]
             if not self._asked.carry or all(k in known for k in keys):
@@ -166,7 +173,7 @@ class Sweep:
         with ExitStack() as stack:
             if self._store is not None:
                 stack.callback(self._store.close)
-            if self.done == self.total and not self._asked.branches:
+            if self.done == self.total and not self._afterwards_wanted():
                 yield iter(())
                 return
             runner, notes = choose(self._model, self._workers)
@@ -185,22 +192,41 @@ class Sweep:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""
         jobs: deque[Job] = deque()
         for amplitude in self._amplitudes:
-            row = [self._points[amplitude, f] for f in sorted(self._frequencies)]
+            row = self._row(amplitude)
             if self._asked.branches:
                 jobs.append(BranchesJob(asked=self._branches(amplitude)))
-            elif may_jump(row, self._surroundings.linear):
-                jobs.append(SecondJob(tasks=tuple(self._task(p.frequency, amplitude) for p in row)))
+            elif amplitude not in self._second and may_jump(row, self._surroundings.linear):
+                jobs.append(BranchesJob(asked=replace(self._branches(amplitude), order=1, seeds=0)))
+            elif amplitude not in self._second and distorted(row):
+                self._keep_second(amplitude, ())
         if isinstance(runner, InProcess):
             jobs = deque(self._stoppable(job) for job in jobs)
         for event in runner.run(perform, jobs):
-            if isinstance(event, Lost):
-                what = "branches" if isinstance(event.job, BranchesJob) else "second responses"
-                self._found.append(f"{what} could not be looked for: {event.reason}")
-            elif isinstance(event.value, BranchesResult):
-                self._followed.append(event.value)
-            elif isinstance(event.value, Second):
-                self._found += another(self._points, event.value.points, self._asked.output)
+            self._take_found(event)
         yield from ()
+
+    def _take_found(self, event: Reply | Lost) -> None:
+        if isinstance(event, Lost):
+            what = "branches" if self._asked.branches else "second responses"
+            self._not_found.append(f"{what} could not be looked for: {event.reason}")
+        elif self._asked.branches:
+            self._followed.append(event.value)
+        else:
+            (amplitude,) = several(event.job.asked.amplitudes)
+            self._keep_second(amplitude, [p for f in self._frequencies for p in _stable_at(event.value, f, amplitude)])
+
+    def _row(self, amplitude: float) -> list[NfrPoint]:
+        return [self._points[amplitude, f] for f in sorted(self._frequencies)]
+
+    def _afterwards_wanted(self) -> bool:
+        """Whether something is to be done when all points are known."""
+        seen = self._second
+        return self._asked.branches or any(distorted(self._row(a)) for a in self._amplitudes if a not in seen)
+
+    def _keep_second(self, amplitude: float, found: Sequence[NfrPoint]) -> None:
+        self._second[amplitude] = tuple(found)
+        if self._store is not None:
+            self._store.save_second(amplitude, self._frequencies, found)
 
     def _branches(self, amplitude: float) -> Branches:
         low, high = min(self._frequencies), max(self._frequencies)
@@ -262,7 +288,7 @@ class Sweep:
         """Let a job that runs in this process ask between periods whether to stop."""
         if isinstance(job, BranchesJob):
             return replace(job, told=self._told)
-        if isinstance(job, PointsJob | SecondJob):
+        if isinstance(job, PointsJob):
             return replace(job, tasks=tuple(replace(t, stopped=lambda: self._stopped) for t in job.tasks))
         return job
 
@@ -318,7 +344,11 @@ class Sweep:
         """Return what was measured so far."""
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
-        warnings = [*disagreements(self._points, self._before), *self._found, *filter(None, [warning])]
+        warnings = [
+            *disagreements(self._points, self._before), *self._not_found,
+            *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
+            *filter(None, [warning]),
+        ]  # fmt: skip
         warnings += [text for found in self._followed for text in found.warnings]
         return assemble(
             self._model,
@@ -333,6 +363,14 @@ class Sweep:
             folds=tuple(fold for found in self._followed for fold in found.folds),
             operating_point=self._standing,
         )
+
+
+def _stable_at(found: BranchesResult, frequency: float, amplitude: float) -> Iterator[NfrPoint]:
+    """Yield the stable responses at a frequency."""
+    for branch in found.branches:
+        for i in np.flatnonzero(np.isclose(branch.frequency_hz, frequency, rtol=1e-9) & branch.stable).tolist():
+            response = cmath.rect(branch.gain[i], math.radians(branch.phase_deg[i]))
+            yield NfrPoint(frequency=frequency, amplitude=amplitude, response=response, stable=True)
 
 
 def _with_executor(workers: Workers, executor: Executor | None) -> Workers:

@@ -15,8 +15,7 @@ from workbench.analysis.nfr.certificate import Certificate, finite
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence, quadrature, relative_to_true  # fmt: skip
 from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
-from workbench.analysis.periodic.period_map import Lap, PeriodMap, correction, resolvent_rows
-from workbench.core.matrices import Complex
+from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
 from workbench.errors import WorkbenchError
 from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
@@ -29,9 +28,6 @@ _LEVELS = (2, 10, 20, 100)
 
 # So many periods at most, those of differences not counted.
 _MOST = 16
-
-# With more states than this the derivative is not taken by differences of whole periods.
-_FEW_STATES = 24
 
 # With no more, the slopes of the first period cost next to nothing.
 _CHEAP = 12
@@ -58,7 +54,7 @@ _ROUNDING = 2e-14
 # A multiplier this near to 1 is that of an integrator.
 _INTEGRATES = 1e-6
 
-# Of the slopes that a state has an error this part of the tolerance in each period, as a bound; see `INTEGRATION`.
+# In a period the integration moves a state by so many times the tolerance of its size at most; see `INTEGRATION`.
 _PER_PERIOD = 30.0
 
 
@@ -86,7 +82,6 @@ class Solved:
         harmonics: of the output, what is left of the transient removed.
         error: of the response, relative to the true one.
         periods: number run.
-        multipliers: Floquet multipliers, largest first; None: they are not known.
         stable: whether the motion is; None: that is not known.
     """
 
@@ -95,7 +90,6 @@ class Solved:
     harmonics: Floats
     error: float
     periods: int
-    multipliers: Complex
     stable: bool | None
 
     def point(self, task: PointTask) -> NfrPoint:
@@ -115,16 +109,13 @@ class Solved:
                 errcrit=task.errcrit,
                 max_periods=task.max_periods,
                 method="solved",
-                multipliers=tuple(self.multipliers[:_SHOWN].tolist()),
-                fold_distance=finite(float(np.min(np.abs(self.multipliers - 1.0), initial=math.inf))),
+                multipliers=self.at.kept,
+                fold_distance=finite(float(np.min(np.abs(self.at.multipliers - 1.0), initial=math.inf))),
                 defect=finite(float(np.linalg.norm(self.lap.defect / self.lap.unit))) if len(self.lap.unit) else 0.0,
                 harmonics=tuple(finite(h) for h in harmonics),
                 thd=finite(math.hypot(*known)) if known else None,
             ),
         )
-
-
-_SHOWN = 6  # multipliers
 
 
 def solve_point(session: CompiledMeSession, task: PointTask, evidence: Evidence, *, warm: int = 0) -> Solved:
@@ -285,7 +276,7 @@ class Search:
         if self._level + 1 < len(_LEVELS):
             self._level += 1
             return True
-        if self._differ or self.periods.session.instance.nx > _FEW_STATES:
+        if self._differ or self.periods.session.instance.nx > FEW_STATES:
             return False
         self._differ = True
         return True
@@ -313,11 +304,10 @@ class Search:
         harmonics[:3] += step
         size = abs(fundamental(harmonics))
         change = _MARGIN * abs(complex(step[1], step[2])) / size + _ROUNDING * lap.period.size / size
-        multipliers = at.multipliers if len(e) else np.empty(0, dtype=np.complex128)
         error = relative_to_true(
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
-        return Solved(lap, at, harmonics, error, self._count, multipliers, _is_stable(multipliers, at.doubt))
+        return Solved(lap, at, harmonics, error, self._count, _is_stable(at))
 
     def _integration(self, lap: Lap, at: Tangent, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
@@ -336,8 +326,9 @@ class Search:
         return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 
-def _is_stable(multipliers: Complex, doubt: float) -> bool | None:
+def _is_stable(at: Tangent) -> bool | None:
     """Whether all multipliers lie inside the unit circle; that of an integrator is 1. None: not known."""
+    multipliers, doubt = at.multipliers, at.doubt
     moving = multipliers[np.abs(multipliers - 1.0) > _INTEGRATES]
     largest = float(np.max(np.abs(moving), initial=0.0))
     if largest + doubt < 1.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -29,6 +29,7 @@ _ALGORITHM = 6
 
 _ZERO_INPUT = "zero input"
 _STANDING = "operating point"
+_SECOND = "second responses"  # of an amplitude over given frequencies
 
 Key = tuple[float, float]
 
@@ -90,7 +91,7 @@ class NfrStore:
         """
         found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
         with self.store.told_in_one_line():
-            values = [v for k, v in found.items() if k not in (_ZERO_INPUT, _STANDING) and self._counts(v)]
+            values = [v for k, v in found.items() if _is_point(k) and self._counts(v)]
             points = [NfrPoint.from_dict(v["point"]) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
@@ -125,9 +126,38 @@ class NfrStore:
         """Keep where the model stood."""
         self.store.save(_STANDING, found.to_dict())
 
+    def second(self, frequencies: Sequence[float]) -> dict[float, tuple[NfrPoint, ...]]:
+        """Return what was found besides the measured responses, by amplitude, where it was looked for.
+
+        Args:
+            frequencies: of the sweep.
+        """
+        with self.store.told_in_one_line():
+            rows = [v for k, v in self.store.load().items() if k.startswith(_SECOND)]
+            return {
+                row["amplitude"]: tuple(map(NfrPoint.from_dict, row["points"]))
+                for row in rows
+                if row["frequencies"] == sorted(frequencies)
+            }
+
+    def save_second(self, amplitude: float, frequencies: Sequence[float], points: Sequence[NfrPoint]) -> None:
+        """Keep what was found besides the measured responses of an amplitude.
+
+        Args:
+            amplitude: of the input.
+            frequencies: of the sweep.
+            points: what was found; none is worth keeping, too.
+        """
+        row = {"amplitude": amplitude, "frequencies": sorted(frequencies), "points": [p.to_dict() for p in points]}
+        self.store.save(f"{_SECOND} {amplitude!r} {row['frequencies']}", row)
+
     def close(self) -> None:
         """Close the file."""
         self.store.close()
+
+
+def _is_point(key: str) -> bool:
+    return key not in (_ZERO_INPUT, _STANDING) and not key.startswith(_SECOND)
 
 
 def check_redo(redo: Collection[str]) -> frozenset[str]:

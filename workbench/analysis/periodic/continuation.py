@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,7 +18,7 @@ from workbench.core.matrices import Complex
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["Family", "Place", "Special", "Track", "arrive", "both_ways", "depart", "follow"]
+__all__ = ["Family", "Manner", "Place", "Special", "Track", "arrive", "both_ways", "depart", "follow"]
 
 # A place is reached where a further step of Newton's method moves it by less than this, in units of the motion.
 # One whose multipliers count, where it hardly moves at all.
@@ -50,9 +51,26 @@ _REAL = 1e-6
 _MOST_PLACES = 600
 
 
-class Family(Protocol):
-    """A family of period maps over one parameter p, in units of its span."""
+@dataclass(kw_only=True)
+class Family(ABC):
+    """A family of period maps over one parameter p, in units of its span.
 
+    Attributes:
+        intervals: in so many the slopes along a period are taken; 0: as coarsely as does for following.
+        by_differences: whether the derivative is taken by differences of whole periods.
+    """
+
+    intervals: int = 0
+    by_differences: bool = False
+
+    # Intervals to follow a branch, and to locate what is on it.
+    coarse: ClassVar[int]
+    fine: ClassVar[int]
+
+    def __post_init__(self) -> None:
+        self.intervals = self.intervals or self.coarse
+
+    @abstractmethod
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period from x; return it with its derivative, and ∂x1/∂p, shape (n,).
 
@@ -65,19 +83,15 @@ class Family(Protocol):
             SimulationError: the model cannot be run there.
         """
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Lowest and highest parameter."""
-
-    def stands(self, place: Place) -> None:
-        """Take note of where the branch has come to.
-
-        Args:
-            place: the newest.
-        """
+    @abstractmethod
+    def moved_on(self) -> None:
+        """Take note that the branch has come to another place."""
 
     def finer(self) -> bool:
-        """Take derivatives better from now on; False: they are as good as they can be."""
+        """Take the slopes at more instants from now on; False: they are as many as there can be."""
+        better = self.intervals < self.fine and not self.by_differences
+        self.intervals = min(self.fine, 3 * self.intervals)
+        return better
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +105,7 @@ class Place:
         direction: of the branch, in units of the motion and of the parameter, of length 1, shape (n + 1,).
         regular: smallest singular value of the derivative bordered by the direction, with the sign of its determinant:
             0 where branches cross.
-        periods: number run to get here.
+        periods: number run to get here from the place before.
     """
 
     x: Floats
@@ -149,11 +163,6 @@ class Track:
     special: list[Special] = field(default_factory=list)
     closed: bool = False
     ends: tuple[str, str] = ("", "")
-
-    @property
-    def periods(self) -> int:
-        """Number of periods run."""
-        return sum(p.periods for p in self.places) + sum(s.place.periods for s in self.special)
 
 
 def arrive(family: Family, x: Floats, p: float, *, exact: bool = False) -> Place:
@@ -221,16 +230,15 @@ def _correct(
         closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
         if (moved < _EXACTLY if exact else there) and closes:
             direction = _direction(matrix, level)
-            return Place(x, p, _settled(lap, step), direction, _regular(matrix, direction), count)
+            lap = _settled(lap, lap.tangent.rows @ (step[:-1] * lap.unit))
+            return Place(x, p, lap, direction, _regular(matrix, direction), count)
     raise SimulationError(f"Newton's method did not converge in {rounds} periods")
 
 
-def _settled(lap: Lap, step: Floats) -> Lap:
-    """Return a lap with its output corrected for the last step, where the parameter stayed."""
-    if lap.tangent is None:
-        return lap
+def _settled(lap: Lap, change: Floats) -> Lap:
+    """Return a lap with its output corrected for what the last step of the states changes."""
     harmonics = lap.period.harmonics.copy()
-    harmonics[:3] += lap.tangent.rows @ (step[:-1] * lap.unit)
+    harmonics[:3] += change
     return replace(lap, period=replace(lap.period, harmonics=harmonics))
 
 
@@ -252,11 +260,26 @@ def _regular(matrix: Floats, direction: Floats) -> float:
     return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
 
 
-def follow(
-    family: Family, first: Place, *, way: float = 1.0, stopped: Callable[[], bool] = lambda: False,
-    told: Callable[[Place], None] = lambda _: None, most: int = _MOST_PLACES, marks: Sequence[float] = (),
-    begun: Callable[[Track], None] = lambda _: None,
-) -> Track:  # fmt: skip
+@dataclass(frozen=True)
+class Manner:
+    """How a branch is followed.
+
+    Attributes:
+        stopped: asked between places; true ends it by KeyboardInterrupt.
+        told: called with each place.
+        begun: called with the branch, which fills up while it is followed.
+        most: number of places.
+        marks: parameters at which there is to be a place.
+    """
+
+    stopped: Callable[[], bool] = lambda: False
+    told: Callable[[Place], None] = lambda _: None
+    begun: Callable[[Track], None] = lambda _: None
+    most: int = _MOST_PLACES
+    marks: Sequence[float] = ()
+
+
+def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) -> Track:
     """Follow a branch from a place until the parameter leaves its bounds, or the branch closes.
 
     A stride is made along the direction of the branch, and Newton's method leads back to it in the plane across; so it
@@ -268,50 +291,45 @@ def follow(
     Args:
         family: period maps.
         first: where to begin.
+        manner: how to follow it.
         way: 1: towards higher parameters, -1: lower, 0: as the first place points.
-        stopped: asked between places; true ends it by KeyboardInterrupt.
-        told: called with each place.
-        most: number of places.
-        marks: parameters at which there is to be a place.
-        begun: called with the branch, which fills up while it is followed.
 
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4.5 and 7.5; Yu. A. Kuznetsov, Elements of Applied
     Bifurcation Theory, 10.
     """
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else _turned(first)
     track, stride = Track([here]), _FIRST
-    begun(track)
+    manner.begun(track)
     while True:
-        if stopped():
+        if manner.stopped():
             raise KeyboardInterrupt
-        if len(track.places) >= most:
-            return _ended(track, f"{most} places are enough")
+        if len(track.places) >= manner.most:
+            return _ended(track, f"{manner.most} places are enough")
         found = _next(family, here, stride)
         if isinstance(found, str):
             return _ended(track, found)
         place, stride = found
-        low, high = family.bounds
-        if not low <= place.p <= high:
-            edge = low if place.p < low else high
+        if not 0.0 <= place.p <= 1.0:
+            edge = 0.0 if place.p < 0.0 else 1.0
             last = None if here.p == edge else _at_edge(family, here, place, edge)
             if last is not None:
                 _look_between(family, track, here, last)
                 track.places.append(last)
-                told(last)
+                manner.told(last)
             return _ended(track, "the parameter's bound")
         _look_between(family, track, here, place)
-        between = [p for p in marks if (here.p - p) * (place.p - p) < 0.0]
+        between = [p for p in manner.marks if (here.p - p) * (place.p - p) < 0.0]
         for p in sorted(between, reverse=place.p < here.p):
             marked = _at_edge(family, here, place, p)
             track.places += [] if marked is None else [marked]
         track.places.append(place)
-        told(place)
+        manner.told(place)
         if len(track.places) > 5 and _passes(here, place, first):
             track.closed = True
             return _ended(track, "it closes")
         if place.at.doubt > _DOUBTED * max(1.0, float(np.max(np.abs(place.multipliers), initial=0.0))):
             family.finer()
-        family.stands(place)
+        family.moved_on()
         here = place
 
 
@@ -441,21 +459,21 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     least, place = min(tried, key=lambda one: one[0])
     largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
     passed = least < (0.1 if crossing else 0.01) * largest
-    return replace(place, periods=sum(one.periods for _, one in tried)) if passed else None
+    return place if passed else None
 
 
-def both_ways(family: Family, first: Place, **options: object) -> Track:
+def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     """Follow a branch from a place to both of its ends.
 
     Args:
         family: period maps.
         first: where to begin.
-        options: of `follow`.
+        manner: how to follow it.
     """
-    up = follow(family, first, way=1.0, **options)  # type: ignore[arg-type]
+    up = follow(family, first, manner, way=1.0)
     if up.closed:
         return up
-    down = follow(family, first, way=-1.0, **options)  # type: ignore[arg-type]
+    down = follow(family, first, manner, way=-1.0)
     turned = [_turned(p) for p in reversed(down.places)]
     n = len(turned)
     special = [replace(s, after=n - 2 - s.after) for s in reversed(down.special)]

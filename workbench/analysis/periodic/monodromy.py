@@ -45,6 +45,14 @@ class Tangent:
         found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
         return found[np.argsort(-np.abs(found))]
 
+    @property
+    def kept(self) -> tuple[complex, ...]:
+        """The largest multipliers, as records keep them."""
+        return tuple(self.multipliers[:_KEPT].tolist())
+
+
+_KEPT = 6
+
 
 def instants(begin: float, period: float, intervals: int) -> Floats:
     """Return the times at which the slopes of a period are needed, two in each interval, rising [s].
@@ -58,7 +66,7 @@ def instants(begin: float, period: float, intervals: int) -> Floats:
     return times
 
 
-def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | None:
+def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1) -> Tangent | None:
     """Return the derivative of the period map; None where it is too large for numbers.
 
     Over an interval h with the slopes A₁, A₂ at its two Gauss points the flow is e^(h(αA₂ + βA₁))·e^(h(αA₁ + βA₂))
@@ -69,6 +77,7 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
     Args:
         slopes: at the begin of the period, and at `instants`.
         period: of the motion [s].
+        unit: how far each state moves, lest the exponentials lose pascals against metres, shape (n,).
         order: how many periods of the forcing it takes.
 
     Source: S. Blanes, P. C. Moan, Fourth- and sixth-order commutator-free Magnus integrators, Appl. Numer. Math. 56
@@ -76,8 +85,6 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
     """
     k, n = len(slopes.x) - 1, slopes.x.shape[1]
     half = period / k
-    # In units of each state's motion, lest the exponentials lose pascals against metres.
-    unit = _units(slopes)
     A = np.zeros((k, n + 1, n + 1))
     A[:, :n, :n] = slopes.A[1:] * unit / unit[:, None]
     A[:, :n, n] = slopes.dx[1:] / unit / period
@@ -102,13 +109,6 @@ def tangent(slopes: NativeSlopes, period: float, order: int = 1) -> Tangent | No
         through=np.max(np.abs(slopes.C[:, 0]), axis=0),
         doubt=_apart(Phi, other),
     )
-
-
-def _units(slopes: NativeSlopes) -> Floats:
-    swing = np.ptp(slopes.x, axis=0)
-    size = np.maximum(swing, 1e-9 * np.max(np.abs(slopes.x), axis=0, initial=0.0))
-    unit: Floats = np.where(size > 0.0, size, 1.0)
-    return unit
 
 
 def _apart(Phi: Floats, other: Floats) -> float:

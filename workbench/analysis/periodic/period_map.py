@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,7 +19,7 @@ from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession, Harmonics
 from workbench.signals import Signal, Sine
 
-__all__ = ["ROWS", "Lap", "PeriodMap", "Span", "correction", "period_of", "resolvent_rows"]
+__all__ = ["FEW_STATES", "ROWS", "Lap", "PeriodMap", "Span", "correction", "differences", "period_of", "resolvent_rows"]
 
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
@@ -32,8 +33,12 @@ _STANDS = 1e-9
 # The flow at the begin is taken this part of a period after it.
 _AT_ONCE = 1e-9
 
-# Of the motion of each state, for differences of whole periods.
+# A state that moves by no more than this part of its size is at rest.
+_AT_REST = 1e-6
+
+# Of the motion of each state, for differences of whole periods; with more states than this they cost too many.
 _NUDGE = 1e-4
+FEW_STATES = 24
 
 
 @dataclass(frozen=True)
@@ -173,15 +178,8 @@ class PeriodMap:
         lap = Lap(x0, session.stand(), period, session.events - events, np.maximum(np.abs(x0), 1e-12))
         if slopes is None or not slopes.complete or not np.isfinite(slopes.A).all():
             return lap
-        points = np.vstack([slopes.x, x0, lap.x1])
-        swing = np.ptp(points, axis=0)
-        unit = np.maximum(swing, 1e-9 * np.max(np.abs(points), axis=0))
-        return replace(
-            lap,
-            unit=np.where(unit > 0.0, unit, 1.0),
-            tangent=tangent(slopes, length, self.order),
-            flow=slopes.dx[0],
-        )
+        unit = _motion(np.vstack([slopes.x, x0, lap.x1]))
+        return replace(lap, unit=unit, tangent=tangent(slopes, length, unit, self.order), flow=slopes.dx[0])
 
     def by_differences(self, lap: Lap, frequency: float, amplitude: float = 0.0) -> Lap:
         """Return a lap with the derivative of the map by differences of whole periods: right with jumps of the flow.
@@ -193,17 +191,36 @@ class PeriodMap:
             frequency: [Hz].
             amplitude: of the forcing.
         """
-        n = len(lap.x0)
-        Phi, rows = np.empty((n, n)), np.empty((3, n))
-        for i in range(n):
-            x, step = lap.x0.copy(), _NUDGE * lap.unit[i]
-            x[i] += step
-            moved = self.lap(frequency, amplitude, x)
-            Phi[:, i] = (moved.x1 - lap.x1) / step
-            rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
-        before = lap.tangent
-        stretch, through = (np.zeros(n), None) if before is None else (before.stretch, before.through)
-        return replace(lap, tangent=Tangent(Phi, rows, stretch, through))
+        return replace(lap, tangent=differences(lap, lambda x: self.lap(frequency, amplitude, x)))
+
+
+def _motion(points: Floats) -> Floats:
+    """Return how far each state moves; its size where it is at rest, 1 where that is zero, too."""
+    swing, size = np.ptp(points, axis=0), np.max(np.abs(points), axis=0)
+    unit = np.where(swing > _AT_REST * size, swing, size)
+    found: Floats = np.where(unit > 0.0, unit, 1.0)
+    return found
+
+
+def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = _NUDGE) -> Tangent:
+    """Return the derivative of the period map by differences of whole periods, one for each state.
+
+    Args:
+        lap: whose derivative is wanted.
+        run: runs a period from other states.
+        part: of its motion by which each state is moved.
+    """
+    n = len(lap.x0)
+    Phi, rows = np.empty((n, n)), np.empty((3, n))
+    for i in range(n):
+        x, step = lap.x0.copy(), part * lap.unit[i]
+        x[i] += step
+        moved = run(x)
+        Phi[:, i] = (moved.x1 - lap.x1) / step
+        rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
+    before = lap.tangent
+    stretch, through = (np.zeros(n), None) if before is None else (before.stretch, before.through)
+    return Tangent(Phi, rows, stretch, through)
 
 
 def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
