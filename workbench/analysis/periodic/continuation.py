@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
 
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap
@@ -436,6 +435,8 @@ def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
 
 def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     """Return the place between two where a test function is zero; None: it does not pass through zero."""
+    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and every sweep imports this module
+
     far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
     tried: list[tuple[float, Place]] = []
 
