@@ -18,6 +18,7 @@ from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
+from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
 
 
@@ -116,16 +117,36 @@ def test_cycles_over_a_parameter_of_the_block() -> None:
     assert branch.points[0].fundamental < cycle.fundamental < branch.points[-1].fundamental
 
 
-def test_a_branch_ends_where_its_cycle_vanishes() -> None:
-    """y = c1 u + c3 u³, c3 < 0, around three lags: c1 + ¾ c3 A² = 1/2 with one harmonic, so that A = 0 at c1 = 1/2."""
-    with connect(
+def cubic_loop() -> DescribedModel:
+    """Return c1 u + c3 u³, c3 < 0, around three lags and a gain of 16."""
+    return connect(
         {"block": "fmu:AlgebraicExpression", "lags": control.ss(LAG)},
         [("lags.y", "block.u", {"gain": -16.0}), ("block.y", "lags.u")],
         start_values={
             "block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0,
             "block.c0": 0.0, "block.c1": 0.7, "block.c2": 0.0, "block.c3": -0.1,
         },
-    ) as system:  # fmt: skip
+    )  # fmt: skip
+
+
+def test_shooting_follows_a_cycle_to_its_hopf_point() -> None:
+    """y = c1 u + c3 u³ around three lags: the equilibrium begins to oscillate at c1 = 1/2, 16 c1 = 8."""
+    with cubic_loop() as system:
+        result = limit_cycle(
+            system, block="block", methods=("describing function", "shooting"), vary={"block.c1": (0.4, 0.72)}
+        )
+    (branch,) = result.branches
+    (hopf,) = branch.hopf
+    assert hopf.value == pytest.approx(0.5, abs=1e-6)
+    assert hopf.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-6)
+    assert branch.ends[0] == "the cycle shrinks to a point"
+    assert branch.points[-1].value == pytest.approx(0.72)
+    assert all(p.stable for p in branch.points)
+
+
+def test_a_branch_ends_where_its_cycle_vanishes() -> None:
+    """y = c1 u + c3 u³, c3 < 0, around three lags: c1 + ¾ c3 A² = 1/2 with one harmonic, so that A = 0 at c1 = 1/2."""
+    with cubic_loop() as system:
         result = limit_cycle(
             system, block="block", methods=("harmonic balance",), harmonics=1, vary={"block.c1": (0.4, 0.72)}
         )

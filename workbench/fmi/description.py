@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import codecs
+import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -118,18 +119,34 @@ def read_description(folder: Path, *, source: str) -> Description:
         FmuError: not well-formed, has a document type or entities, or bends rules so far that it
             cannot be read.
     """
-    _refuse_entities(folder / "modelDescription.xml", source)
-    raw, notes = _read(folder, source)
-    try:
-        return _convert(raw, platforms_in(folder), notes, _directional(folder))
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise FmuError(f"{source}: modelDescription.xml cannot be understood: {error}") from error
-
-
-def _refuse_entities(path: Path, source: str) -> None:
+    path = folder / "modelDescription.xml"
     if path.stat().st_size > MAX_XML_BYTES:
         raise FmuError(f"{source}: modelDescription.xml is larger than {MAX_XML_BYTES >> 20} MiB")
-    data = path.read_bytes()
+    digest = hashlib.sha256(path.read_bytes()).digest()
+    return _described(_Text(digest, platforms_in(folder), folder, source))
+
+
+@dataclass(frozen=True)
+class _Text:
+    """A description to be read; equal ones, wherever they lie, are read once."""
+
+    digest: bytes
+    platforms: tuple[str, ...]
+    folder: Path = field(compare=False)
+    source: str = field(compare=False)
+
+
+@lru_cache(maxsize=8)
+def _described(text: _Text) -> Description:
+    _refuse_entities((text.folder / "modelDescription.xml").read_bytes(), text.source)
+    raw, notes = _read(text.folder, text.source)
+    try:
+        return _convert(raw, text.platforms, notes, _directional(text.folder))
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FmuError(f"{text.source}: modelDescription.xml cannot be understood: {error}") from error
+
+
+def _refuse_entities(data: bytes, source: str) -> None:
     utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in data[:4]
     if utf16:
         data = data.replace(b"\0", b"")

@@ -20,11 +20,9 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
     """Return the system's description."""
     own = _own_variables(resolved)
     names = {v.name for v in own}
-    inner = [_inner(part.name, v) for part in parts for v in part.description.variables]
-    numbered = [
-        dataclasses.replace(v, value_reference=i, element=0)
-        for i, v in enumerate([*own, *(v for v in inner if v.name not in names)])
-    ]
+    numbered = [dataclasses.replace(v, value_reference=i, element=0) for i, v in enumerate(own)]
+    inner = ((p.name, v) for p in parts for v in p.description.variables if f"{p.name}.{v.name}" not in names)
+    numbered += [_inner(*one, number=i) for i, one in enumerate(inner, start=len(own))]
     return Description(
         fmi_version="2.0",
         major=2,
@@ -72,7 +70,7 @@ def _strictest(ports: Sequence[Port]) -> Variable:
     return next((p.variable for p in ports if not p.variable.is_continuous_input), ports[0].variable)
 
 
-def _inner(component: str, variable: Variable) -> Variable:
+def _inner(component: str, variable: Variable, number: int | None = None) -> Variable:
     of = variable.derivative_of
     return dataclasses.replace(
         variable,
@@ -80,6 +78,8 @@ def _inner(component: str, variable: Variable) -> Variable:
         causality="local" if variable.causality in _OWN else variable.causality,
         derivative_of=None if of is None else f"{component}.{of}",
         dependencies=None,
+        value_reference=variable.value_reference if number is None else number,
+        element=variable.element if number is None else 0,
     )
 
 

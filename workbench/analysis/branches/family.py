@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.analysis.periodic.continuation import Family
+from workbench.analysis.periodic.continuation import Family, Place
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
@@ -134,8 +134,9 @@ class Forced(Family):
         moved = self.run(x, p + _NUDGE)
         return lap, (moved.x1 - lap.x1) / _NUDGE
 
-    def moved_on(self) -> None:
+    def moved_on(self, place: Place) -> str:
         """Take no note: the forcing holds the phase."""
+        return ""
 
     def _at(self, p: float) -> PeriodMap:
         value = None if self.is_logarithmic else self.value(p)

@@ -13,7 +13,7 @@ __all__ = ["Branch", "BranchPoint"]
 
 @dataclass(frozen=True, kw_only=True)
 class BranchPoint:
-    """One cycle of a branch, by harmonic balance.
+    """One cycle of a branch.
 
     Attributes:
         value: value of the parameter.
@@ -40,6 +40,7 @@ class Branch(Record):
         parameter: its name; "gain": a factor on the linear part.
         points: along the branch, from one end to the other; the parameter need not rise.
         folds: where the branch turns back; two cycles meet and vanish there.
+        hopf: where a cycle shrinks to a point, and an equilibrium begins to oscillate (a Hopf point).
         ends: why it ends, at the first and at the last point.
     """
 
@@ -47,6 +48,7 @@ class Branch(Record):
     points: tuple[BranchPoint, ...]
     folds: tuple[BranchPoint, ...]
     ends: tuple[str, str]
+    hopf: tuple[BranchPoint, ...] = ()
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""

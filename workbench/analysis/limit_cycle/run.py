@@ -253,9 +253,12 @@ class _Work:
         return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
 
     def followed(self, name: str, limits: tuple[float, float]) -> list[Branch]:
-        """Return the branches over a parameter through the cycles of harmonic balance, each once."""
+        """Return the branches over a parameter through the cycles that were found, each once.
+
+        Those that shooting found are followed by it; else harmonic balance follows its own.
+        """
         block = self.loop.block
-        if block is None:
+        if block is None or (name != GAIN and any(c.method == SHOOTING for c in self.found)):
             return self._followed_by_shooting(name, limits)
         family, start = self._family(name, block, limits)
         if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:

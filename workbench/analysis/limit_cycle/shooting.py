@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.harmonics import fundamental
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.passes import half_range, told_mean
@@ -114,6 +115,7 @@ class Orbits(Family):
     varied: bool = False
     _anchor: tuple[Floats, Floats] | None = None
     _first: float | None = None
+    _size: float = 0.0
 
     coarse: ClassVar[int] = 20
     fine: ClassVar[int] = 200
@@ -134,9 +136,12 @@ class Orbits(Family):
         self.by_differences, self._anchor = True, None
         return arrive(self, start if place is None else place.x, p, exact=True)
 
-    def moved_on(self) -> None:
-        """Take the plane across the orbit at the newest place from now on."""
+    def moved_on(self, place: Place) -> str:
+        """Take the plane across the orbit at the newest place from now on; the branch ends where it is a point."""
         self._anchor = None
+        size = abs(fundamental(place.lap.period.harmonics))
+        self._size = max(self._size, size)
+        return VANISHES if size < _VANISHED * self._size else ""
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period; see `Family`."""
@@ -154,7 +159,7 @@ class Orbits(Family):
         """Run one period of the extended map, with its derivative if that takes intervals."""
         x, period = z[:-1], float(np.exp(z[-1]))
         model = self.open(p)
-        lap = self._period(model, x, period, max(intervals, 1))
+        lap = self._period(model, x, period, intervals)
         unit = np.append(lap.unit, 1.0)
         if self._anchor is None:
             away = (lap.flow if lap.flow is not None else lap.defect) / lap.unit
@@ -168,7 +173,7 @@ class Orbits(Family):
             raise SimulationError("the model cannot be linearised along its motion")
         at, flow = lap.tangent, lap.flow
         if self.by_differences:
-            at = differences(lap, lambda x: self._period(model, x, period, 1), _APART)
+            at = differences(lap, lambda x: self._period(model, x, period, 0), _APART)
         Phi, rows = at.Phi, at.rows
         others, doubt = _across(Phi * lap.unit / lap.unit[:, None], flow / lap.unit)
         extended = np.block([[Phi, (flow * period)[:, None]], [-across[None, :], np.ones((1, 1))]])
@@ -182,7 +187,7 @@ class Orbits(Family):
         order = self._order(model)
         sizes = np.array([self.sizes[n] for n in self.names])
         least = np.maximum(sizes, 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))
-        unit = least if lap.tangent is None else np.maximum(lap.unit[order], 1e-3 * least)
+        unit = least if lap.tangent is None else np.maximum(lap.unit[order], _SMALLEST * least)
         tangent = lap.tangent
         if tangent is not None:
             Phi = tangent.Phi[np.ix_(order, order)]
@@ -222,6 +227,7 @@ class Orbits(Family):
         )
 
 
+_SMALLEST = 1e-5  # of the first cycle's motion: what a state of one that vanishes is measured by
 _APART = 1e-5  # of the motion of each state, for differences
 
 
@@ -267,13 +273,35 @@ def follow_orbits(
 
     track = both_ways(orbits, first, Manner(stopped=stopped, most=_MOST_ORBITS))
     folds = [s.place for s in track.special if s.kind == "fold"]
+    points = tuple(map(point, track.places))
+    ends = track.ends if track.ends[0] else ("it closes", "it closes")
+    last = ((points[:2], ends[0]), (points[:-3:-1], ends[1]))
     return Branch(
         parameter=parameter,
-        points=tuple(map(point, track.places)),
+        points=points,
         folds=tuple(map(point, folds)),
-        ends=track.ends if track.ends[0] else ("it closes", "it closes"),
+        hopf=tuple(_vanished(*pair) for pair, why in last if why == VANISHES and len(pair) == 2),
+        ends=ends,
+    )
+
+
+def _vanished(last: BranchPoint, before: BranchPoint) -> BranchPoint:
+    """Return the Hopf point behind the end of a branch: near it all changes with the square of the amplitude."""
+    share = last.fundamental**2 / (last.fundamental**2 - before.fundamental**2)
+
+    def at_zero(a: float, b: float) -> float:
+        return a + share * (b - a)
+
+    return BranchPoint(
+        value=at_zero(last.value, before.value),
+        frequency_hz=at_zero(last.frequency_hz, before.frequency_hz),
+        amplitude=0.0,
+        fundamental=0.0,
+        mean=at_zero(last.mean, before.mean),
     )
 
 
 _MOST_ORBITS = 200
+_VANISHED = 0.03  # of the largest cycle of a branch: nothing is left of it
+VANISHES = "the cycle shrinks to a point"
 _LONGER = np.log(8.0)  # a branch on which the period grows so much ends there

@@ -83,8 +83,12 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def moved_on(self) -> None:
-        """Take note that the branch has come to another place."""
+    def moved_on(self, place: Place) -> str:
+        """Take note that the branch has come to another place; return why it ends there, empty: it goes on.
+
+        Args:
+            place: the newest.
+        """
 
     def finer(self) -> bool:
         """Take the slopes at more instants from now on; False: they are as many as there can be."""
@@ -323,12 +327,11 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
             track.places += [] if marked is None else [marked]
         track.places.append(place)
         manner.told(place)
-        if len(track.places) > 5 and _passes(here, place, first):
-            track.closed = True
-            return _ended(track, "it closes")
         if place.at.doubt > _DOUBTED * max(1.0, float(np.max(np.abs(place.multipliers), initial=0.0))):
             family.finer()
-        family.moved_on()
+        track.closed = len(track.places) > 5 and _passes(here, place, first)
+        if why := "it closes" if track.closed else family.moved_on(place):
+            return _ended(track, why)
         here = place
 
 
