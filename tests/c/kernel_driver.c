@@ -260,14 +260,14 @@ static void setup(Bench *b, int version, size_t n) {
     CHECK(kernel_system_open(&b->system) == 1);
 }
 
-static int32_t run_me(Bench *b, double until) {
+static int32_t run_me_along(Bench *b, double until, Slopes *slopes) {
     double scale[2] = {1e-3, 1e-3};
     const double most[2] = {1.0, 1.0};
     double targets[50];
     for (int i = 0; i < 50; i++) {
         targets[i] = until * (i + 1) / 50;
     }
-    Me me = {.system = &b->system, .solver_name = "vkm", .rtol = 1e-8, .scale = scale, .most = most};
+    Me me = {.system = &b->system, .solver_name = "vkm", .rtol = 1e-8, .scale = scale, .most = most, .slopes = slopes};
     int32_t done = kernel_me_open(&me) && kernel_me_run(&me, until, targets, 50, &b->record, 1);
     while (!done && b->system.failure.code == PAUSED) {
         done = kernel_me_go_on(&me);
@@ -275,6 +275,10 @@ static int32_t run_me(Bench *b, double until) {
     kernel_me_close(&me);
     kernel_me_close(&me);
     return done;
+}
+
+static int32_t run_me(Bench *b, double until) {
+    return run_me_along(b, until, NULL);
 }
 
 static int32_t run_cs(Bench *b, double until) {
@@ -330,6 +334,27 @@ static void test_loop(Run run, int version) {
         kernel_record_free(&b.record);
     }
     CHECK(fabs(last[0] - last[1]) <= 1e-7 * fabs(last[0]));
+}
+
+/* Along a run with events: x of the first moves the second's derivative by the gain of the connection, nothing else. */
+static void test_slopes(void) {
+    const double times[4] = {0.1, 0.7, 1.3, 2.9};
+    for (int fails = 0; fails < 2; fails++) {
+        Bench b;
+        double x[8] = {0}, dx[8] = {0}, a[16] = {0}, c[16] = {0}, work[8];
+        Slopes slopes = {.times = times, .n_times = 4, .x = x, .dx = dx, .a = a, .c = c, .work = work};
+        setup(&b, 2, 2);
+        b.fakes[0].bad_time = fails ? 1.0 : 1e9;
+        CHECK(run_me_along(&b, 3.0, &slopes) == !fails);
+        CHECK(slopes.found == (fails ? 2 : 4) && slopes.passed == slopes.found);
+        for (size_t k = 0; k < slopes.found; k++) {
+            const double *f = a + 4 * k, *y = c + 4 * k;
+            CHECK(fabs(f[1] - b.gain) < 1e-6 && f[0] == 0.0 && f[2] == 0.0 && f[3] == 0.0);
+            CHECK(fabs(y[0] - 1.0) < 1e-6 && y[1] == 0.0 && y[2] == 0.0 && fabs(y[3] - 1.0) < 1e-6);
+            CHECK(fabs(dx[2 * k + 1] - b.gain * x[2 * k]) < 1e-9);
+        }
+        kernel_record_free(&b.record);
+    }
 }
 
 /* A linear system: continuous, then sampled. */
@@ -394,6 +419,7 @@ int main(void) {
         test_run(run_cs, 3, n);
     }
     test_loop(run_me, 2);
+    test_slopes();
     test_blocks();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);

@@ -147,7 +147,7 @@ def exponentials(stack: Floats) -> Floats:
     """Return e^M of each of many small matrices at once, shape (k, n, n).
 
     SciPy takes them one by one, at a millisecond for twenty. Scaling and squaring with the Padé approximant of order
-    6, all scaled alike.
+    6, all scaled alike: the error of each is a few 1e-15 times the largest norm among them.
 
     Args:
         stack: shape (k, n, n).

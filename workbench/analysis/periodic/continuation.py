@@ -21,7 +21,7 @@ __all__ = ["Family", "Manner", "Place", "Special", "Track", "arrive", "both_ways
 
 # A place is reached where a further step of Newton's method moves it by less than this, in units of the motion.
 # One whose multipliers count, where it hardly moves at all.
-_REACHED, _EXACTLY = 1e-5, 1e-7
+_REACHED, _EXACTLY, _NEAR = 1e-5, 1e-7, 1e-2
 
 # There a period closes to this, in units of the motion.
 _CLOSED = 1e-3
@@ -211,7 +211,8 @@ def _correct(
     """Return the periodic motion in the plane through (x, p) across `level`, by Newton's method."""
     moved, start = math.inf, (x, p)
     for count in range(1, rounds + 1):
-        lap, along = family.lap(x, p, exact=exact)
+        fine = exact and moved < _NEAR  # on the way there a coarse derivative does
+        lap, along = family.lap(x, p, exact=fine)
         if lap.tangent is None:
             raise SimulationError("the model cannot be linearised along its motion")
         matrix = _jacobian(lap, lap.tangent.Phi, along)
@@ -231,7 +232,7 @@ def _correct(
         # small though the period does not close.
         there = moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED)
         closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
-        if (moved < _EXACTLY if exact else there) and closes:
+        if (fine and moved < _EXACTLY if exact else there) and closes:
             direction = _direction(matrix, level)
             lap = _settled(lap, lap.tangent.rows @ (step[:-1] * lap.unit))
             return Place(x, p, lap, direction, _regular(matrix, direction), count)
