@@ -10,39 +10,12 @@ from pathlib import Path
 import pytest
 import typer
 
+from tests.command_lines import LAGS, LOOP
 from workbench.analysis.feedback.request import Feedback
 from workbench.cli.program import function_of
 from workbench.core.option import options_of
 from workbench.errors import InputError, WorkbenchError
 
-LAGS = """
-[components]
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"b.u" = "a.y"
-"c.u" = "b.y"
-[inputs]
-u = "a.u"
-[outputs]
-y = "c.y"
-"""
-# The same lags in a loop with a saturation, whose gain of 10 is more than the 8 that they bear.
-LOOP = """
-[components]
-block = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"block.u" = {from = "c.y", gain = -10.0}
-"a.u" = "block.y"
-"b.u" = "a.y"
-"c.u" = "b.y"
-[outputs]
-y = "c.y"
-"""
 ENDS = ("--from", "c.y", "--to", "a.u")
 
 

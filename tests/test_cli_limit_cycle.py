@@ -8,23 +8,9 @@ from pathlib import Path
 import pytest
 import typer
 
+from tests.command_lines import LOOP
 from workbench.cli.program import function_of
 from workbench.errors import InputError
-
-LOOP = """
-[components]
-block = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0}}
-a = "fmu:FirstOrderLag"
-b = "fmu:FirstOrderLag"
-c = "fmu:FirstOrderLag"
-[connections]
-"block.u" = {from = "c.y", gain = -10.0}
-"a.u" = "block.y"
-"b.u" = "a.y"
-"c.u" = "b.y"
-[outputs]
-y = "c.y"
-"""
 
 
 def run(*arguments: str) -> object:

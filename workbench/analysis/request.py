@@ -227,7 +227,7 @@ def _expected(place: Worker) -> bool:
 
 
 def _portable(subject: object) -> bool:
-    """Return whether a model exists in other processes, too; what is no model does."""
+    """Return whether other processes can open a model, too; True of anything that is not a model."""
     recipe: Any = getattr(subject, "recipe", _NO_MODEL)
     return recipe is _NO_MODEL or (recipe is not None and recipe.portable)
 

@@ -65,8 +65,8 @@ def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Pa
 def replacing(path: str | Path) -> Iterator[Path]:
     """Yield where to write a file; it takes its place when all of it is written.
 
-    A file that stood there is left as it was if anything goes wrong, say because the disk is full. What is no file, as
-    /dev/stdout or a named pipe, is written to directly.
+    A file that stood there is left as it was if anything goes wrong, say because the disk is full. A device or a named
+    pipe, such as /dev/stdout, is written to directly.
 
     Args:
         path: of the file; a link is followed.

@@ -564,7 +564,7 @@ def _number_of(kind: str, given: int | str, model: Linear) -> int:
             raise InputError(f"the linear model has no {kind} '{given}'; {suggest(given, names)}")
         return names.index(given)
     if not 0 <= given < known:
-        raise InputError(f"the linear model has {known} {kind}s, numbered from 0; there is no number {given}")
+        raise InputError(f"the linear model has {known} {kind}s, numbered from 0, so {given} is out of range")
     return given
 
 

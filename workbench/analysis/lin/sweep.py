@@ -94,7 +94,7 @@ class LinGrid(Record):
         return drawn("lin:plot_curves", path, [(str(p), p.result) for p in self.points if p.result is not None])
 
     def derived(self) -> dict[str, Any]:
-        """Return why there is no model at some points."""
+        """Return the points at which no linear model was found, and why."""
         return {"failed": [{**p.values, "reason": p.reason} for p in self.failed]}
 
     def rows(self) -> Iterator[list[Any]]:

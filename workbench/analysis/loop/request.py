@@ -116,7 +116,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         group=_MEASURING,
         default=None,
     )
-    ratio: float = option("Ratio of neighbouring frequencies in the band.", group=_MEASURING, default=1.2)
+    ratio: float = option("Ratio of each frequency in the band to the one below it.", group=_MEASURING, default=1.2)
     how: str = option(
         "Break the loop, or inject a sine into the closed loop; auto breaks loops that are stable when open.",
         choices=("auto", "break", "inject", "both"),

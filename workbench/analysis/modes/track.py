@@ -101,7 +101,7 @@ def track(family: Family, values: Sequence[float]) -> Track:
         values: rising.
 
     Raises:
-        InputError: there is no model at fewer than two values, or the number of states changes.
+        InputError: fewer than two values have a linear model, or the number of states changes.
     """
     return _Tracking(family, values).run()
 

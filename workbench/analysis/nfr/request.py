@@ -83,7 +83,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     )
     _: KW_ONLY
     band: Band | None = option("Lowest and highest frequency, instead of a list.", unit="Hz", default=None)
-    ratio: float = option("Ratio of neighbouring frequencies in the band.", default=1.2)
+    ratio: float = option("Ratio of each frequency in the band to the one below it.", default=1.2)
     errcrit: float = option(
         "A point has settled when its phase [rad] and 10 times its gain change by less than this in a period.",
         default=0.1,
