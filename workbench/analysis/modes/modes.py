@@ -25,6 +25,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.system.master.model import MasterModel
 
 __all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 
@@ -38,6 +39,9 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     """Follow modes over a parameter; see `Modes`."""
     if not isinstance(model, DescribedModel):
         raise InputError(f"modes: {model.name} is not a file; its parts cannot be varied")
+    if model.interface != "me" or asked.method == "response":
+        why = "method response identifies" if model.interface == "me" else "co-simulation shows"
+        raise InputError(f"modes: {model.name}: {why} no states by which modes are followed; {_instead(model)}")
     vary, limits = varied(asked.vary)
     against = list(asked.against)
     grid = _values(asked, limits)
@@ -88,6 +92,14 @@ def _label(settings: Settings) -> str:
 
 def _word(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _instead(model: Model) -> str:
+    if model.interface == "me":
+        return "use another method"
+    if isinstance(model, MasterModel):
+        return 'give the components interface "me" if their FMUs offer it'
+    return "use interface me"
 
 
 def _values(asked: Modes, limits: str) -> list[float]:
