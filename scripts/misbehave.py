@@ -253,6 +253,7 @@ DEEDS: Mapping[str, Deed] = {
         "--no-store",
         lambda data: [data["analyses"][0]["result"]["signals"]["y"], data["analyses"][1]["result"]["operating_point"]],
         subject="study",
+        timeout=LONG,  # of a process that begins another
         failed=lambda data: [a["failed"] for a in data["analyses"] if a["code"] != 0] or "",
     ),
     "export": Deed(  # reads descriptions only

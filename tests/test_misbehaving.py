@@ -25,6 +25,10 @@ _CASES = [
     *((way, "doStep", "cs", what) for way in ("exit0", "thread") for what in ("compare", "delays", "excite")),
     *(("abort", "getReal", i, "check") for i in ("me", "cs")),
     ("exit3", "doStep", "cs", "run"),
+    ("events", "getDerivatives", "me", "trim"),
+    ("events", "getDerivatives", "me", "modes"),
+    ("memory", "getDerivatives", "me", "modes"),
+    ("memory", "doStep", "cs", "lin"),
     ("segfault", "load", "cs", "export"),
 ]
 

@@ -175,6 +175,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         work: task and argument, pickled.
         memory: limit [MB].
     """
+    watch = MemoryWatch(None)
     try:
         os.chdir(folder)
         try:
@@ -183,19 +184,19 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
             return FOREIGN, str(error)
         model = _model(recipe)
         watch = MemoryWatch(memory)
-        channel.send((OPENED, None))
+        channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():
                 return MEMORY, None
             channel.send((ITEM, item))
     except WorkbenchError as error:
-        return ERROR, error
+        return (MEMORY, None) if watch.exceeded() else (ERROR, error)
     except MemoryError:
         return MEMORY, None
     except BrokenPipeError:
         raise
-    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours; the parent raises it
-        return BUG, traceback.format_exc()
+    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours, which the parent raises, or what no memory does
+        return (MEMORY, None) if watch.exceeded() else (BUG, traceback.format_exc())
     finally:
         _flush()
     return DONE, None
