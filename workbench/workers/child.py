@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import pickle
 import select
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from workbench.core.confine import confined
 from workbench.core.scratch import remove_if_dead
+from workbench.core.where import DEFAULT_TIMEOUT, Limits
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import end_later, end_now
@@ -89,10 +91,12 @@ class _Worker:
 
     Attributes:
         channel: to the parent; None: this is no worker process.
+        limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
     """
 
     channel: Channel | None = None
+    limits = Limits(timeout=None)
     opened: ClassVar[OrderedDict[bytes, Model]] = OrderedDict()
 
 
@@ -107,9 +111,20 @@ def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
         _Worker.channel.send((ITEM if finished else TOLD, item))
 
 
-def inside() -> bool:
-    """Return whether this is a worker process."""
-    return _Worker.channel is not None
+def inside(limits: Limits) -> bool:
+    """Return whether this is a worker process under limits as strict as these, so that no other one is needed.
+
+    Args:
+        limits: that are wanted; the time limit that everything has by default is no wish.
+    """
+    if _Worker.channel is None or (limits.confine and not confined()):
+        return False
+    own = _Worker.limits
+    longest = math.inf if limits.timeout in {None, DEFAULT_TIMEOUT} else limits.timeout
+    return all(
+        wanted in {None, math.inf} or (given is not None and given <= wanted)
+        for wanted, given in ((limits.memory, own.memory), (longest, own.timeout))
+    )
 
 
 def wanted_stop() -> bool:
@@ -165,7 +180,7 @@ def _orders(channel: Channel) -> Iterator[Any]:
         yield from (order for order in channel.receive() if order is not STOP)  # it was asked to stop what is done
 
 
-def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: float | None) -> tuple[str, Any]:
+def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Limits) -> tuple[str, Any]:
     """Do one task, sending its items; return the last message.
 
     Args:
@@ -173,9 +188,9 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         folder: the parent's working directory.
         recipe: of the model, pickled; of None: the task has no model.
         work: task and argument, pickled.
-        memory: limit [MB].
+        limits: of the task.
     """
-    watch = MemoryWatch(None)
+    watch, _Worker.limits = MemoryWatch(None), limits
     try:
         os.chdir(folder)
         try:
@@ -183,7 +198,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         except (AttributeError, ImportError) as error:
             return FOREIGN, str(error)
         model = _model(recipe)
-        watch = MemoryWatch(memory)
+        watch = MemoryWatch(limits.memory)
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():

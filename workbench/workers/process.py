@@ -116,7 +116,7 @@ class WorkerProcess:
         self.most = self._beyond = None
         self.restart_clock()
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
-        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits.memory)  # noqa: PTH109
+        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
 
     def end_soon(self) -> None:
