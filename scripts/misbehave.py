@@ -272,11 +272,14 @@ FITTING = {
     "segfault": {"crashed"}, "abort": {"crashed"}, "exit0": {"exited"}, "exit3": {"exited"}, "hang": {"timed out"},
     "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
 }  # fmt: skip
+# Instances end when the result is told; where there are more than a worker lets wait, some end before.
+_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "excite", "run"}
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "feedback"}  # trim of cs runs the FMU several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr"}, "cs": {"trim"}},
-    "terminate": {"": {"simulate", "lin", "nfr"}, "me": {"trim"}},  # trim of cs runs the FMU several times
-    "freeInstance": {"": {"simulate", "lin", "nfr"}, "me": {"trim"}},
+    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
+    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
     "unload": {"": {"simulate", "trim", "lin", "nfr"}},
 }
 READ_ONLY = {("export", "cs"), ("delays", "me")}  # no call at all: the description says everything

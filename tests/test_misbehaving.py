@@ -25,10 +25,15 @@ _CASES = [
     *((way, "doStep", "cs", what) for way in ("exit0", "thread") for what in ("compare", "delays", "excite")),
     *(("abort", "getReal", i, "check") for i in ("me", "cs")),
     ("exit3", "doStep", "cs", "run"),
+    ("segfault", "terminate", "me", "check"),
+    ("exit0", "freeInstance", "cs", "check"),
+    ("segfault", "terminate", "me", "excite"),
+    ("descriptors", "getReal", "me", "loop"),  # its worker begins others, whose lifelines it holds
     ("events", "getDerivatives", "me", "trim"),
     ("events", "getDerivatives", "me", "modes"),
     ("memory", "getDerivatives", "me", "modes"),
     ("memory", "doStep", "cs", "lin"),
+    ("memory", "getDerivatives", "me", "run"),  # a study whose analyses have a limit of their own
     ("segfault", "load", "cs", "export"),
 ]
 

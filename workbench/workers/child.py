@@ -298,5 +298,7 @@ def _wait_for_end(lifeline: int, parent: int) -> None:
         _winapi.WaitForSingleObject(lifeline, _winapi.INFINITE)
         return
     # A copy of the parent made by fork keeps the pipe open; the system names another parent then.
-    while os.getppid() == parent and not select.select([lifeline], [], [], _PATIENCE)[0]:
+    ended = select.poll()
+    ended.register(lifeline, 0)  # no event but its end: an FMU of the parent may write what it wants into it
+    while os.getppid() == parent and not ended.poll(1000.0 * _PATIENCE):
         pass
