@@ -3,7 +3,7 @@
 Each case is run in Python, in one process that must survive all of them, or on the command line. What is right is
 written down for each case (`expected`): the kinds of error that may be told, and whether there may be a result. Where
 there is one, its numbers must be those of the same FMU that behaves, done in the same way; what differs in silence is
-a defect.
+a defect. Commands that only read descriptions, or data (build, identify, reproduce), have no row here.
 
     scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--program] [--out x.md]
 """
@@ -17,9 +17,10 @@ import os
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,37 +29,260 @@ sys.path.insert(0, str(ROOT))
 
 import workbench as wb  # noqa: E402
 from tests.misbehaving_fmus import CALLS, OUTSIDE, WAYS, build_misbehaving  # noqa: E402
-from workbench.core.where import Worker, Workers  # noqa: E402
+from workbench.core.record import plain  # noqa: E402
+from workbench.core.where import Workers  # noqa: E402
 
-HANG, MEMORY = 4.0, 600.0  # [s], [MB]: what a result may cost
+HANG, LONG, MEMORY = 4.0, 20.0, 600.0  # [s], [s], [MB]: what a result may cost
+BOTH, ME = ("me", "cs"), ("me",)
 
-# What is done, in Python; each returns numbers that tell one FMU from another.
-DEEDS: Mapping[str, Callable[[Any, Any], Any]] = {
-    "simulate": lambda model, w: wb.simulate(model, stop=1.0, inputs={"u": 2.0}, workers=w)["y"].tolist(),
-    "trim": lambda model, w: _point(wb.trim(model, workers=w)),
-    "lin": lambda model, w: wb.lin(model, workers=w).to_dict()["A"],
-    "nfr": lambda model, w: _gains(wb.nfr(model, "u", "y", [1.0], [1.0], workers=_one(w))),
-    "info": lambda model, w: [v.name for v in wb.info(model.source, workers=w).outputs],
+# -- what is opened, where it is not the FMU alone: text of a file beside it ----------------------
+
+SYSTEMS: Mapping[str, str] = {
+    "loop": """
+        [components]
+        plant = {{model = "{fmu}", interface = "{interface}"}}
+        k = 2.0
+        error = {{sum = "+-"}}
+        [connections]
+        "error.u2" = "plant.y"
+        "k.u" = "error.y"
+        "plant.u" = "k.y"
+        [inputs]
+        u = "error.u1"
+        [outputs]
+        y = "plant.y"
+    """,
+    "cycle": """
+        [components]
+        plant = {{model = "{fmu}", interface = "{interface}"}}
+        lag = {{numerator = [4.0], denominator = [1.0, 1.0, 1.0]}}
+        damper = "fmu:AileronDamper"
+        [connections]
+        "lag.u" = {{from = "plant.y", convert = false}}
+        "damper.rate" = {{from = "lag.y", convert = false}}
+        "plant.u" = {{from = "damper.moment", gain = -1e-4, convert = false}}
+        [outputs]
+        y = "lag.y"
+    """,
+    "filter": """
+        [components]
+        plant = {{model = "{fmu}", interface = "{interface}"}}
+        damper = "fmu:AileronDamper"
+        [components.mass]
+        A = [[0.2, -1.0], [1.0, 0.0]]
+        B = [[-1e-4, 0.5], [0.0, -0.2]]
+        C = [[1.0, 0.0]]
+        inputs = ["moment", "u"]
+        outputs = ["rate"]
+        [connections]
+        "damper.rate" = {{from = "mass.rate", convert = false}}
+        "mass.moment" = {{from = "damper.moment", convert = false}}
+        "mass.u" = "plant.y"
+        [inputs]
+        u = "plant.u"
+        [outputs]
+        rate = "mass.rate"
+    """,
+    "two": """
+        [components]
+        first = {{model = "{fmu}", interface = "{interface}"}}
+        second = {{model = "{fmu}", interface = "{interface}"}}
+        [connections]
+        "second.u" = "first.y"
+        [inputs]
+        u = "first.u"
+        [outputs]
+        y = "second.y"
+    """,
+    "study": """
+        [models]
+        m = {{model = "{fmu}", interface = "{interface}"}}
+        [analyses.motion]
+        command = "simulate"
+        model = "m"
+        stop = 1.0
+        input = {{u = 2.0}}
+        {limits}
+        [analyses.point]
+        command = "trim"
+        model = "m"
+        {limits}
+        [[requirements]]
+        name = "rest"
+        analysis = "point"
+        kind = "value"
+        path = "operating_point.u.u"
+        min = 0.5
+    """,
 }
-LINES: Mapping[str, list[str]] = {
-    "simulate": ["--stop", "1", "--input", "u=2"],
-    "trim": [],
-    "lin": [],
-    "info": [],
-    "nfr": ["--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1"],
+
+# -- what is done -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Deed:
+    """A command and the function that does the same; of both, the record's numbers are compared.
+
+    Attributes:
+        function: of what is opened, the interface and the limits; returns the record.
+        line: options of the command.
+        numbers: takes from the record's JSON what tells one FMU from another.
+        subject: which of `SYSTEMS` is opened; "": the FMU.
+        interfaces: for which it is done; a single one is no option of the command.
+        timeout: for one result [s], longer than it ever takes.
+        failed: takes from the JSON why parts of the record failed; a text that says nothing: none did.
+    """
+
+    function: Callable[[Any, str, Workers], Any]
+    line: str
+    numbers: Callable[[Any], Any]
+    subject: str = ""
+    interfaces: tuple[str, ...] = BOTH
+    timeout: float = HANG
+    failed: Callable[[Any], object] = lambda data: data.get("failed")
+
+
+def _with(do: Callable[[Any, Workers], Any]) -> Callable[[Any, str, Workers], Any]:
+    """Return a function that opens the FMU, or the system, for another."""
+
+    def done(file: Path, interface: str, workers: Workers) -> Any:
+        with wb.load(file, interface) if file.suffix == ".fmu" else wb.load(file) as model:
+            return do(model, workers)
+
+    return done
+
+
+def _twice(model: Any, workers: Workers) -> Any:
+    two = {"a": model, "b": model}
+    asked: Any = {"signals": ["y"], "windows": [(0.0, 1.0)], "inputs": {"u": 2.0}, "interval": 0.01}
+    return wb.compare_motions(two, **asked, workers=workers)
+
+
+DEEDS: Mapping[str, Deed] = {
+    "simulate": Deed(
+        _with(lambda m, w: wb.simulate(m, stop=1.0, inputs={"u": 2.0}, workers=w)),
+        "--stop 1 --input u=2",
+        lambda data: data["signals"]["y"],
+    ),
+    "trim": Deed(
+        _with(lambda m, w: wb.trim(m, workers=w)),
+        "",
+        lambda data: data["operating_point"],
+        failed=lambda data: data["message"] if data["converged"] is False else "",
+    ),
+    "lin": Deed(_with(lambda m, w: wb.lin(m, workers=w)), "", lambda data: data["A"]),
+    "nfr": Deed(
+        _with(lambda m, w: wb.nfr(m, "u", "y", [1.0], [1.0], workers=w)),
+        "--input u --output y --freq 1 --amplitude 1",
+        lambda data: data["gain"],
+    ),
+    "info": Deed(lambda f, _, w: wb.info(f, workers=w), "", lambda data: [v["name"] for v in data["outputs"]]),
+    "branches": Deed(
+        _with(lambda m, w: wb.branches(m, "u", "y", [1.0], band=(0.1, 0.2), workers=w)),
+        "--input u --output y --amplitude 1 --band 0.1:0.2",
+        lambda data: [b["gain"] for b in data["branches"]],
+        interfaces=ME,
+        timeout=LONG,
+    ),
+    "modes": Deed(
+        _with(lambda m, w: wb.modes(m, vary="k.gain", values=[1.0, 2.0], workers=w)),
+        "--vary k.gain=1,2",
+        lambda data: [s["natural_frequency_hz"] for s in data["sets"]],
+        subject="loop",
+        interfaces=ME,
+        timeout=LONG,
+        failed=lambda data: [s["failed"] for s in data["sets"] if s["failed"]] or "",
+    ),
+    "loop": Deed(
+        _with(lambda m, w: wb.loop(m, "plant.y", amplitudes=[1.0], frequencies=[0.5], workers=w)),
+        "--open plant.y --amplitude 1 --freq 0.5",
+        lambda data: [data["linear"]["lin"]["A"], [[p["gain"] for p in c["points"]] for c in data["measured"]]],
+        subject="loop",
+        interfaces=ME,
+        timeout=LONG,
+        failed=lambda data: [p["reason"] for c in data["measured"] for p in c["points"] if p["reason"]] or "",
+    ),
+    "delays": Deed(
+        _with(lambda m, w: wb.delays(m, stop=1.0, inputs={"u": 1.0}, workers=w)),
+        "--stop 1 --input u=1",
+        lambda data: data.get("outputs", data["connections"]),
+        subject="loop",
+        timeout=LONG,
+    ),
+    "limit-cycle": Deed(
+        _with(lambda m, w: wb.limit_cycle(m, block="damper", workers=w)),
+        "--block damper",
+        lambda data: [[c[k] for k in ("method", "frequency_hz", "amplitude")] for c in data["limit_cycles"]],
+        subject="cycle",
+        interfaces=ME,
+        timeout=LONG,
+    ),
+    "feedback": Deed(
+        _with(lambda m, w: wb.feedback(m, source="plant.y", target="k.u", workers=w)),
+        "--from plant.y --to k.u",
+        lambda data: [data["stable_gains"], data["plant"]["A"]],
+        subject="loop",
+        timeout=LONG,
+    ),
+    "feed-forward": Deed(
+        _with(lambda m, w: wb.feed_forward(m, block="damper", target="plant.u", workers=w)),
+        "--block damper --to plant.u",
+        lambda data: data["filter"]["A"],
+        subject="filter",
+        interfaces=ME,
+        timeout=LONG,
+    ),
+    "compare": Deed(
+        _with(_twice),
+        "--label a --label b --signal y --window 0:1 --input u=2 --interval 0.01",
+        lambda data: [[m["peak"], m["rms"]] for m in data["motions"]],
+    ),
+    "check": Deed(
+        lambda f, i, w: wb.check(f, interface=i, only=["runs", "determinism", "snapshots"], workers=w),
+        "--only runs,determinism,snapshots",
+        lambda data: [[c["name"], c["verdict"]] for c in data["checks"]],
+        failed=lambda data: [c["evidence"] for c in data["checks"] if c["verdict"] == "broken"] or "",
+    ),
+    "excite": Deed(
+        _with(lambda m, w: wb.excite(m, "u", "y", prbs="amplitude=1", dt=0.1, samples=64, workers=w)),
+        "--input u --output y --prbs amplitude=1 --step 0.1 --samples 64",
+        lambda data: [data["y"], data["validation"]["y"]],
+    ),
+    "run": Deed(
+        lambda f, _, w: wb.run_study(f, store=None, jobs=1, timeout=w.timeout),
+        "--no-store",
+        lambda data: [data["analyses"][0]["result"]["signals"]["y"], data["analyses"][1]["result"]["operating_point"]],
+        subject="study",
+        timeout=LONG,  # of a process that begins another
+        failed=lambda data: [a["failed"] for a in data["analyses"] if a["code"] != 0] or "",
+    ),
+    "export": Deed(  # reads descriptions only
+        lambda f, _, _w: wb.export_container(wb.read_system(f), f.parent / "container.fmu", step=0.1),
+        "--step 0.1 --out {folder}/container.fmu",
+        lambda data: [data.get("inputs"), data.get("outputs")],
+        subject="two",
+        interfaces=("cs",),
+    ),
 }
+
+# -- what is right -----------------------------------------------------------------------------------
+
 # What may be said of a way. After those that end a process there is no result, where the call is one that is needed.
 FITTING = {
     "segfault": {"crashed"}, "abort": {"crashed"}, "exit0": {"exited"}, "exit3": {"exited"}, "hang": {"timed out"},
     "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
 }  # fmt: skip
+# Instances end when the result is told; where there are more than a worker lets wait, some end before.
+_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "excite", "run"}
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "feedback"}  # trim of cs runs the FMU several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr"}, "cs": {"trim"}},
-    "terminate": {"": {"simulate", "lin", "nfr"}, "me": {"trim"}},  # trim of cs runs the FMU several times
-    "freeInstance": {"": {"simulate", "lin", "nfr"}, "me": {"trim"}},
+    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
+    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
     "unload": {"": {"simulate", "trim", "lin", "nfr"}},
 }
+READ_ONLY = {("export", "cs"), ("delays", "me")}  # no call at all: the description says everything
 DEADLY = {"segfault", "abort", "exit0", "exit3", "hang"}
 
 
@@ -66,6 +290,8 @@ def expected(case: Case) -> set[str]:
     """Return the kinds of what a user may see; "ok" is a result with the right numbers."""
     spared = SPARED.get(case.call, {})
     without = spared.get("", set()) | spared.get(case.interface, set())
+    if (case.what, case.interface) in READ_ONLY:
+        return {"ok"}
     if case.way in DEADLY and case.what == "info":  # says what the description does, unless it waits for the probe
         return {"ok", "timed out"} if case.way == "hang" else {"ok"}
     if case.way in DEADLY:
@@ -73,20 +299,7 @@ def expected(case: Case) -> set[str]:
     return FITTING.get(case.way, set()) | {"ok"}
 
 
-def _one(worker: Worker) -> Workers:
-    return Workers(jobs=1, timeout=worker.timeout, memory_limit=worker.memory_limit)
-
-
-def _point(found: Any) -> Any:
-    if not found.converged:
-        raise wb.SimulationError(found.message)
-    return found.to_dict()["operating_point"]
-
-
-def _gains(found: Any) -> Any:
-    if found.failed:
-        raise wb.SimulationError(found.failed[0].reason)
-    return found.gain.tolist()
+# -- one case ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -97,6 +310,11 @@ class Case:
     call: str
     interface: str
     what: str
+
+    @property
+    def deed(self) -> Deed:
+        """What is done."""
+        return DEEDS[self.what]
 
 
 @dataclass(frozen=True)
@@ -114,62 +332,82 @@ def cases(asked: argparse.Namespace) -> Iterator[Case]:
         for call in (*calls, *OUTSIDE):
             for way in WAYS:
                 if (way in asked.ways or not asked.ways) and (call in asked.calls or not asked.calls):
-                    yield from (Case(way, call, interface, what) for what in asked.what or DEEDS)
+                    every = (Case(way, call, interface, what) for what in asked.what or DEEDS)
+                    yield from (case for case in every if interface in case.deed.interfaces)
+
+
+def build(folder: Path, case: Case) -> Path:
+    """Write the FMU of a case, and the file around it; return what is opened."""
+    os.environ["MISBEHAVES"] = f"{{{case.way}@{case.call}}}" if case.call in OUTSIDE else ""
+    fmu = build_misbehaving(folder, case.way, case.call)
+    if not case.deed.subject:
+        return fmu
+    limits = f"memory-limit = {MEMORY}" if case.way == "memory" else ""
+    text = SYSTEMS[case.deed.subject].format(fmu=fmu, interface=case.interface, limits=limits)
+    file = folder / f"{case.deed.subject}-{case.interface}.toml"
+    file.write_text(textwrap.dedent(text), encoding="utf-8")
+    return file
 
 
 def in_python(file: Path, case: Case, truth: Any) -> Seen:
     """Do it with the function."""
-    limits = Worker(timeout=HANG, memory_limit=MEMORY if case.way == "memory" else None)
+    limits = Workers(jobs=1, timeout=case.deed.timeout, memory_limit=MEMORY if case.way == "memory" else None)
+    here = Path.cwd()
     try:
-        with wb.load(file, case.interface) as model:
-            found = DEEDS[case.what](model, limits)
+        data = plain(case.deed.function(file, case.interface, limits).to_dict())
     except wb.WorkbenchError as error:
-        kind = _kind_in(str(error)) if case.what == "nfr" else error.kind
-        return Seen(kind, str(error), kind in expected(case))
-    same = _same(found, truth)
-    return Seen("ok" if same else "WRONG", "", same and "ok" in expected(case))
+        return Seen(error.kind, str(error), error.kind in expected(case))
+    except Exception as error:  # noqa: BLE001 - what nobody may see
+        return Seen("TRACEBACK", repr(error), right=False)
+    if Path.cwd() != here:
+        return Seen("MOVED", f"the caller is in {Path.cwd()}", right=False)
+    kind, _, said = told(case, data, truth)
+    return Seen(kind, said, kind in expected(case))
 
 
 def on_command_line(file: Path, case: Case, truth: Any) -> Seen:
     """Do it with the command."""
-    done = _run(file, case)
-    last = done.stderr.strip().splitlines()[-1:] or [""]
+    try:
+        done = _run(file, case)
+    except subprocess.TimeoutExpired:
+        return Seen("STUCK", f"no end after {LONGEST:g} s", right=False)
+    last = (done.stderr.strip().splitlines() or [""])[-1]
+    if "Traceback" in done.stderr:
+        return Seen("TRACEBACK", last, right=False)
     try:
         data = json.loads(done.stdout)
     except ValueError:
-        return Seen(f"exit {done.returncode}, no JSON", last[0], right=False)
-    kind, code, said = _told(case.what, data, last[0])
-    right = done.returncode in code and kind in expected(case)
-    if kind == "ok" and not _same(_numbers(case.what, data), truth):
-        kind, right = "WRONG", False
-    return Seen(kind, said, right)
+        return Seen(f"exit {done.returncode}, no JSON", last, right=False)
+    kind, code, said = told(case, data, truth)
+    if done.returncode != code:
+        return Seen(f"{kind}, exit {done.returncode}", said or last, right=False)
+    return Seen(kind, said, kind in expected(case) and (kind == "ok" or said != ""))
+
+
+LONGEST = 300.0  # [s]: any command, with all the limits of its parts
 
 
 def _run(file: Path, case: Case) -> subprocess.CompletedProcess[str]:
-    words = [sys.executable, "-m", "workbench", case.what, str(file), *LINES[case.what], "--json", "-"]
-    words += ["--timeout", str(HANG)]
-    words += [] if case.what == "info" else ["--interface", case.interface]
-    words += ["--memory-limit", str(MEMORY)] if case.way == "memory" else []
-    return subprocess.run(words, capture_output=True, text=True, cwd=ROOT, timeout=300, check=False)
+    line = case.deed.line.format(folder=file.parent).split()
+    models = [str(file)] * (2 if case.what == "compare" else 1)
+    words = [sys.executable, "-m", "workbench", case.what, *models, *line, "--json", "-"]
+    if case.what != "export":
+        words += ["--timeout", str(case.deed.timeout)]
+    if case.way == "memory" and case.what not in {"export", "run"}:  # a study says so in its file
+        words += ["--memory-limit", str(MEMORY)]
+    if case.deed.subject == "" and case.what != "info" and case.deed.interfaces:
+        words += ["--interface", case.interface]
+    return subprocess.run(words, capture_output=True, text=True, cwd=ROOT, timeout=LONGEST, check=False)
 
 
-def _told(what: str, data: Any, last: str) -> tuple[str, set[int], str]:
-    """Return the kind of what a command's JSON tells, the exit codes that fit, and words."""
+def told(case: Case, data: Any, truth: Any) -> tuple[str, int, str]:
+    """Return the kind of what a record tells, the exit code that fits, and words."""
     if "failure" in data:
-        return data["failure"]["kind"], {2}, last
-    if what == "trim" and data.get("converged") is False:
-        return "failed", {1}, data["message"]
-    if data.get("failed"):
-        return _kind_in(str(data["failed"])), {1}, last
-    return "ok", {0}, last
-
-
-def _numbers(what: str, data: Any) -> Any:
-    if what == "simulate":
-        return data["signals"]["y"]
-    if what == "info":
-        return [v["name"] for v in data["outputs"]]
-    return data[{"trim": "operating_point", "lin": "A", "nfr": "gain"}[what]]
+        return data["failure"]["kind"], 2, data["failure"]["message"]
+    if why := str(case.deed.failed(data) or ""):
+        return _kind_in(why), 1, why
+    found = case.deed.numbers(data)
+    return ("ok", 0, "") if _same(found, truth) else ("WRONG", 0, f"{found} in place of {truth}; {data.get('notes')}")
 
 
 def _kind_in(reason: str) -> str:
@@ -186,12 +424,29 @@ def _kind_in(reason: str) -> str:
 def _same(a: Any, b: Any) -> bool:
     """Whether two results are equal, but for what names the file."""
     if isinstance(a, dict) and isinstance(b, dict):
-        return all(_same(a[k], b.get(k)) for k in a if k != "model_sha256")
+        return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a if k not in {"model", "model_sha256"})
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(map(_same, a, b))
     if isinstance(a, float) and isinstance(b, float):
         return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)
     return bool(a == b)
+
+
+def truth_of(folder: Path, case: Case, *, program: bool) -> Any:
+    """Return the numbers of the same FMU that behaves, done in the same way."""
+    well = replace(case, way="nothing", call="never")
+    file = build(folder, well)
+    if program:
+        done = _run(file, well)
+        if done.returncode != 0:
+            raise SystemExit(f"{well}: exit {done.returncode}: {done.stderr}")
+        return well.deed.numbers(json.loads(done.stdout))
+    data = plain(well.deed.function(file, well.interface, Workers(jobs=1)).to_dict())
+    assert not well.deed.failed(data), well  # noqa: S101
+    return well.deed.numbers(data)
+
+
+# -- all of them ------------------------------------------------------------------------------------------
 
 
 def main() -> None:
@@ -210,12 +465,10 @@ def main() -> None:
         for case in cases(asked):
             key = case.interface, case.what
             if key not in truths:
-                truths[key] = _truth(Path(name), case, program=asked.program)
-            os.environ["MISBEHAVES"] = f"{{{case.way}@{case.call}}}" if case.call in OUTSIDE else ""
-            file = build_misbehaving(Path(name), case.way, case.call)
-            seen = found[case] = run(file, case, truths[key])
+                truths[key] = truth_of(Path(name), case, program=asked.program)
+            seen = found[case] = run(build(Path(name), case), case, truths[key])
             if not seen.right:
-                print(f"NOT RIGHT {case}: {seen.kind}: {seen.words}", flush=True)
+                print(f"NOT RIGHT {case}: {seen.kind}: {seen.words[:300]}", flush=True)
     text = "\n".join(_page(found))
     if asked.out is not None:
         asked.out.write_text(text + "\n", encoding="utf-8")
@@ -224,25 +477,13 @@ def main() -> None:
     sys.exit(1 if wrong else 0)
 
 
-def _truth(folder: Path, case: Case, *, program: bool) -> Any:
-    os.environ["MISBEHAVES"] = ""
-    file = build_misbehaving(folder, "nothing", "never")
-    if program:
-        done = _run(file, case)
-        return _numbers(case.what, json.loads(done.stdout))
-    with wb.load(file, case.interface) as model:
-        return DEEDS[case.what](model, Worker())
-
-
 def _page(found: Mapping[Case, Seen]) -> Iterator[str]:
     deeds = list(dict.fromkeys(case.what for case in found))
     yield f"| FMU | {' | '.join(deeds)} |"
     yield f"| --- | {' | '.join('---' for _ in deeds)} |"
-    for row in dict.fromkeys((c.interface, c.call, c.way) for c in found):
-        cells = [
-            next(s.kind for c, s in found.items() if (c.interface, c.call, c.way, c.what) == (*row, d)) for d in deeds
-        ]
-        yield f"| {row[2]} in {row[1]} ({row[0]}) | {' | '.join(cells)} |"
+    for interface, call, way in dict.fromkeys((c.interface, c.call, c.way) for c in found):
+        seen = (found.get(Case(way, call, interface, what)) for what in deeds)
+        yield f"| {way} in {call} ({interface}) | {' | '.join('–' if s is None else s.kind for s in seen)} |"
 
 
 if __name__ == "__main__":

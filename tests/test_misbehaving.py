@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import workbench as wb
-from scripts.misbehave import DEEDS, HANG, MEMORY, Case, expected
-from tests.misbehaving_fmus import OUTSIDE, WAYS, build_misbehaving
+from scripts.misbehave import DEEDS, ME, Case, build, expected, in_python, truth_of
+from tests.misbehaving_fmus import WAYS, build_misbehaving
+from workbench.analysis.feedback import analyse
 from workbench.cli.app import run
-from workbench.core.where import Worker
+from workbench.core.where import Workers
+from workbench.errors import SimulationError
 
 _CASES = [
     *((way, "doStep", "cs", "simulate") for way in WAYS),
     *((way, "getReal", "me", "trim") for way in ("abort", "exit0", "nan", "events", "descriptors", "cwd")),
     *((way, "terminate", "me", "lin") for way in ("segfault", "exit0", "hang")),
     *((way, "load", "me", "info") for way in ("segfault", "exit3", "hang")),
+    *((way, "getDerivatives", "me", what) for way in ("segfault", "nan") for what in ("compare", "modes", "excite")),
+    *((way, "doStep", "cs", what) for way in ("exit0", "thread") for what in ("compare", "delays", "excite")),
+    *(("abort", "getReal", i, "check") for i in ("me", "cs")),
+    ("exit3", "doStep", "cs", "run"),
+    ("segfault", "terminate", "me", "check"),
+    ("exit0", "freeInstance", "cs", "check"),
+    ("segfault", "terminate", "me", "excite"),
+    ("descriptors", "getReal", "me", "loop"),  # its worker begins others, whose lifelines it holds
+    ("events", "getDerivatives", "me", "trim"),
+    ("events", "getDerivatives", "me", "modes"),
+    ("memory", "getDerivatives", "me", "modes"),
+    ("memory", "doStep", "cs", "lin"),
+    ("memory", "getDerivatives", "me", "run"),  # a study whose analyses have a limit of their own
+    ("segfault", "load", "cs", "export"),
 ]
-_ENDINGS = {"crashed": wb.CrashedError, "exited": wb.ExitedError, "timed out": wb.TimedOutError}
-
-
-def _found(file: Path, interface: str, what: str, limits: Worker) -> Any:  # noqa: ANN401 - numbers
-    with wb.load(file, interface) as model:
-        return DEEDS[what](model, limits)
 
 
 @pytest.fixture(scope="module")
 def truths(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], Any]:
     """What the FMU gives that behaves; `info` says so of its outputs even where a probe of its binary crashed."""
-    file = build_misbehaving(tmp_path_factory.mktemp("well"), "nothing", "never")
-    return {
-        (i, what): _found(file, i, what, Worker()) for i in ("me", "cs") for what in ("simulate", "trim", "lin", "info")
-    }
+    folder = tmp_path_factory.mktemp("well")
+    every = {(interface, what): Case(way, call, interface, what) for way, call, interface, what in _CASES}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MISBEHAVES", "")
+        return {key: truth_of(folder, case, program=False) for key, case in every.items()}
 
 
 @pytest.mark.parametrize(("way", "call", "interface", "what"), _CASES)
@@ -48,28 +58,15 @@ def test_the_caller_is_told_and_lives(
     truths: dict[tuple[str, str], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("MISBEHAVES", f"{{{way}@{call}}}" if call in OUTSIDE else "")
-    limits = Worker(timeout=HANG if way == "hang" else None, memory_limit=MEMORY if way == "memory" else None)
+    monkeypatch.setenv("MISBEHAVES", "")  # to be as it was
     case = Case(way, call, interface, what)
-    before = os.getcwd()  # noqa: PTH109 - as it is
-    error: wb.WorkbenchError | None = None
-    found = truth = truths.get((interface, what))
-    try:
-        found = _found(build_misbehaving(tmp_path, way, call), interface, what, limits)
-    except wb.WorkbenchError as raised:
-        error = raised
-    assert os.getcwd() == before  # noqa: PTH109
-    if error is None:
-        assert _numbers(found) == _numbers(truth)
-        assert "ok" in expected(case)
-    else:
-        assert error.kind in expected(case), str(error)
-        assert "\n" not in str(error)
-        assert isinstance(error, _ENDINGS.get(error.kind, wb.WorkbenchError))
+    seen = in_python(build(tmp_path, case), case, truths[interface, what])
+    assert seen.right, seen
+    assert "\n" not in seen.words
 
 
-def _numbers(found: object) -> object:
-    return {k: v for k, v in found.items() if k != "model_sha256"} if isinstance(found, dict) else found
+def _numbers(file: Path, what: str) -> Any:  # noqa: ANN401 - as they are
+    return DEEDS[what].numbers(DEEDS[what].function(file, "me", Workers(jobs=1)).to_dict())
 
 
 def test_the_code_of_a_thread_that_an_fmu_leaves_behind_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,11 +76,11 @@ def test_the_code_of_a_thread_that_an_fmu_leaves_behind_stays(tmp_path: Path, mo
         folder = tmp_path / name
         folder.mkdir()
         file = build_misbehaving(folder, "thread", "instantiate")
-        assert len({str(_found(file, "me", what, Worker())) for what in ("simulate", "lin", "trim")}) == 3
+        assert len({str(_numbers(file, what)) for what in ("simulate", "lin", "trim")}) == 3
         for number in range(6):
             (folder / f"{number}").mkdir()
             well = build_misbehaving(folder / f"{number}", "nothing", "never")
-            assert _found(well, "me", "simulate", Worker())[-1] > 0.0
+            assert _numbers(well, "simulate")[-1] > 0.0
 
 
 def test_a_run_that_ends_before_its_first_row_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,3 +96,51 @@ def test_a_run_that_ends_before_its_first_row_is_one_line(tmp_path: Path, capsys
 def test_what_is_right_is_written_down_for_each_case(what: str, kind: str) -> None:
     assert expected(Case("exit3", "getFMUstate", "me", what)) == {kind}
     assert "ok" not in expected(Case("hang", "getReal", "cs", "nfr"))
+
+
+def test_a_comparison_without_its_runs_does_not_end_as_if_all_were_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = str(build_misbehaving(tmp_path, "segfault", "getDerivatives"))
+    line = ["--label", "a", "--label", "b", "--signal", "y", "--window", "0:1", "--interface", "me", "--json", "-"]
+    assert run(["compare", bad, bad, *line]) == 1
+    assert [f["system"] for f in json.loads(capsys.readouterr().out)["failed"]] == ["a", "b"]
+
+
+def test_a_crossover_that_is_not_known_has_its_reason(tmp_path: Path) -> None:
+    """Co-simulation parts lend their equations of model exchange to the loop."""
+    case = Case("nan", "getDerivatives", "cs", "delays")
+    found = DEEDS["delays"].function(build(tmp_path, case), "cs", Workers(jobs=1))
+    assert found.loops[0].crossover_hz is None
+    assert any("its crossover is not known" in note for note in found.notes)
+
+
+def test_a_block_that_cannot_be_cut_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise SimulationError("not a finite number")
+
+    monkeypatch.setattr(analyse, "cut_at", fail)
+    with wb.load(build(tmp_path, Case("nothing", "never", "me", "feed-forward"))) as model:
+        found = wb.feedback(model, source="mass.rate", target="plant.u", in_process=True)
+    assert any("the remaining cycles are not predicted: damper: not a finite number" in n for n in found.notes)
+
+
+@pytest.mark.parametrize("what", ["modes", "limit-cycle", "feed-forward"])
+def test_what_needs_equations_says_so_of_co_simulation(what: str, tmp_path: Path) -> None:
+    assert DEEDS[what].interfaces == ME
+    file = build(tmp_path, Case("nothing", "never", "cs", what))
+    with pytest.raises(wb.InputError, match=r'co-simulation.*give the(se)? components interface "me"'):
+        DEEDS[what].function(file, "cs", Workers(jobs=1))
+
+
+def test_modes_of_one_fmu_of_co_simulation_name_what_to_do(tmp_path: Path) -> None:
+    with (
+        wb.load(build_misbehaving(tmp_path, "nothing", "never"), "cs") as model,
+        pytest.raises(wb.InputError, match="use interface me"),
+    ):
+        wb.modes(model, vary="u", values=[1.0, 2.0])
+    with (
+        wb.load(build_misbehaving(tmp_path, "nothing", "never"), "me") as model,
+        pytest.raises(wb.InputError, match="use another method"),
+    ):
+        wb.modes(model, vary="u", values=[1.0, 2.0], method="response")

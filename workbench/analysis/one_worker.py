@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 
 from workbench.analysis.request import Request
 from workbench.core import job as telling
-from workbench.core.confine import confined
 from workbench.core.named import named
 from workbench.core.where import InWorker, Worker
 from workbench.errors import InputError, LostError, SimulationError
@@ -126,7 +125,7 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
         KeyboardInterrupt: the job was stopped.
     """
     place = asked.place if isinstance(asked, InWorker) else Worker()
-    if place.in_process or (inside() and (confined() or not place.confine)):
+    if place.in_process or inside(place.limits):
         return _here(subject, asked, job)
     recipe = subject.recipe if isinstance(subject, Model) else None
     if isinstance(subject, Model) and (recipe is None or not recipe.portable):

@@ -57,9 +57,14 @@ def system_of(model: Model, what: str) -> SystemDescription:
     Raises:
         InputError: no such system.
     """
-    if not isinstance(model, SystemModel):
-        raise InputError(f"{model.name}: this is not a system; {what} a system file or workbench.connect")
-    return model.system
+    if isinstance(model, SystemModel):
+        return model.system
+    if isinstance(getattr(model, "system", None), SystemDescription):
+        raise InputError(
+            f"{model.name} has co-simulation parts, but {what} the equations of all parts; "
+            'give these components interface "me" if their FMUs offer it'
+        )
+    raise InputError(f"{model.name}: this is not a system; {what} a system file or workbench.connect")
 
 
 def recipe_of(model: DescribedModel) -> SystemRecipe:

@@ -21,7 +21,7 @@ void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {
 enum { PATIENCE = 1000 };
 
 void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {
-    struct pollfd end = {.fd = (int)sentinel, .events = POLLIN};
+    struct pollfd end = {.fd = (int)sentinel, .events = 0}; /* its end; an FMU may write what it wants into it */
     int ready = 0;
     /* A copy of the parent made by fork keeps the pipe open; the system names another parent then. */
     while (getppid() == (pid_t)parent && (ready == 0 || (ready < 0 && errno == EINTR))) {

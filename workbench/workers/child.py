@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import pickle
 import select
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from workbench.core.confine import confined
 from workbench.core.scratch import remove_if_dead
+from workbench.core.where import DEFAULT_TIMEOUT, Limits
 from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import end_later, end_now
@@ -89,10 +91,12 @@ class _Worker:
 
     Attributes:
         channel: to the parent; None: this is no worker process.
+        limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
     """
 
     channel: Channel | None = None
+    limits = Limits(timeout=None)
     opened: ClassVar[OrderedDict[bytes, Model]] = OrderedDict()
 
 
@@ -107,9 +111,20 @@ def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
         _Worker.channel.send((ITEM if finished else TOLD, item))
 
 
-def inside() -> bool:
-    """Return whether this is a worker process."""
-    return _Worker.channel is not None
+def inside(limits: Limits) -> bool:
+    """Return whether this is a worker process under limits as strict as these, so that no other one is needed.
+
+    Args:
+        limits: that are wanted; the time limit that everything has by default is no wish.
+    """
+    if _Worker.channel is None or (limits.confine and not confined()):
+        return False
+    own = _Worker.limits
+    longest = math.inf if limits.timeout in {None, DEFAULT_TIMEOUT} else limits.timeout
+    return all(
+        wanted in {None, math.inf} or (given is not None and given <= wanted)
+        for wanted, given in ((limits.memory, own.memory), (longest, own.timeout))
+    )
 
 
 def wanted_stop() -> bool:
@@ -165,7 +180,7 @@ def _orders(channel: Channel) -> Iterator[Any]:
         yield from (order for order in channel.receive() if order is not STOP)  # it was asked to stop what is done
 
 
-def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: float | None) -> tuple[str, Any]:
+def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Limits) -> tuple[str, Any]:
     """Do one task, sending its items; return the last message.
 
     Args:
@@ -173,8 +188,9 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         folder: the parent's working directory.
         recipe: of the model, pickled; of None: the task has no model.
         work: task and argument, pickled.
-        memory: limit [MB].
+        limits: of the task.
     """
+    watch, _Worker.limits = MemoryWatch(None), limits
     try:
         os.chdir(folder)
         try:
@@ -182,20 +198,20 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, memory: flo
         except (AttributeError, ImportError) as error:
             return FOREIGN, str(error)
         model = _model(recipe)
-        watch = MemoryWatch(memory)
-        channel.send((OPENED, None))
+        watch = MemoryWatch(limits.memory)
+        channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():
                 return MEMORY, None
             channel.send((ITEM, item))
     except WorkbenchError as error:
-        return ERROR, error
+        return (MEMORY, None) if watch.exceeded() else (ERROR, error)
     except MemoryError:
         return MEMORY, None
     except BrokenPipeError:
         raise
-    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours; the parent raises it
-        return BUG, traceback.format_exc()
+    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours, which the parent raises, or what no memory does
+        return (MEMORY, None) if watch.exceeded() else (BUG, traceback.format_exc())
     finally:
         _flush()
     return DONE, None
@@ -282,5 +298,7 @@ def _wait_for_end(lifeline: int, parent: int) -> None:
         _winapi.WaitForSingleObject(lifeline, _winapi.INFINITE)
         return
     # A copy of the parent made by fork keeps the pipe open; the system names another parent then.
-    while os.getppid() == parent and not select.select([lifeline], [], [], _PATIENCE)[0]:
+    ended = select.poll()
+    ended.register(lifeline, 0)  # no event but its end: an FMU of the parent may write what it wants into it
+    while os.getppid() == parent and not ended.poll(1000.0 * _PATIENCE):
         pass

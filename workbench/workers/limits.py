@@ -7,7 +7,7 @@ import os
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["MemoryWatch", "cores", "memory_limit_works"]
+__all__ = ["MemoryWatch", "cores", "memory_limit_works", "went_beyond"]
 
 _MB = 1_000_000
 
@@ -37,25 +37,41 @@ class MemoryWatch:
 
     Args:
         limit: [MB]; None or inf: none, and none either where the platform does not enforce any.
+
+    Attributes:
+        most: largest address space that is within the limit [bytes]; None: any.
     """
 
     def __init__(self, limit: float | None) -> None:
-        self._most: float | None = None
+        self.most: float | None = None
         if limit is None or math.isinf(limit) or not memory_limit_works():
             return
         import resource  # noqa: PLC0415 - not on every platform
 
         now = _address_space("VmSize")
-        self._most = max(now + limit * _MB, _address_space("VmPeak"))
+        self.most = float(max(now + limit * _MB, _address_space("VmPeak")))
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (int(now + _REFUSED * limit * _MB), hard))
 
     def exceeded(self) -> bool:
         """Whether the process ever had more than the limit allows."""
-        return self._most is not None and _address_space("VmPeak") > self._most
+        return self.most is not None and _address_space("VmPeak") > self.most
 
 
-def _address_space(which: str) -> int:
-    """Size of this process's address space, now ("VmSize") or at most so far ("VmPeak") [bytes]; Linux."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+def went_beyond(most: float | None, process: int) -> bool:
+    """Whether another process ever had more memory than its watch allows.
+
+    Args:
+        most: of its `MemoryWatch`.
+        process: its number.
+    """
+    try:
+        return most is not None and _address_space("VmPeak", str(process)) > most
+    except (OSError, StopIteration):  # it is gone, or going
+        return False
+
+
+def _address_space(which: str, process: str = "self") -> int:
+    """Size of a process's address space, now ("VmSize") or at most so far ("VmPeak") [bytes]; Linux."""
+    lines = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace").splitlines()
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{which}:"))

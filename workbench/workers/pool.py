@@ -195,7 +195,7 @@ class Pool(Runner):
         elif kind == READY:
             self._free(worker)
         elif kind == OPENED:
-            worker.opened = True
+            worker.opened, worker.most = True, content if isinstance(content, float) else None
             worker.restart_clock()
         elif kind == ITEM:
             worker.restart_clock()
@@ -214,10 +214,11 @@ class Pool(Runner):
             yield from self._end(worker, LostError(_UNREADABLE))
 
     def _late(self) -> Iterator[Lost]:
-        """End workers whose time is up."""
-        now = time.monotonic()
+        """End workers whose time is up, or that are stuck without memory."""
         for worker in list(self._workers):
-            if worker.deadline is not None and now > worker.deadline:
+            if worker.index in self._in_work and worker.is_beyond_memory():
+                yield from self._end(worker, out_of_memory(self._limits))
+            elif worker.is_late():
                 yield from self._end(worker, timed_out(self._limits))
 
     def _end(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:

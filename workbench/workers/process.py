@@ -24,12 +24,15 @@ from workbench.model.recipe import Recipe
 from workbench.workers.answers import records_only
 from workbench.workers.channel import MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
-from workbench.workers.limits import cores
+from workbench.workers.limits import cores, went_beyond
 
 __all__ = ["WorkerProcess", "keep", "kept", "prepare"]
 
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
+
+# So long a process that went beyond its memory may take to say so [s].
+_SILENT = 5.0
 
 # Of what an FMU prints, this much is shown; the file is emptied when it is longer [byte].
 _LAST_WORDS = 1 << 16
@@ -55,6 +58,7 @@ class WorkerProcess:
         opened: whether the model of the task in work is open.
         seasoned: whether it did another task before.
         deadline: when the present task must have shown a result (`time.monotonic`); None: never.
+        most: largest address space that the present task may have [bytes]; None: any.
         channel: to it.
     """
 
@@ -63,6 +67,8 @@ class WorkerProcess:
         self.ready = self.opened = self.seasoned = False
         self.error: Exception | None = None
         self.deadline: float | None = None
+        self.most: float | None = None
+        self._beyond: float | None = None  # since when it is seen to have had more
         self.surroundings = _surroundings()
         self._limits = Limits()
         with ExitStack() as undo:
@@ -107,9 +113,10 @@ class WorkerProcess:
         """Send a task; a worker that is dead shows it later."""
         self.seasoned, self.opened = self.opened, False
         self.index, self.ready, self.error, self._limits = index, False, None, limits
+        self.most = self._beyond = None
         self.restart_clock()
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
-        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits.memory)  # noqa: PTH109
+        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
 
     def end_soon(self) -> None:
@@ -119,6 +126,19 @@ class WorkerProcess:
     def restart_clock(self) -> None:
         """Give the present task its full time again."""
         self.deadline = None if self._limits.timeout is None else time.monotonic() + self._limits.timeout
+
+    def is_late(self) -> bool:
+        """Whether the present task has had its time."""
+        return self.deadline is not None and time.monotonic() > self.deadline
+
+    def is_beyond_memory(self) -> bool:
+        """Whether the present task went beyond its memory, and either has had its time or did not say so in a while.
+
+        Linear algebra that gets no memory may try again and again.
+        """
+        if self._beyond is None and went_beyond(self.most, self.pid):
+            self._beyond = time.monotonic()
+        return self._beyond is not None and (self.is_late() or time.monotonic() > self._beyond + _SILENT)
 
     def said(self) -> str:
         """Return what was printed there since this was asked last: the last of it, if it is long."""

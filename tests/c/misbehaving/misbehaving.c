@@ -23,6 +23,7 @@
 #define BLOCK ((size_t)64 << 20)
 #define MOST_BLOCKS 48 /* 3 GiB: enough for any limit, and not the end of the machine */
 #define MOST_DESCRIPTORS 256
+#define MOST_THREADS 4 /* of each copy: thousands of calls shall not fill the machine */
 
 enum { VR_U, VR_X, VR_DER_X, VR_Y, N_VARIABLES };
 
@@ -138,9 +139,10 @@ static void do_it(const char *what, Model *model)
             }
         }
     } else if (strcmp(what, "thread") == 0) {
+        static int threads;
         pthread_t thread;
-        if (pthread_create(&thread, NULL, go_on, NULL) != 0) {
-            return;
+        if (threads < MOST_THREADS && pthread_create(&thread, NULL, go_on, NULL) == 0) {
+            threads++;
         }
     } else if (strcmp(what, "escape") == 0 && model != NULL) {
         model->reached = escape();

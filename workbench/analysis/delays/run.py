@@ -49,6 +49,7 @@ def _report(
     decided = model.decided
     connections = _connections(model, takes, step, frequency)
     names = [u.name for u in decided.units.units]
+    loops, unknown = _loops(model, connections, frequency)
     return DelayReport(
         system=model.name,
         order=model.order,
@@ -58,12 +59,12 @@ def _report(
         periods={names[k]: t.longest for k, t in decided.ticks.items()},
         frequency=frequency,
         connections=tuple(connections.values()),
-        loops=tuple(_loops(model, connections, frequency)),
+        loops=tuple(loops),
         outputs=outputs,
         stop=stop,
         interface=model.interface,
         solver=model.solver,
-        notes=remarks,
+        notes=(*remarks, *unknown),
         operating_point=standing(model),
     )
 
@@ -130,17 +131,22 @@ def _judged(
     return f"{shape}, {came}", 0.0, 0.0 if known else step
 
 
-def _loops(model: MasterModel, connections: Mapping[int, ConnectionDelay], frequency: float | None) -> list[LoopDelay]:
+def _loops(
+    model: MasterModel, connections: Mapping[int, ConnectionDelay], frequency: float | None
+) -> tuple[list[LoopDelay], list[str]]:
+    """Return the loops, and in words why a crossover is not known."""
     units = model.decided.units
-    found = []
+    found, notes = [], list[str]()
     for way in _cycles(units):
         numbers = [_slowest(units, connections, a, b) for a, b in zip(way, [*way[1:], way[0]], strict=True)]
         mean = _around(units, connections, numbers)
-        at = None if frequency is not None else _crossover(model, numbers[0])
+        at, why = (None, "") if frequency is not None else _crossover(model, numbers[0])
         reference = frequency if frequency is not None else at
         lost = None if reference is None else 360.0 * reference * mean
-        found.append(LoopDelay(tuple(units.units[k].name for k in way), mean, at, lost))
-    return found
+        names = tuple(units.units[k].name for k in way)
+        found.append(LoopDelay(names, mean, at, lost))
+        notes += [f"loop {', '.join(names)}: its crossover is not known: {why}"] if why else []
+    return found, notes
 
 
 def _around(units: Units, connections: Mapping[int, ConnectionDelay], numbers: Sequence[int]) -> float:
@@ -166,17 +172,18 @@ def _slowest(units: Units, connections: Mapping[int, ConnectionDelay], a: int, b
     return max((i for i in connections if units.ends(i) == (a, b)), key=lambda i: connections[i].mean_s)
 
 
-def _crossover(model: MasterModel, number: int) -> float | None:
+def _crossover(model: MasterModel, number: int) -> tuple[float | None, str]:
+    """Return where the linear loop crosses 1 [Hz], and what went wrong."""
     if model.decided.ticks:
-        return None
+        return None, ""
     opened = model.all_me(number)
     if opened is None:
-        return None
+        return None, ""
     with opened:
         try:
-            return crossover(opened, model.decided.units.connections[number].gain)
-        except (WorkbenchError, np.linalg.LinAlgError):
-            return None
+            return crossover(opened, model.decided.units.connections[number].gain), ""
+        except (WorkbenchError, np.linalg.LinAlgError) as error:
+            return None, str(error)
 
 
 def _cycles(units: Units) -> list[tuple[int, ...]]:

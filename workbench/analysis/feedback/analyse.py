@@ -61,8 +61,8 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         result = work.linear_result(found)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if asked.settle else ()
-        two = work.two_ports()
-        result = work.with_cycles(result, two)
+        two, why = work.two_ports()
+        result = work.with_cycles(result, two, why)
         told = _told(system, where.point, time)
         result = replace(result, notes=(*remarks, *result.notes), operating_point=told)
         if asked.settle or asked.gain is not None:
@@ -147,21 +147,22 @@ class _Work:
             notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator), *_doubts(parts)])),
         )
 
-    def two_ports(self) -> TwoPorts | None:
+    def two_ports(self) -> tuple[TwoPorts | None, str]:
+        """Return the system cut at its block as well, and in words why it is not."""
         block = self.asked.block
-        name = block if block is not None else find_block(self.place.model)[0]
+        name, why = (block, "") if block is not None else find_block(self.place.model)
         if name is None:
-            return None
+            return None, why
         try:
-            return cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep)
-        except WorkbenchError:
+            return cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep), ""
+        except WorkbenchError as error:
             if block is not None:
                 raise
-            return None
+            return None, f"the remaining cycles are not predicted: {name}: {error}"
 
-    def with_cycles(self, result: FeedbackResult, two: TwoPorts | None) -> FeedbackResult:
+    def with_cycles(self, result: FeedbackResult, two: TwoPorts | None, why: str) -> FeedbackResult:
         if two is None:
-            return _noted(result, find_block(self.place.model)[1])
+            return _noted(result, why)
         name = two.loop.ports.component
         result = replace(result, block=name)
         if two.block is None:

@@ -20,16 +20,18 @@ from workbench.core.forms import number, several, varied
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.varied import with_parameters
+from workbench.system.master.model import MasterModel
 
 __all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
+_LEAST = 2  # values with a linear model
 
 Settings = Mapping[str, Value]
 
@@ -38,6 +40,9 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     """Follow modes over a parameter; see `Modes`."""
     if not isinstance(model, DescribedModel):
         raise InputError(f"modes: {model.name} is not a file; its parts cannot be varied")
+    if model.interface != "me" or asked.method == "response":
+        why = "method response identifies" if model.interface == "me" else "co-simulation shows"
+        raise InputError(f"modes: {model.name}: {why} no states by which modes are followed; {_instead(model)}")
     vary, limits = varied(asked.vary)
     against = list(asked.against)
     grid = _values(asked, limits)
@@ -56,6 +61,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
             label = _label(settings or _own(model, common, against))
             source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
             source.prepare(grid, asked.place.apart, job, label=label or vary)
+            _check_enough(source, grid, vary)
             found.append(_one_set(source, grid, label, dict(settings), width))
             moving += _moving(source, label)
             first = first or next(
@@ -88,6 +94,24 @@ def _label(settings: Settings) -> str:
 
 def _word(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_enough(source: ModelSource, grid: Sequence[float], vary: str) -> None:
+    failed = [value for value in grid if value in source.failed]
+    if failed and len(grid) - len(failed) < _LEAST:
+        first = failed[0]
+        raise SimulationError(
+            f"modes: no linear model at {len(failed)} of {len(grid)} values, first at {vary} = {first:g}: "
+            f"{source.failed[first]}"
+        )
+
+
+def _instead(model: Model) -> str:
+    if model.interface == "me":
+        return "use another method"
+    if isinstance(model, MasterModel):
+        return 'give the components interface "me" if their FMUs offer it'
+    return "use interface me"
 
 
 def _values(asked: Modes, limits: str) -> list[float]:

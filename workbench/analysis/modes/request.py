@@ -12,7 +12,7 @@ from workbench.core.option import option
 from workbench.core.where import InParts
 
 if TYPE_CHECKING:
-    from workbench.analysis.modes.result import ModesResult  # noqa: F401 - the record's type, below
+    from workbench.analysis.modes.result import ModesResult
 
 __all__ = ["Modes", "modes"]
 
@@ -73,6 +73,14 @@ class Modes(PointOptions, InParts, Analysis["ModesResult"]):
         positive=True,
         default=None,
     )
+
+    def went_well(self, record: ModesResult) -> bool:
+        """Return whether there is a linear model at every value.
+
+        Args:
+            record: of this request.
+        """
+        return not any(s.failed for s in record.sets)
 
 
 modes = function(Modes)

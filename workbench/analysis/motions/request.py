@@ -15,7 +15,7 @@ from workbench.core.where import InWorker
 from workbench.signals import Signals
 
 if TYPE_CHECKING:
-    from workbench.analysis.motions.result import MotionComparison  # noqa: F401 - the record's type, below
+    from workbench.analysis.motions.result import MotionComparison
     from workbench.model.described import DescribedModel  # noqa: F401 - the subject's type, below
 
 __all__ = ["CompareMotions", "compare_motions"]
@@ -127,6 +127,14 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
     interval: float | None = option(
         "Interval between rows; by default 1/40000 of the run.", unit="s", metavar="S", positive=True, default=None
     )
+
+    def went_well(self, record: MotionComparison) -> bool:
+        """Return whether no run ended early.
+
+        Args:
+            record: of this request.
+        """
+        return not record.failed
 
 
 compare_motions = function(CompareMotions)

@@ -235,14 +235,18 @@ class _Trim:
         residuals = residual_table(problem, solution)
         nulls = directions(problem, solution)
         chosen = self._chosen(problem, solution)
-        message = in_words(problem, solution, residuals, nulls, chosen=chosen)
         balance: Balance = problem.balance
+        point = balance.point(*problem.at(solution.values))
+        message = in_words(problem, solution, residuals, nulls, chosen=chosen)
+        if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
+            solution = replace(solution, converged=False)  # an FMU need not give the same values again
+            message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
         return TrimResult(
             model=self.model.name,
             interface=self.model.interface,
             solver=self.model.solver,
             method=method,
-            operating_point=balance.point(*problem.at(solution.values)),
+            operating_point=point,
             residuals=residuals,
             null_directions=nulls,
             converged=solution.converged,
