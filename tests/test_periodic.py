@@ -65,7 +65,7 @@ def test_co_simulation_refuses_to_set_states() -> None:
         model.open_session(signals=FORCED) as session,
         pytest.raises(InputError, match="co-simulation"),
     ):
-        session.jump(np.array([0.7, -0.4]))  # type: ignore[attr-defined]
+        session.jump(np.array([0.7, -0.4]))
 
 
 # -- exponentials -----------------------------------------------------------------------------
