@@ -8,6 +8,9 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from tests.limit_cycle_loops import LAG, chain
 from workbench.analysis.describing.describe import standard_block
@@ -20,6 +23,8 @@ from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
+
+Floats = NDArray[np.float64]
 
 
 def test_the_fold_of_a_relay_with_a_dead_zone() -> None:
@@ -127,6 +132,31 @@ def cubic_loop() -> DescribedModel:
             "block.c0": 0.0, "block.c1": 0.7, "block.c2": 0.0, "block.c3": -0.1,
         },
     )  # fmt: skip
+
+
+def test_two_nonlinear_blocks_in_one_loop() -> None:
+    """The other block is taken at its slope by the describing function, and as it is by shooting: SciPy agrees."""
+    with connect(
+        {"block": "fmu:Saturation", "cubic": "fmu:AlgebraicExpression", "lags": control.ss(LAG)},
+        [("lags.y", "block.u", {"gain": -16.0}), ("block.y", "cubic.u"), ("cubic.y", "lags.u")],
+        start_values={
+            "block.C[1]": 0.0, "block.C[2]": 0.0, "block.D": 1.0, "cubic.C[1]": 0.0, "cubic.C[2]": 0.0, "cubic.D": 1.0,
+            "cubic.c0": 0.0, "cubic.c1": 1.0, "cubic.c2": 0.0, "cubic.c3": -0.3,
+        },
+    ) as system:  # fmt: skip
+        result = limit_cycle(system, block="block", methods=("describing function", "shooting"))
+    (orbit,) = [c for c in result.limit_cycles if c.method == "shooting"]
+
+    def slope(_: float, x: Floats) -> Floats:
+        v = min(max(-16.0 * x[2], -1.0), 1.0)
+        return np.array([v - 0.3 * v**3 - x[0], x[0] - x[1], x[1] - x[2]])
+
+    run = solve_ivp(slope, (0.0, 200.0), [0.1, 0.0, 0.0], rtol=1e-9, atol=1e-12, max_step=0.05, dense_output=True)
+    rising = [t for t in np.arange(150.0, 200.0, 0.01) if run.sol(t)[2] < 0.0 <= run.sol(t + 0.01)[2]]
+    passes = [brentq(lambda t: run.sol(t)[2], t, t + 0.01) for t in rising]
+    assert 1.0 / orbit.frequency_hz == pytest.approx(float(np.mean(np.diff(passes))), rel=1e-5)
+    assert orbit.amplitude == pytest.approx(16.0 * np.abs(run.sol(np.arange(150.0, 200.0, 0.01))[2]).max(), rel=1e-4)
+    assert orbit.stable
 
 
 def test_shooting_follows_a_cycle_to_its_hopf_point() -> None:

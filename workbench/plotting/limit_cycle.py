@@ -80,7 +80,7 @@ def _branches(row: list[Axes], result: LimitCycleResult, parameter: str) -> None
             if branch.parameter == parameter and branch.points:
                 draw_branch(ax, branch, of)
         ax.set(xlabel=label(parameter, result.units.get(parameter)), ylabel=words)
-    row[0].set_title(f"cycles over {parameter}, by harmonic balance", loc="left", fontsize=9.5)
+    row[0].set_title(f"cycles over {parameter}", loc="left", fontsize=9.5)
     handles, texts = row[0].get_legend_handles_labels()
     once = dict(zip(texts, handles, strict=True))
     row[0].legend(list(once.values()), list(once), **{**LEGEND, "loc": "best"})

@@ -97,8 +97,8 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     )
     periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
     vary: Ranges = option(
-        "Follow the cycles over a parameter by harmonic balance, also around folds; gain is a factor on the linear "
-        "part.",
+        "Follow the cycles that shooting finds over a parameter, also around folds, to where they shrink to a point; "
+        "without shooting, and over gain, a factor on the linear part, those of harmonic balance.",
         default_factory=dict,
     )
     run_until: float | None = option(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -275,33 +275,39 @@ def follow_orbits(
     folds = [s.place for s in track.special if s.kind == "fold"]
     points = tuple(map(point, track.places))
     ends = track.ends if track.ends[0] else ("it closes", "it closes")
-    last = ((points[:2], ends[0]), (points[:-3:-1], ends[1]))
     return Branch(
         parameter=parameter,
         points=points,
         folds=tuple(map(point, folds)),
-        hopf=tuple(_vanished(*pair) for pair, why in last if why == VANISHES and len(pair) == 2),
+        hopf=tuple(
+            h for why, step in zip(ends, (1, -1), strict=True) if why == VANISHES for h in _vanished(points[::step])
+        ),
         ends=ends,
     )
 
 
-def _vanished(last: BranchPoint, before: BranchPoint) -> BranchPoint:
-    """Return the Hopf point behind the end of a branch: near it all changes with the square of the amplitude."""
-    share = last.fundamental**2 / (last.fundamental**2 - before.fundamental**2)
+def _vanished(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:
+    """Yield the Hopf point beyond the end of a branch, if it has points enough to tell it from.
 
-    def at_zero(a: float, b: float) -> float:
-        return a + share * (b - a)
+    Near it all changes with even powers of the amplitude a, or, where the nonlinearity has a kink, with a itself.
 
-    return BranchPoint(
-        value=at_zero(last.value, before.value),
-        frequency_hz=at_zero(last.frequency_hz, before.frequency_hz),
-        amplitude=0.0,
-        fundamental=0.0,
-        mean=at_zero(last.mean, before.mean),
-    )
+    Args:
+        points: of the branch, the smallest cycle first.
+    """
+    sizes = [points[0].fundamental * factor for factor in _GROWN]
+    found = [next((p for p in points if p.fundamental >= size), None) for size in sizes]
+    chosen = [p for p in found if p is not None]
+    if len(chosen) < len(_GROWN):
+        return
+    a = np.array([p.fundamental for p in chosen]) / chosen[-1].fundamental
+    powers = np.column_stack([np.ones_like(a), a, a**2, a**4])
+    known = [(p.value, p.frequency_hz, p.mean) for p in chosen]
+    value, frequency, mean = np.linalg.solve(powers, known)[0].tolist()
+    yield BranchPoint(value=value, frequency_hz=frequency, amplitude=0.0, fundamental=0.0, mean=mean)
 
 
+_GROWN = 1.0, 1.3, 1.7, 2.2  # times the smallest cycle
 _MOST_ORBITS = 200
-_VANISHED = 0.03  # of the largest cycle of a branch: nothing is left of it
+_VANISHED = 0.01  # of the largest cycle of a branch: nothing is left of it
 VANISHES = "the cycle shrinks to a point"
 _LONGER = np.log(8.0)  # a branch on which the period grows so much ends there

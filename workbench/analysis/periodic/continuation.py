@@ -23,6 +23,9 @@ __all__ = ["Family", "Manner", "Place", "Special", "Track", "arrive", "both_ways
 # One whose multipliers count, where it hardly moves at all.
 _REACHED, _EXACTLY, _NEAR = 1e-5, 1e-7, 1e-2
 
+# A step that is this small, and hardly smaller than the one before, is the integration's error.
+_NOISE, _STALLS = 1e-4, 0.2
+
 # There a period closes to this, in units of the motion.
 _CLOSED = 1e-3
 
@@ -232,7 +235,9 @@ def _correct(
         # small though the period does not close.
         there = moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED)
         closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
-        if (fine and moved < _EXACTLY if exact else there) and closes:
+        # What the integration gets wrong, multiplied near a fold, is as near as one can come.
+        nearest = fine and (moved < _EXACTLY or (moved < _NOISE and rate > _STALLS))
+        if (nearest if exact else there) and closes:
             direction = _direction(matrix, level)
             lap = _settled(lap, lap.tangent.rows @ (step[:-1] * lap.unit))
             return Place(x, p, lap, direction, _regular(matrix, direction), count)
@@ -387,7 +392,8 @@ def _rescaled(here: Place, there: Place) -> Floats:
 
 def _stride(family: Family, here: Place, stride: float, *, exact: bool = False) -> Place:
     d = here.direction
-    return _correct(family, here.x + stride * d[:-1] * here.lap.unit, here.p + stride * float(d[-1]), d, exact=exact)
+    x, p = here.x + stride * d[:-1] * here.lap.unit, here.p + stride * float(d[-1])
+    return _correct(family, x, p, d, exact=exact, rounds=2 * _ROUNDS if exact else _ROUNDS)
 
 
 def _at_edge(family: Family, here: Place, beyond: Place, edge: float) -> Place | None:
