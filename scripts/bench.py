@@ -215,6 +215,25 @@ def sweep(size: Size) -> Iterator[Row]:
     yield _ratio("demo sweep: oracle in Python / compiled", times["compiled"], times["python"], 30.0, "s")
 
 
+# Model, input, output, frequencies [Hz], amplitude: sweeps that are solved for beside the same ones waited for.
+_RESPONSES = {
+    "Rudder": ("delC", "del", np.geomspace(0.5, 20.0, 12), 1.0),
+    "Aircraft": ("elevator", "z_front_fuselage", np.geomspace(2.8, 8.0, 10), 1e-3),
+}
+
+
+def solving(size: Size) -> Iterator[Row]:
+    """Points of a frequency response solved for, and waited for as the source did; errors: scripts/side_by_side.py."""
+    for name, (u, y, frequencies, amplitude) in _RESPONSES.items():
+        with wb.load(f"fmu:{name}") as model:
+            asked = {"frequencies": frequencies, "amplitudes": [amplitude], "in_process": True, "drift_check": False}
+            sides = {m: partial(wb.nfr, model, u, y, method=m, **asked) for m in ("settle", "auto")}
+            times = alternate(sides, max(1, size.repeats // 3))
+        yield _ratio(
+            f"{name}, {len(frequencies)} points: waited for / solved for", times["auto"], times["settle"], 1.0, "s"
+        )
+
+
 def workers(size: Size) -> Iterator[Row]:
     """A sweep of several seconds with one worker process and with two; starting them is not left out."""
     sides = {str(n): partial(_sweep, size, "compiled", Workers(jobs=n), ratio=1.01, solver="vkm") for n in (1, 2)}
@@ -305,8 +324,8 @@ def kernel(_: Size) -> Iterator[Row]:
 
 
 BENCHES: dict[str, Callable[[Size], Iterator[Row]]] = {
-    "cs": cs, "me": me, "sweep": sweep, "workers": workers, "cycles": cycles, "sessions": sessions, "start": start,
-    "systems": systems, "lin": lin, "kernel": kernel,
+    "cs": cs, "me": me, "sweep": sweep, "solving": solving, "workers": workers, "cycles": cycles,
+    "sessions": sessions, "start": start, "systems": systems, "lin": lin, "kernel": kernel,
 }  # fmt: skip
 
 

@@ -178,7 +178,7 @@ class Orbits(Family):
         others, doubt = _across(Phi * lap.unit / lap.unit[:, None], flow / lap.unit)
         extended = np.block([[Phi, (flow * period)[:, None]], [-across[None, :], np.ones((1, 1))]])
         n = len(x)
-        tangent = Tangent(extended, np.column_stack([rows, np.zeros(3)]), np.zeros(n + 1), others=others, doubt=doubt)
+        tangent = Tangent(extended, np.column_stack([rows, np.zeros(3)]), np.zeros(n + 1), others=others, off=doubt)
         return replace(whole, tangent=tangent)
 
     def _period(self, model: DescribedModel, x: Floats, period: float, intervals: int) -> Lap:

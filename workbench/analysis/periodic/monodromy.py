@@ -29,7 +29,8 @@ class Tangent:
         stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
         through: largest |∂y/∂x| along the period, shape (n,); None: not known.
         others: multipliers that count, where they are not all eigenvalues of Φ; None: they are.
-        doubt: error of the multipliers, about: how far a rule of lower order has them elsewhere.
+        coarse: Φ by a rule of lower order; None: there is none.
+        off: error of the multipliers, where `others` hold them.
     """
 
     Phi: Floats
@@ -37,7 +38,13 @@ class Tangent:
     stretch: Floats
     through: Floats | None = None
     others: Complex | None = None
-    doubt: float = 0.0
+    coarse: Floats | None = None
+    off: float = 0.0
+
+    @property
+    def doubt(self) -> float:
+        """Error of the multipliers, about: how far a rule of lower order has the largest elsewhere."""
+        return self.off if self.coarse is None else _apart(self.Phi, self.coarse)
 
     @property
     def multipliers(self) -> Complex:
@@ -92,7 +99,7 @@ def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1) -
     mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
     mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
     with np.errstate(over="ignore", invalid="ignore"):
-        flows, held = exponentials(half * mixed), exponentials(half * A)
+        flows, held = np.split(exponentials(half * np.concatenate([mixed, A])), 2)
         whole, coarse = np.eye(n + 1), np.eye(n + 1)
         starts = np.empty((k, n, n))
         for i in range(k):
@@ -107,7 +114,7 @@ def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1) -
         rows=rows / unit,
         stretch=whole[:n, n] * unit,
         through=np.max(np.abs(slopes.C[:, 0]), axis=0),
-        doubt=_apart(Phi, other),
+        coarse=other * unit[:, None] / unit,
     )
 
 
