@@ -273,8 +273,8 @@ FITTING = {
     "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
 }  # fmt: skip
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
-_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "excite", "run"}
-_FEW_RUNS = {"trim", "branches", "modes", "loop", "feedback"}  # trim of cs runs the FMU several times
+_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "excite", "feedback", "run"}
+_FEW_RUNS = {"trim", "branches", "modes", "loop"}  # trim of cs runs the FMU several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr"}, "cs": {"trim"}},
