@@ -170,7 +170,7 @@ DEEDS: Mapping[str, Deed] = {
         lambda data: data["operating_point"],
         failed=lambda data: data["message"] if data["converged"] is False else "",
     ),
-    "lin": Deed(_with(lambda m, w: wb.lin(m, workers=w)), "", lambda data: data["A"]),
+    "lin": Deed(_with(lambda m, w: wb.lin(m, workers=w)), "", lambda data: data["A"], timeout=LONG),
     "nfr": Deed(
         _with(lambda m, w: wb.nfr(m, "u", "y", [1.0], [1.0], workers=w)),
         "--input u --output y --freq 1 --amplitude 1",
@@ -273,8 +273,8 @@ FITTING = {
     "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
 }  # fmt: skip
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
-_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "excite", "run"}
-_FEW_RUNS = {"trim", "branches", "modes", "loop", "feedback"}  # trim of cs runs the FMU several times
+_TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedback"}
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "run"}  # trim of cs runs the FMU several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr"}, "cs": {"trim"}},

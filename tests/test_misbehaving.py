@@ -107,6 +107,15 @@ def test_a_comparison_without_its_runs_does_not_end_as_if_all_were_well(
     assert [f["system"] for f in json.loads(capsys.readouterr().out)["failed"]] == ["a", "b"]
 
 
+@pytest.mark.parametrize("what", ["simulate", "nfr", "excite", "compare", "run", "loop"])
+def test_a_crash_when_all_was_told_is_a_note(what: str, tmp_path: Path) -> None:
+    """The result is there, and right; that the FMU crashes in `terminate` is not kept from who asked."""
+    case = Case("segfault", "terminate", "me", what)
+    found = DEEDS[what].function(build(tmp_path, case), "me", Workers(jobs=1))
+    notes = (*getattr(found, "notes", ()), *getattr(found, "warnings", ()))
+    assert any("when all was told, the FMU crashed" in note for note in notes), notes
+
+
 def test_a_crossover_that_is_not_known_has_its_reason(tmp_path: Path) -> None:
     """Co-simulation parts lend their equations of model exchange to the loop."""
     case = Case("nan", "getDerivatives", "cs", "delays")

@@ -46,6 +46,7 @@ class Execution:
         self._jobs, self._confine = 1, False
         self._runner: Runner | None = None
         self._stopped = False
+        self.afterwards: tuple[str, ...] = ()
         self.outcomes: dict[Run, Outcome] = {}
         self.measured = 0
         self._reuse()
@@ -90,6 +91,7 @@ class Execution:
                 self._runner.stop()
             with suppress(KeyboardInterrupt):  # what is missing tells
                 self._drive(self._runner, progress)
+            self.afterwards = tuple(dict.fromkeys(self._runner.afterwards))
 
     def _drive(self, runner: Runner, progress: Progress) -> None:
         from workbench.study.worker import perform  # noqa: PLC0415

@@ -116,7 +116,7 @@ class StudyRun:
             measured=execution.measured,
             reused=reused,
             missing=len(execution.missing),
-            notes=self.plan.notes,
+            notes=(*self.plan.notes, *execution.afterwards),
             command=command,
         )
 

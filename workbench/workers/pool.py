@@ -73,7 +73,7 @@ class Pool(Runner):
         self._begun = 0
         self._ending = False  # by `end_soon`
         self._patient_until: float | None = None  # after it
-        self._after: list[str] = []  # what went wrong when all was told
+        self.afterwards: list[str] = []
         self._stray = 0  # [byte]
 
     def remarks(self) -> list[str]:
@@ -82,7 +82,7 @@ class Pool(Runner):
         lines = [line for line in lines if line]
         many = f"the FMU printed {len(lines)} lines; the last: " if lines[1:] else "the FMU printed: "
         stray = [f"the FMU wrote {self._stray} bytes into a file that is not its own"] if self._stray else []
-        return [*dict.fromkeys(self._after), *stray, *(many + line for line in lines[-1:])]
+        return [*dict.fromkeys(self.afterwards), *stray, *(many + line for line in lines[-1:])]
 
     @property
     def pids(self) -> list[int]:
@@ -255,7 +255,7 @@ class Pool(Runner):
         if worker.index in self._in_work:
             yield Lost(self._in_work.pop(worker.index), why)
         else:
-            self._after.append(f"when all was told, {why}")
+            self.afterwards.append(f"when all was told, {why}")
 
 
 # -- why a worker is gone ----------------------------------------------------------------------

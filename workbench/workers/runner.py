@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -64,6 +64,7 @@ class Runner(ABC):
 
     stopped = False
     printed = ""  # by the FMU itself, besides the log that FMI has
+    afterwards: Sequence[str] = ()  # what went wrong when all was told
 
     @abstractmethod
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:

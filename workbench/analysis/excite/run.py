@@ -45,6 +45,7 @@ def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
                 raise event.error
             recording.take(event.value)
             job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
+    recording.notes += runner.afterwards
     found = recording.result()
     if found is None:
         raise SimulationError("nothing was recorded")

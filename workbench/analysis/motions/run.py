@@ -58,6 +58,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
     )
     histories, failed = list[MotionHistory](), list[MotionFailed]()
     begins: dict[str, OperatingPoint | None] = {}
+    notes: list[str] = []
 
     def found() -> MotionComparison:
         return MotionComparison(
@@ -73,11 +74,12 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
             inputs={n: _text(s) for n, s in inputs.items()},
             stop=end,
             operating_points=begins,
-            notes=tuple(f"{n}: {text}" for n, (_, remarks) in placed.items() for text in remarks),
+            notes=(*(f"{n}: {text}" for n, (_, remarks) in placed.items() for text in remarks), *notes),
         )
 
     for number, (name, model) in enumerate(systems.items(), 1):
-        history, why = _run(model, simulation, job)
+        history, why, told = _run(model, simulation, job)
+        notes += (f"{name}: {text}" for text in told)
         if why is not None:
             failed.append(MotionFailed(system=name, time=why.time, reason=str(why)))
         if history is not None:
@@ -123,19 +125,21 @@ def _check(
         check_variables(model, inputs, "input", what="inputs")
 
 
-def _run(model: DescribedModel, asked: Simulate, job: Job) -> tuple[SimulationResult | None, SimulationError | None]:
-    """Return what ran, and why it ended early; what came before a failure is run once more."""
+def _run(
+    model: DescribedModel, asked: Simulate, job: Job
+) -> tuple[SimulationResult | None, SimulationError | None, list[str]]:
+    """Return what ran, why it ended early, and remarks; what came before a failure is run once more."""
     inner = Job()
     with job.ended_by(inner.stop):
         try:
-            return asked.run(model, inner), None
+            return asked.run(model, inner), None, inner.notes
         except SimulationError as error:
             if error.time is None or not error.time > 0.0:
-                return None, error
+                return None, error, inner.notes
             try:
-                return replace(asked, stop=error.time * _BEFORE).run(model, inner), error
+                return replace(asked, stop=error.time * _BEFORE).run(model, inner), error, inner.notes
             except SimulationError:
-                return None, error
+                return None, error, inner.notes
 
 
 def _history(name: str, run: SimulationResult, signals: Sequence[str]) -> MotionHistory:

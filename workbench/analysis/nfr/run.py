@@ -187,6 +187,7 @@ class Sweep:
                 jobs = deque(self._stoppable(job) for job in jobs)
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
             yield chain(points, self._afterwards(runner))
+            self._found += runner.afterwards
 
     def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""
