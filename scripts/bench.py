@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -226,7 +227,12 @@ def solving(size: Size) -> Iterator[Row]:
     """Points of a frequency response solved for, and waited for as the source did; errors: scripts/side_by_side.py."""
     for name, (u, y, frequencies, amplitude) in _RESPONSES.items():
         with wb.load(f"fmu:{name}") as model:
-            asked = {"frequencies": frequencies, "amplitudes": [amplitude], "in_process": True, "drift_check": False}
+            asked: dict[str, Any] = {
+                "frequencies": frequencies,
+                "amplitudes": [amplitude],
+                "in_process": True,
+                "drift_check": False,
+            }
             sides = {m: partial(wb.nfr, model, u, y, method=m, **asked) for m in ("settle", "auto")}
             times = alternate(sides, max(1, size.repeats // 3))
         yield _ratio(

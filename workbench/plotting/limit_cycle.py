@@ -31,6 +31,7 @@ _SHOWN = 4  # periods of the simulation
 _OUTPUTS = 4  # panels
 _MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", "simulation": "X"}
 _SIZES = {"describing function": 11.0, "harmonic balance": 8.5, "shooting": 6.0, "simulation": 5.0}
+_CONSTANT = 1e-6  # a frequency that varies by no more, relative, is drawn as constant
 
 
 def plot_limit_cycle(result: LimitCycleResult) -> Figure:
@@ -80,6 +81,9 @@ def _branches(row: list[Axes], result: LimitCycleResult, parameter: str) -> None
             if branch.parameter == parameter and branch.points:
                 draw_branch(ax, branch, of)
         ax.set(xlabel=label(parameter, result.units.get(parameter)), ylabel=words)
+        low, high = ax.get_ylim()
+        if high - low < _CONSTANT * abs(high):  # rounding is no motion to look at
+            ax.set_ylim(0.99 * low, 1.01 * high)
     row[0].set_title(f"cycles over {parameter}", loc="left", fontsize=9.5)
     handles, texts = row[0].get_legend_handles_labels()
     once = dict(zip(texts, handles, strict=True))

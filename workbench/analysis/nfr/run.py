@@ -93,7 +93,7 @@ class Sweep:
         self._told = telling.Job()
         self._followed: list[BranchesResult] = []
         self._second: dict[float, tuple[NfrPoint, ...]] = {}  # where it was looked for, by amplitude
-        self._not_found: list[str] = []
+        self._told_of: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
         self._recall(asked.previous)
@@ -187,7 +187,7 @@ class Sweep:
                 jobs = deque(self._stoppable(job) for job in jobs)
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
             yield chain(points, self._afterwards(runner))
-            self._found += runner.afterwards
+            self._told_of += runner.afterwards
 
     def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""
@@ -209,7 +209,7 @@ class Sweep:
     def _take_found(self, event: Reply | Lost) -> None:
         if isinstance(event, Lost):
             what = "branches" if self._asked.branches else "second responses"
-            self._not_found.append(f"{what} could not be looked for: {event.reason}")
+            self._told_of.append(f"{what} could not be looked for: {event.reason}")
         elif self._asked.branches:
             self._followed.append(event.value)
         else:
@@ -346,7 +346,7 @@ class Sweep:
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
         warnings = [
-            *disagreements(self._points, self._before), *self._not_found,
+            *disagreements(self._points, self._before), *self._told_of,
             *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
             *filter(None, [warning]),
         ]  # fmt: skip
