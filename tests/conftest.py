@@ -12,10 +12,12 @@ from tests.drivers import driver
 
 __all__ = ["driver"]
 
-# A shell starts background jobs with SIGINT ignored, and their children inherit that; tests that interrupt would
-# then wait for ever.
+# A shell starts background jobs with SIGINT ignored, nohup with SIGHUP, and their children inherit that; tests that
+# interrupt would then wait for ever.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.hookimpl(wrapper=True)
