@@ -153,3 +153,25 @@ def test_modes_of_one_fmu_of_co_simulation_name_what_to_do(tmp_path: Path) -> No
         pytest.raises(wb.InputError, match="use another method"),
     ):
         wb.modes(model, vary="u", values=[1.0, 2.0], method="response")
+
+
+@pytest.mark.parametrize("way", ["rounding", "files"])
+def test_what_an_fmu_changes_of_its_process_does_not_reach_the_next_one(way: str, tmp_path: Path) -> None:
+    def motion() -> list[float]:
+        with wb.load("fmu:Rudder") as rudder:
+            found: list[float] = wb.simulate(rudder, stop=1.0, inputs={"delC": 3.0})["del"].tolist()
+            return found
+
+    before = motion()
+    with wb.load(build_misbehaving(tmp_path, way, "terminate")) as model:
+        wb.simulate(model, stop=1.0, inputs={"u": 2.0})
+    assert motion() == before
+
+
+@pytest.mark.parametrize("what", ["lin", "trim", "info", "check"])
+def test_an_fmu_that_opens_all_files_is_one_line(what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = run([what, str(build_misbehaving(tmp_path, "files", "instantiate")), "--json", "-"])
+    out, err = capsys.readouterr()
+    assert json.loads(out)
+    assert "Traceback" not in err
+    assert code in {0, 1, 2}

@@ -82,7 +82,7 @@ class Output:
         """Write what goes wrong in here as JSON, where that is asked for and there is no result."""
         try:
             yield
-        except WorkbenchError as error:
+        except (WorkbenchError, KeyboardInterrupt) as error:
             # A file that is there may hold a good result: no slip in a command's options shall cost it.
             if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
                 self._write_json(self._full(failure_in_json(error)))

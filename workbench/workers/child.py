@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import math
 import os
 import pickle
@@ -26,7 +27,7 @@ from workbench.core.confine import confined
 from workbench.core.scratch import remove_if_dead
 from workbench.core.where import DEFAULT_TIMEOUT, Limits
 from workbench.endings import ENDING
-from workbench.errors import WorkbenchError
+from workbench.errors import LostError, WorkbenchError
 from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
@@ -93,11 +94,13 @@ class _Worker:
         channel: to the parent; None: this is no worker process.
         limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
+        state: of the process, as it was when the task began, see `_state`.
     """
 
     channel: Channel | None = None
     limits = Limits(timeout=None)
     opened: ClassVar[OrderedDict[bytes, Model]] = OrderedDict()
+    state: tuple[object, ...] = ()
 
 
 def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
@@ -160,6 +163,7 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     if module:
         import_module(module)
     code = 0
+    _Worker.state = _state()
     try:
         channel.send((READY, None))
         for order in _orders(channel):
@@ -167,6 +171,8 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
             end_now()
             _flush()
             channel.send((READY, None))
+            if _state() != _Worker.state:
+                os._exit(0)  # what the FMU has changed shall not reach the next: the parent starts another process
     except OSError:  # the connection is gone: the parent is, or the FMU has closed it
         code = HUNG_UP
     watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
@@ -199,22 +205,30 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
             return FOREIGN, str(error)
         model = _model(recipe)
         watch = MemoryWatch(limits.memory)
+        _Worker.state = (*_Worker.state[:-1], _state()[-1])
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():
                 return MEMORY, None
             channel.send((ITEM, item))
-    except WorkbenchError as error:
-        return (MEMORY, None) if watch.exceeded() else (ERROR, error)
-    except MemoryError:
-        return MEMORY, None
     except BrokenPipeError:
         raise
-    except (Exception, GeneratorExit):  # noqa: BLE001 - a bug of ours, which the parent raises, or what no memory does
-        return (MEMORY, None) if watch.exceeded() else (BUG, traceback.format_exc())
+    except (Exception, GeneratorExit) as error:  # noqa: BLE001 - the parent raises it
+        return (MEMORY, None) if watch.exceeded() else _failure(error)
     finally:
         _flush()
     return DONE, None
+
+
+def _failure(error: BaseException) -> tuple[str, Any]:
+    """Return the message that tells what a task has raised; what is no error of the workbench is a bug of ours."""
+    if isinstance(error, WorkbenchError):
+        return ERROR, error
+    if isinstance(error, MemoryError):
+        return MEMORY, None
+    if isinstance(error, OSError) and error.errno in {errno.EMFILE, errno.ENFILE}:
+        return ERROR, LostError("the FMU has used up the files that its process may open: it closes none of them")
+    return BUG, traceback.format_exc()
 
 
 def _model(packed: bytes) -> Model | None:
@@ -252,6 +266,21 @@ def _behave() -> None:
     with suppress(ValueError):  # what an FMU prints is not lost with it; the name is that of GNU and musl
         libc = ctypes.CDLL(None)
         libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
+
+
+def _state() -> tuple[object, ...]:
+    """Return what of the process an FMU may change for those after it: rounding, limits, files that stay open."""
+    if sys.platform == "win32":
+        return (None,)
+    import resource  # noqa: PLC0415 - not on Windows
+
+    files, _ = allowed = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        many = sum(1 for _ in Path("/dev/fd").iterdir()) > files / 2
+    except OSError:
+        many = True
+    rounding = getattr(ctypes.CDLL(None), "fegetround", int)()
+    return rounding, many, allowed, resource.getrlimit(resource.RLIMIT_CPU), resource.getrlimit(resource.RLIMIT_AS)
 
 
 def _end_at_once() -> None:

@@ -5,6 +5,8 @@
  */
 #define _DEFAULT_SOURCE /* usleep */
 
+#include <fcntl.h>
+#include <fenv.h>
 #include <math.h>
 #include <arpa/inet.h>
 #include <pthread.h>
@@ -146,6 +148,12 @@ static void do_it(const char *what, Model *model)
         }
     } else if (strcmp(what, "escape") == 0 && model != NULL) {
         model->reached = escape();
+    } else if (strcmp(what, "rounding") == 0 && fesetround(FE_UPWARD) != 0) {
+        return;
+    } else if (strcmp(what, "files") == 0) {
+        while (open("/dev/null", O_RDONLY) >= 0) {
+            continue;
+        }
     } else if (strcmp(what, "cwd") == 0 && chdir("/") != 0) {
         return;
     }
