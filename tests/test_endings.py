@@ -197,6 +197,14 @@ def test_an_fmu_that_hangs_in_the_programs_own_process_does_not_keep_it(tmp_path
     ]
 
 
+def test_a_command_without_a_result_says_in_json_that_it_was_cancelled(tmp_path: Path) -> None:
+    out = tmp_path / "r.json"
+    found = Hanging(tmp_path, "trim", str(build_hostile(tmp_path, "hang-at-start")), "--json", str(out))
+    code, _ = found.end(signal.SIGTERM)
+    assert code == 128 + signal.SIGTERM
+    assert json.loads(out.read_text(encoding="utf-8"))["failure"] == {"kind": "cancelled", "message": "interrupted"}
+
+
 def test_a_study_keeps_the_analyses_that_are_done(tmp_path: Path) -> None:
     build_hostile(tmp_path, "hang-at-start")
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")

@@ -130,6 +130,8 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
         done, total = work.job.reached
         far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
         note(f"{interrupted()}{far}")
+        if record is None:
+            out.tell_failure(stopped)
         return INTERRUPTED
     assert stopped is not None  # noqa: S101
     raise stopped

@@ -83,10 +83,19 @@ class Output:
         try:
             yield
         except (WorkbenchError, KeyboardInterrupt) as error:
-            # A file that is there may hold a good result: no slip in a command's options shall cost it.
-            if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
-                self._write_json(self._full(failure_in_json(error)))
+            self.tell_failure(error)
             raise
+
+    def tell_failure(self, error: BaseException) -> None:
+        """Write what went wrong as JSON, where that is asked for and there is no result.
+
+        A file that is there may hold a good result: no slip in a command's options shall cost it.
+
+        Args:
+            error: that ended the command.
+        """
+        if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
+            self._write_json(self._full(failure_in_json(error)))
 
     @property
     def console(self) -> Console:
