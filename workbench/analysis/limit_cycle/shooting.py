@@ -160,6 +160,9 @@ class Orbits(Family):
         x, period = z[:-1], float(np.exp(z[-1]))
         model = self.open(p)
         lap = self._period(model, x, period, intervals)
+        if intervals and lap.tangent is None:  # between contact and play of a stiff block a coarse rule overflows
+            self.intervals = self.fine
+            lap = self._period(model, x, period, self.fine)
         unit = np.append(lap.unit, 1.0)
         if self._anchor is None:
             away = (lap.flow if lap.flow is not None else lap.defect) / lap.unit
