@@ -145,7 +145,8 @@ def test_points_that_fail_are_told() -> None:
     with unity({"p": 1 / (S + 1) ** 3}, 20.0) as model:
         curve = loop(model, "p.y", 1.0, [0.2, 0.3], how="inject", workers=HERE).curve()
     assert len(curve.failed) == 2
-    assert any("points failed, the first at 0.2 Hz: loop.passed grows from period to period" in note for note in curve.notes)
+    told = "points failed, the first at 0.2 Hz: loop.passed grows from period to period"
+    assert any(told in note for note in curve.notes)
     assert math.isnan(curve.margins.gain_margin)
     assert curve.to_dict()["points"][0]["gain"] is None
 
