@@ -8,18 +8,16 @@ see tests/c/hostile.
 from __future__ import annotations
 
 import os
-import time
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from tests.stub_fmus import stub_library
 from workbench.core.files import pack
 from workbench.toolchain import host_only
-from workbench.workers import pool
+from workbench.workers.process import WorkerProcess
 
 
 def lose_patience_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,14 +29,14 @@ def lose_patience_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None
         folder: where the FMU tells.
         monkeypatch: of the test.
     """
-    tells, clock = folder / "tells", time.monotonic
+    tells, late = folder / "tells", WorkerProcess.is_late
     monkeypatch.setenv("HOSTILE_TELLS", str(tells))
 
     def hangs() -> bool:
         text = tells.read_text(encoding="ascii") if tells.exists() else ""
         return text.endswith("\n") and _lives(int(text))
 
-    monkeypatch.setattr(pool, "time", SimpleNamespace(monotonic=lambda: clock() + (1e6 if hangs() else 0.0)))
+    monkeypatch.setattr(WorkerProcess, "is_late", lambda worker: hangs() or late(worker))
 
 
 def _lives(pid: int) -> bool:

@@ -122,7 +122,7 @@ def test_an_analysis_of_a_study_runs_silently(
     )  # fmt: skip
     assert (ended.code, ended.reason) == (0, "")
     assert any("interface: me" in note for note in ended.notes)
-    assert missing.bad_input
+    assert missing.kind == "bad input"
     assert "did you mean FirstOrderLag" in missing.reason
     captured = capfd.readouterr()
     assert (captured.out, captured.err) == ("", "")

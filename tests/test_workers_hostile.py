@@ -26,6 +26,7 @@ MESSAGES = {
     "exit": "the FMU ended its process (exit code 3)",
     "hang": "time limit: not finished after 200 s; --timeout sets it",
 }
+KINDS = {"segfault": "crashed", "abort": "crashed", "exit": "exited", "hang": "timed out"}
 
 
 @pytest.mark.parametrize("interface", ["me", "cs"])
@@ -38,7 +39,8 @@ def test_a_bad_point_fails_and_the_sweep_goes_on(
     limit = ["--timeout", "200", "--jobs", "1"]
     assert run(["nfr", fmu, *SWEEP, "--interface", interface, "--no-drift-check", *limit]) == 1
     found = json.loads(capfd.readouterr().out)
-    assert found["failed"] == [{"frequency_hz": 1.0, "amplitude": 1.0, "reason": MESSAGES[name]}]
+    (failed,) = found["failed"]
+    assert failed == {"frequency_hz": 1.0, "amplitude": 1.0, "reason": MESSAGES[name], "kind": KINDS[name]}
     assert found["gain"][0][0] is None
     assert found["gain"][0][1] > 0.0
     assert found["certificate"]["status"] == [["failed", "settled"]]

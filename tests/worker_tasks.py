@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -50,6 +51,12 @@ def _sleep(model: Model, *seconds: float) -> Iterator[Any]:
     for s in seconds:
         time.sleep(s)
         yield s
+
+
+def _start(model: Model) -> Iterator[Any]:
+    """Start another process, as an FMU that wraps a program does."""
+    yield subprocess.Popen(["sleep", "1000"], stdin=subprocess.DEVNULL).pid
+    time.sleep(1000.0)
 
 
 def _endless_in_c(model: Model) -> Iterator[Any]:

@@ -84,7 +84,9 @@ class Worker(Options):
         "Run the FMU in this process, for debugging; a crash of the FMU ends everything.", default=False
     )
     timeout: float | None = option(
-        "Time limit for one result [s]; inf for no limit.", metavar="S", default=DEFAULT_TIMEOUT
+        "Time limit for one result, as a point of a sweep or a run [s]; inf for no limit.",
+        metavar="S",
+        default=DEFAULT_TIMEOUT,
     )
     memory_limit: float | None = option(
         "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", default=None

@@ -1,4 +1,4 @@
-#define _POSIX_C_SOURCE 200809L /* getppid, poll */
+#define _POSIX_C_SOURCE 200809L /* getppid, kill, poll */
 
 #include "parent.h"
 
@@ -15,6 +15,7 @@ void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {
 #else
 #include <errno.h>
 #include <poll.h>
+#include <signal.h>
 #include <unistd.h>
 
 /* Interval at which the parent is compared with the one of the beginning [ms]. */
@@ -28,6 +29,9 @@ void kernel_end_with(intptr_t sentinel, int64_t parent, int32_t grace_ms) {
         ready = poll(&end, 1, PATIENCE);
     }
     poll(NULL, 0, grace_ms);
+    if (getpgrp() == getpid()) {
+        kill(0, SIGKILL); /* with the processes that the FMU has started */
+    }
     _exit(1);
 }
 #endif

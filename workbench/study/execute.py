@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from workbench.core.option import recast
 from workbench.core.where import Workers
 from workbench.endings import INTERRUPTED
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.study.commands import Reference, filled
 from workbench.study.finished import Finished
 from workbench.study.plan import Outcome, Plan, Run
@@ -103,7 +103,7 @@ class Execution:
         self._release(waiting, queue)
         for reply in runner.run(perform, queue):
             run = runs[reply.job.number]
-            outcome = Outcome(reason=reply.reason) if isinstance(reply, Lost) else reply.value
+            outcome = Outcome(reason=reply.reason, kind=reply.kind) if isinstance(reply, Lost) else reply.value
             if outcome.code == INTERRUPTED:
                 continue
             self._done(run, outcome)
@@ -114,13 +114,13 @@ class Execution:
         self.measured += 1
         self.outcomes[run] = outcome
         self._finished.save(run, outcome)
-        if outcome.bad_input:
+        if outcome.kind == InputError.kind:
             self._refuse(run)
 
     def _refuse(self, run: Run) -> None:
         """What cannot be done at any point is a mistake in the study; at some points only, it is their failure."""
         same = [r for r in self._plan.runs if r.analysis is run.analysis]
-        if all(r in self.outcomes and self.outcomes[r].bad_input for r in same):
+        if all(r in self.outcomes and self.outcomes[r].kind == InputError.kind for r in same):
             raise InputError(f"[analyses.{run.analysis.name}]: {self.outcomes[same[0]].reason}")
 
     def _release(self, waiting: dict[int, Run], queue: deque[Job]) -> None:
@@ -134,7 +134,7 @@ class Execution:
                 del waiting[number]
                 lacking = self._lacking(run)
                 if lacking:
-                    self.outcomes[run] = Outcome(reason=lacking)
+                    self.outcomes[run] = Outcome(reason=lacking, kind=WorkbenchError.kind)
                     again = True
                 else:
                     queue.append(self._job(number, run))

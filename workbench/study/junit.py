@@ -41,7 +41,9 @@ def write_junit(result: StudyResult, path: str | Path) -> None:
         if run not in shares:
             reason = outcome.reason or "points of it failed"
             case = _testcase(suite, f"analysis {run.label}", run.analysis.name, outcome.seconds)
-            ET.SubElement(case, "error", {"message": _clean(reason), "type": "analysis"}).text = _clean(reason)
+            ET.SubElement(case, "error", {"message": _clean(reason), "type": outcome.kind or "failed"}).text = _clean(
+                reason
+            )
     root = ET.Element("testsuites", {"name": "workbench"})
     root.append(suite)
     for element in (suite, root):

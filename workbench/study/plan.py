@@ -72,7 +72,7 @@ class Outcome:
         result: the JSON of the command; None: there is none, `reason` says why.
         code: exit code of the command; 1: points of it failed.
         reason: why there is no result.
-        bad_input: whether what was asked for cannot be done, rather than that it failed.
+        kind: what went wrong, see `WorkbenchError.kind`; empty: nothing did.
         notes: remarks of the command, one line each.
         seconds: that it took when it was measured.
         files: "csv" and further CSV files by what follows NAME_ → text; those that other analyses take.
@@ -82,7 +82,7 @@ class Outcome:
     result: Mapping[str, Any] | None = None
     code: int = 2
     reason: str = ""
-    bad_input: bool = False
+    kind: str = ""
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     files: Mapping[str, str] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class Outcome:
 
     def to_store(self) -> dict[str, Any]:
         """Return it ready for JSON."""
-        return {k: v for k, v in asdict(self).items() if k not in ("reused", "reason", "bad_input")}
+        return {k: v for k, v in asdict(self).items() if k not in ("reused", "reason", "kind")}
 
     @classmethod
     def from_store(cls, data: Mapping[str, Any]) -> Outcome:

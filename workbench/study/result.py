@@ -208,6 +208,7 @@ def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
         "files": dict(run.subject["files"]),
         "code": outcome.code,
         "failed": outcome.reason or None,
+        "kind": outcome.kind or None,
         "notes": list(outcome.notes),
         "seconds": outcome.seconds,
         "reused": outcome.reused,

@@ -19,7 +19,7 @@ from workbench.core.job import Job as RequestJob
 from workbench.core.option import asked_in_json, recast, values_of
 from workbench.core.record import plain
 from workbench.core.where import InWorker
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.origin.call import origin_of_call
 from workbench.report.extras import Written
 from workbench.report.results import page_of, write_report
@@ -63,7 +63,8 @@ def perform(_model: None, job: Job) -> Iterator[Outcome]:
     if not (job.folder.is_dir() and job.workplace.is_dir()):  # on another machine
         yield Outcome(
             reason=f"{job.folder} or {job.workplace} is not on {platform.node()}: on a cluster the folders of a study "
-            "and of its store must lie on a file system that all machines share"
+            "and of its store must lie on a file system that all machines share",
+            kind=WorkbenchError.kind,
         )
         return
     os.chdir(job.folder)
@@ -72,9 +73,9 @@ def perform(_model: None, job: Job) -> Iterator[Outcome]:
     try:
         outcome = _by_request(known, job)
     except WorkbenchError as error:
-        outcome = Outcome(reason=error.args[0], bad_input=isinstance(error, InputError))
+        outcome = Outcome(reason=error.args[0], kind=error.kind)
     except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
-        outcome = Outcome(reason=_bug(error))
+        outcome = Outcome(reason=_bug(error), kind=WorkbenchError.kind)
     files = _tables(job) if job.csv else {}
     yield replace(outcome, seconds=round(time.monotonic() - begin, 3), files=files)
 

@@ -317,6 +317,8 @@ def _watch_parent(lifeline: int, parent: int, scratch: str) -> None:
     until = time.monotonic() + _PARTING
     while not remove_if_dead(Path(scratch).parent) and Path(scratch).parent.is_dir() and time.monotonic() < until:
         time.sleep(_PARTING / 10)
+    if os.name == "posix" and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)  # with the processes that the FMU has started
     os._exit(1)
 
 

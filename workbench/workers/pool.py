@@ -28,7 +28,7 @@ from workbench.errors import (
 from workbench.model.recipe import Recipe
 from workbench.workers.channel import HUNG_UP
 from workbench.workers.child import BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
-from workbench.workers.process import WorkerProcess, keep, kept
+from workbench.workers.process import AFTERWARDS, WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
 
 __all__ = ["Pool", "died"]
@@ -210,6 +210,7 @@ class Pool(Runner):
             # Raised when its FMU has ended, too.
             worker.error = _ERRORS[kind](content) if kind in _ERRORS else None
             self._in_work.pop(worker.index or 0, None)
+            worker.take_leave()
         else:
             yield from self._end(worker, LostError(_UNREADABLE))
 
@@ -219,7 +220,8 @@ class Pool(Runner):
             if worker.index in self._in_work and worker.is_beyond_memory():
                 yield from self._end(worker, out_of_memory(self._limits))
             elif worker.is_late():
-                yield from self._end(worker, timed_out(self._limits))
+                busy = worker.index is None or worker.index in self._in_work
+                yield from self._end(worker, (timed_out if busy else lingered)(self._limits))
 
     def _end(self, worker: WorkerProcess, why: LostError) -> Iterator[Lost]:
         self._workers.remove(worker)
@@ -309,6 +311,12 @@ def _signal(number: int) -> str:
         return signal.Signals(number).name
     except ValueError:
         return f"signal {number}"
+
+
+def lingered(limits: Limits) -> LostError:
+    """Return the reason for an FMU that does not end."""
+    given = AFTERWARDS if limits.timeout is None else min(AFTERWARDS, limits.timeout)
+    return TimedOutError(f"time limit: the FMU had not ended its run and been freed after {given:g} s")
 
 
 def timed_out(limits: Limits) -> LostError:

@@ -26,10 +26,13 @@ from workbench.workers.channel import MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
 from workbench.workers.limits import cores, went_beyond
 
-__all__ = ["WorkerProcess", "keep", "kept", "prepare"]
+__all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
+
+# When all its results are there, an FMU ends its run and is freed within this time [s].
+AFTERWARDS = 30.0
 
 # So long a process that went beyond its memory may take to say so [s].
 _SILENT = 5.0
@@ -123,6 +126,11 @@ class WorkerProcess:
         """Ask for the end of the present task."""
         self.channel.put(pickle.dumps(STOP))
 
+    def take_leave(self) -> None:
+        """Let the FMU be terminated and freed: its results are there, so it has little time for that."""
+        latest = time.monotonic() + AFTERWARDS
+        self.deadline = latest if self.deadline is None else min(self.deadline, latest)
+
     def restart_clock(self) -> None:
         """Give the present task its full time again."""
         self.deadline = None if self._limits.timeout is None else time.monotonic() + self._limits.timeout
@@ -167,7 +175,8 @@ class WorkerProcess:
         """End the process by force if it still runs; return its exit code. At most once."""
         with _lock:
             _alive.discard(self)
-        self._process.kill()
+        if self._process.poll() is None:  # with the processes that the FMU has started; of one that is gone, its
+            _kill_all(self._process)  # number may be another's by now
         code = self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
@@ -175,6 +184,14 @@ class WorkerProcess:
         self._log.close()
         remove(self._folder)
         return code
+
+
+def _kill_all(process: subprocess.Popen[bytes]) -> None:
+    """End a process by force, with those that it started and that have not left its group."""
+    if os.name == "posix":
+        with suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)  # it leads a group, see `_started`
+    process.kill()
 
 
 def _surroundings() -> tuple[int, tuple[str, ...], int]:

@@ -48,6 +48,11 @@ class Lost:
         """How, in one line."""
         return str(self.error)
 
+    @property
+    def kind(self) -> str:
+        """What went wrong, see `WorkbenchError.kind`."""
+        return self.error.kind
+
 
 class Runner(ABC):
     """Runs one function on a model for many arguments.

@@ -47,11 +47,13 @@ class LinPoint(Part):
         values: what was varied → value there.
         result: the linear model; None where it failed.
         reason: why it failed, one line; None where it did not.
+        kind: what went wrong, see `WorkbenchError.kind`; None where nothing did, or it was not reached.
     """
 
     values: dict[str, float]
     result: LinResult | None = field(metadata=entry(inline=True))
     reason: str | None = None
+    kind: str | None = None
 
     def __str__(self) -> str:
         return _label(self.values)
@@ -95,7 +97,7 @@ class LinGrid(Record):
 
     def derived(self) -> dict[str, Any]:
         """Return the points at which no linear model was found, and why."""
-        return {"failed": [{**p.values, "reason": p.reason} for p in self.failed]}
+        return {"failed": [{**p.values, "reason": p.reason, "kind": p.kind} for p in self.failed]}
 
     def rows(self) -> Iterator[list[Any]]:
         """Yield one row for each entry of a matrix, behind what was varied."""
@@ -192,7 +194,7 @@ def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | Non
 
 def _point(answer: Reply | Lost) -> LinPoint:
     if isinstance(answer, Lost):
-        return LinPoint(answer.job.varied, None, answer.reason)
+        return LinPoint(answer.job.varied, None, answer.reason, answer.kind)
     point: LinPoint = answer.value
     return point
 
@@ -203,7 +205,7 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
         try:
             yield LinPoint(job.varied, run(make_task(varied, job.asked), job.asked.method))
         except SimulationError as error:
-            yield LinPoint(job.varied, None, str(error))
+            yield LinPoint(job.varied, None, str(error), error.kind)
 
 
 def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:

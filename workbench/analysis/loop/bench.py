@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from workbench.analysis.nfr.job import PointsJob
-from workbench.analysis.nfr.point import NfrPoint, PointTask
+from workbench.analysis.nfr.point import NfrPoint, PointTask, failed_point
 from workbench.model import Model
 from workbench.workers import Lost, Workers, choose, perform
 
@@ -37,7 +37,7 @@ class Bench:
         for event in self._runner.run(perform, deque(jobs)):
             task = event.job.tasks[0]
             if isinstance(event, Lost):
-                point = NfrPoint(frequency=task.frequency, amplitude=task.amplitude, reason=event.reason)
+                point = failed_point(task.frequency, task.amplitude, event.error)
             else:
                 point = event.value
             found[id(event.job)] = point

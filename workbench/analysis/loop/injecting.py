@@ -11,6 +11,7 @@ from workbench.analysis.loop.cut import INJECTED, PASSED, RETURNED
 from workbench.analysis.loop.measured import LoopPoint
 from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.nfr.point import NfrPoint
+from workbench.errors import SimulationError
 
 __all__ = ["injected"]
 
@@ -106,14 +107,13 @@ def injected(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float,
 def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
     z = tried.passed
     if z is None or not z.response or y.response is None:
-        reason = next(
-            (p.reason for p in (z, y) if p is not None and p.reason), "the signal at the opened connection is zero"
-        )
-        return _failed(tried, reason, 0 if z is None else z.periods)
+        nothing = ("the signal at the opened connection is zero", SimulationError.kind)
+        reason, kind = next(((p.reason, p.kind) for p in (z, y) if p is not None and p.reason), nothing)
+        return _failed(tried, reason, kind, 0 if z is None else z.periods)
     if not tried.hit:
         why = "it jumps past it as the injected sine grows" if tried.jumps else "the search for it came to no end"
         words = f"the signal passed on comes to no amplitude of {tried.wanted:.4g} ({tried.seen:.4g}): {why}"
-        return _failed(tried, words, z.periods)
+        return _failed(tried, words, SimulationError.kind, z.periods)
     return LoopPoint(
         frequency_hz=tried.frequency,
         amplitude=tried.seen,
@@ -129,7 +129,7 @@ def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
     )
 
 
-def _failed(tried: _Try, reason: str, periods: int) -> LoopPoint:
+def _failed(tried: _Try, reason: str, kind: str | None, periods: int) -> LoopPoint:
     return LoopPoint(
         frequency_hz=tried.frequency,
         amplitude=math.nan,
@@ -138,4 +138,5 @@ def _failed(tried: _Try, reason: str, periods: int) -> LoopPoint:
         status="failed",
         periods=periods,
         reason=reason,
+        kind=kind,
     )

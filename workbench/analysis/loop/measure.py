@@ -216,6 +216,7 @@ def _point(found: NfrPoint, mean: float) -> LoopPoint:
         status=found.status,
         periods=found.periods,
         reason=found.reason,
+        kind=found.kind,
     )
 
 

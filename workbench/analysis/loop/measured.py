@@ -36,6 +36,7 @@ class LoopPoint(Part):
         status: "settled", "averaged" or "failed".
         periods: run.
         reason: why it failed.
+        kind: what went wrong, see `WorkbenchError.kind`; None where nothing did.
     """
 
     frequency_hz: float
@@ -50,6 +51,7 @@ class LoopPoint(Part):
     status: str = "settled"
     periods: int = 0
     reason: str | None = None
+    kind: str | None = None
 
     def __str__(self) -> str:
         return f"{self.frequency_hz:.4g} Hz"

@@ -87,7 +87,7 @@ def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
             asked = lin if point is None else replace(lin, x0={**point.x, **point.discrete}, u0=point.u)
             yield LinPoint(varied, run(make_task(opened, asked), asked.method))
     except SimulationError as error:
-        yield LinPoint(varied, None, str(error))
+        yield LinPoint(varied, None, str(error), error.kind)
 
 
 def _set(model: Model, job: _Single) -> AbstractContextManager[Model]:
@@ -177,7 +177,7 @@ class ModelSource:
         with runner, job.ended_by(runner.stop):
             for event in runner.run(_linearised, jobs):
                 yield (
-                    LinPoint({self._vary: event.job.value}, None, event.reason)
+                    LinPoint({self._vary: event.job.value}, None, event.reason, event.kind)
                     if isinstance(event, Lost)
                     else event.value
                 )

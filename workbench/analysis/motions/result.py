@@ -55,11 +55,13 @@ class MotionFailed:
         system: name of the system in the comparison.
         time: when [s]; None: not known.
         reason: in one line.
+        kind: what went wrong, see `WorkbenchError.kind`.
     """
 
     system: str
     time: float | None
     reason: str
+    kind: str
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

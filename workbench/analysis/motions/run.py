@@ -81,7 +81,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
         history, why, told = _run(model, simulation, job)
         notes += (f"{name}: {text}" for text in told)
         if why is not None:
-            failed.append(MotionFailed(system=name, time=why.time, reason=str(why)))
+            failed.append(MotionFailed(system=name, time=why.time, reason=str(why), kind=why.kind))
         if history is not None:
             histories.append(_history(name, history, signals))
             begins[name] = history.operating_point

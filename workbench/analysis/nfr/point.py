@@ -16,13 +16,13 @@ from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.analysis.nfr.surroundings import LinearStart
 from workbench.analysis.periodic.period_map import ROWS, Span, period_of
 from workbench.core.record import Part
-from workbench.errors import SimulationError
+from workbench.errors import SimulationError, WorkbenchError
 from workbench.session import Session
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession
 from workbench.signals import Sine
 
-__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "run_point"]
+__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "failed_point", "run_point"]
 
 _REASONS = {
     Outcome.DIVERGED: (
@@ -113,6 +113,7 @@ class NfrPoint(Part):
         resolved: whether the transient was identified and removed (see `Settling`).
         step: longest communication step of co-simulation [s]; None for model exchange, or where nothing ran.
         reason: why the point failed; None where it did not.
+        kind: what went wrong, see `WorkbenchError.kind`; None where nothing did.
         certificate: what the point can be trusted for; None where nothing is known, as after a crash.
         warning: a remark on the point; None where there is none.
     """
@@ -128,6 +129,7 @@ class NfrPoint(Part):
     resolved: bool = False
     step: float | None = None
     reason: str | None = None
+    kind: str | None = None
     certificate: Certificate | None = None
     warning: str | None = None
 
@@ -170,7 +172,7 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
                 _check(period, task, time=session.time)
                 response = settling.add(period)
     except SimulationError as error:
-        point, response = _failed(task, len(settling.periods), str(error)), None
+        point, response = _failed(task, len(settling.periods), error), None
     else:
         point = _point(task, response, len(settling.periods))
     warning = _aliasing(task.rates[0]) if task.rates and 2.0 * task.frequency * task.rates[0] >= 1.0 else None
@@ -210,7 +212,7 @@ def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Pe
 
 def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
     if response.outcome in _REASONS:
-        failed = _failed(task, periods, f"{task.output} {_REASONS[response.outcome]}")
+        failed = _failed(task, periods, SimulationError(f"{task.output} {_REASONS[response.outcome]}"))
         return replace(failed, stable=False if response.outcome is Outcome.DIVERGED else None)
     averaged = response.outcome is Outcome.AVERAGED
     return NfrPoint(
@@ -226,8 +228,13 @@ def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
     )
 
 
-def _failed(task: PointTask, periods: int, reason: str) -> NfrPoint:
-    return NfrPoint(frequency=task.frequency, amplitude=task.amplitude, periods=periods, reason=reason)
+def _failed(task: PointTask, periods: int, why: WorkbenchError) -> NfrPoint:
+    return replace(failed_point(task.frequency, task.amplitude, why), periods=periods)
+
+
+def failed_point(frequency: float, amplitude: float, why: WorkbenchError) -> NfrPoint:
+    """Return the point that was not measured because of an error."""
+    return NfrPoint(frequency=frequency, amplitude=amplitude, reason=str(why), kind=why.kind)
 
 
 def change(old: NfrPoint, new: NfrPoint) -> tuple[float, float]:

@@ -54,11 +54,13 @@ class FailedPoint:
         frequency_hz: [Hz].
         amplitude: [unit of the input].
         reason: why, in one line.
+        kind: what went wrong, see `WorkbenchError.kind`; None: it was not measured.
     """
 
     frequency_hz: float
     amplitude: float
     reason: str
+    kind: str | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -310,7 +312,7 @@ def assemble(
         stable=np.array([[_number(p.stable) for p in row] for row in grid], dtype=np.float64),
         periods=np.array([[p.periods for p in row] for row in grid]),
         step=np.array([[np.nan if p.step is None else p.step for p in row] for row in grid]),
-        failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason) for row in grid for p in row if p.reason),
+        failed=tuple(FailedPoint(p.frequency, p.amplitude, p.reason, p.kind) for row in grid for p in row if p.reason),
         warnings=(
             *_unsettled(grid, f"{input} on {output}"),
             *dict.fromkeys(p.warning for row in grid for p in row if p.warning),

@@ -20,7 +20,7 @@ from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 from workbench.analysis.nfr.jumps import another, disagreements, distorted, may_jump
-from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask
+from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
 from workbench.analysis.nfr.step import rows_of_step
@@ -335,8 +335,7 @@ class Sweep:
             if rest:
                 jobs.appendleft(replace(event.job, tasks=tuple(rest)))
         for t in missing:
-            failed = NfrPoint(frequency=t.frequency, amplitude=t.amplitude, reason=event.reason)
-            yield self._keep(failed, lost=True)
+            yield self._keep(failed_point(t.frequency, t.amplitude, event.error), lost=True)
 
     # -- the result ------------------------------------------------------------------------
 

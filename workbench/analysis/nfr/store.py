@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint
-from workbench.analysis.nfr.result import MISSING, NfrResult
+from workbench.analysis.nfr.result import MISSING, FailedPoint, NfrResult
 from workbench.analysis.nfr.zero_input import ZeroInput
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, suggest
@@ -179,28 +179,29 @@ def from_result(previous: NfrResult, redo: Collection[str]) -> dict[Key, NfrPoin
         previous: the earlier result.
         redo: statuses that are measured again; what was not measured then is measured anyway.
     """
-    reasons = {(f.amplitude, f.frequency_hz): f.reason for f in previous.failed}
+    failed = {(f.amplitude, f.frequency_hz): f for f in previous.failed}
     points = [
-        _of_result(previous, i, j, reasons.get((a, f)))
+        _of_result(previous, i, j, failed.get((a, f)))
         for i, a in enumerate(previous.amplitude.tolist())
         for j, f in enumerate(previous.frequency_hz.tolist())
-        if reasons.get((a, f)) != MISSING
+        if (a, f) not in failed or failed[a, f].reason != MISSING
     ]
     return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
 
-def _of_result(previous: NfrResult, i: int, j: int, reason: str | None) -> NfrPoint:
+def _of_result(previous: NfrResult, i: int, j: int, failed: FailedPoint | None) -> NfrPoint:
     step = float(previous.step[i, j])
     return NfrPoint(
         frequency=float(previous.frequency_hz[j]),
         amplitude=float(previous.amplitude[i]),
-        response=complex(previous.response[i, j]) if reason is None else None,
-        offset=float(previous.offset[i, j]) if reason is None else None,
+        response=complex(previous.response[i, j]) if failed is None else None,
+        offset=float(previous.offset[i, j]) if failed is None else None,
         periods=int(previous.periods[i, j]),
         averaged=bool(previous.averaged[i, j]),
         error=finite(float(previous.error[i, j])),
         stable=bool(previous.stable[i, j]) if np.isfinite(previous.stable[i, j]) else None,
         step=step if step > 0.0 else None,
-        reason=reason,
+        reason=None if failed is None else failed.reason,
+        kind=None if failed is None else failed.kind,
         certificate=previous.certificates[i][j],
     )
