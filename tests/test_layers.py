@@ -22,7 +22,7 @@ ORDER = (
     ("analysis",),
     ("plotting",),
     ("report", "to_fmu"),
-    ("study", "reproduce"),
+    ("study", "reproduce", "ui"),
     ("cli",),
 )
 LEVEL = {layer: level for level, layers in enumerate(ORDER) for layer in layers}

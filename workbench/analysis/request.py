@@ -49,7 +49,17 @@ from workbench.origin import origin_of, remember, with_origin
 if TYPE_CHECKING:
     from workbench.model import Model  # noqa: F401 - the subject's type, below
 
-__all__ = ["MODEL_FILE", "Analysis", "Request", "Subject", "asked_options", "command_line_of", "function"]
+__all__ = [
+    "MODEL_FILE",
+    "Analysis",
+    "Request",
+    "Subject",
+    "asked_options",
+    "command_line_of",
+    "function",
+    "request_from",
+    "values_from",
+]
 
 _Subject = TypeVar("_Subject")
 _Record = TypeVar("_Record")
@@ -266,6 +276,33 @@ def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared,
         models = [(d, group) for d, group in parts_of(Loading) if d.flag not in flags]
         own |= {_MODELS + d.name if d.name in own else d.name: (d, group) for d, group in models}
     return own
+
+
+def values_from(options: Mapping[str, tuple[Declared, str]], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of options by name, read from what a command line or a form gives; None: not given.
+
+    Args:
+        options: as `asked_options` returns them.
+        given: see `Declared.read`.
+
+    Raises:
+        InputError: a value that an option cannot have.
+    """
+    return {name: d.read(given[name]) for name, (d, _) in options.items() if given.get(name) is not None}
+
+
+def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> tuple[Any, Loading]:
+    """Return a request, and how its model is opened.
+
+    Args:
+        request: class of what is asked for.
+        given: what a command line or a form gives for its options.
+
+    Raises:
+        InputError: a value that an option cannot have.
+    """
+    values = values_from(asked_options(request), given)
+    return put_together(request, values), request.loading(values)
 
 
 def command_line_of(asked: Request[Any, Any], subject: str, loading: Loading | None = None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.analysis.request import Request, asked_options, function
+from workbench.analysis.request import Request, asked_options, function, request_from, values_from
 from workbench.core.forms import File
-from workbench.core.loading import Loading
 from workbench.core.option import Declared, Options, asked_in_json, option, parts_of, put_together, values_of
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, WorkbenchError, suggest
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from workbench.origin import Origin
     from workbench.report import Page
 
-__all__ = ["command", "request_from"]
+__all__ = ["command"]
 
 _OUTPUT = ("json", "csv", "plot", "report")
 _NOT_WELL = 1  # exit code of a record that says so
@@ -54,7 +53,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
         with out.failing():
             asked, loading = request_from(request, given)
-            written = put_together(kind, _values(_files(request, kind), given))
+            written = put_together(kind, values_from(_files(request, kind), given))
             written.check(asked)
             asked = asked if out.report is None else asked.for_page()
             if before is not None:
@@ -232,44 +231,11 @@ def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
 # -- values ------------------------------------------------------------------------------------
 
 
-def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> tuple[Any, Loading]:
-    """Return a request, and how its model is opened.
-
-    Args:
-        request: class of what is asked for.
-        given: what typer read.
-
-    Raises:
-        InputError: a value that an option cannot have.
-    """
-    values = _values(asked_options(request), given)
-    return put_together(request, values), request.loading(values)
-
-
 def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[Declared, str]]:
     """Return the options of a command's pictures and files, those that every command has last."""
     every = {d.name: (d, group) for kind in (_Json, written) for d, group in parts_of(kind)}
     known = (name for name in every if name not in request.unwritten)
     return {name: every[name] for name in sorted(known, key=lambda n: _OUTPUT.index(n) if n in _OUTPUT else -1)}
-
-
-def _values(options: Mapping[str, tuple[Declared, str]], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the options that typer read, by name."""
-    return {name: _read(d, given[name]) for name, (d, _) in options.items() if given.get(name) is not None}
-
-
-def _read(declared: Declared, value: Any) -> Any:  # noqa: ANN401
-    """Return the value of an option; what is wrong with it is said of the option as it is typed."""
-    form = declared.form
-    try:
-        found = value if form is None else form.read(value if form.repeated else [value])
-    except ValueError as error:
-        unit = f" [{declared.option.unit}]" if declared.option.unit else ""
-        raise InputError(f"{declared.flag}: {error}{unit}") from None
-    try:
-        return declared.checked(found)
-    except InputError as error:
-        raise InputError(str(error).replace(declared.spoken, declared.flag, 1)) from None
 
 
 def _help(request: type[Request[Any, Any]]) -> str:

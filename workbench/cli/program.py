@@ -20,9 +20,9 @@ from workbench.errors import one_line
 
 __all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
 
-_FUNCTIONS = {"run": "cli.run:run"}
+_FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
 # Of requests, and of functions that typer calls.
-COMMANDS = tuple(name for one in REQUESTS for name in (("run", one) if one == "reproduce" else (one,)))
+COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "reproduce" else (one,))), "ui")
 
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses

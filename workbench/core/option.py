@@ -154,6 +154,25 @@ class Declared:
             raise InputError(f"{self.spoken}: {error}") from None
         return found
 
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - what a command line or a form holds, and any value
+        """Return the value that is written as a command line has it; what is wrong with it is said of the flag.
+
+        Args:
+            given: text, or texts where the form is repeated; where there is no form, the value.
+
+        Raises:
+            InputError: it is outside its range, or is nothing of the kind.
+        """
+        unit = f" [{self.option.unit}]" if self.option.unit else ""
+        try:
+            found = given if self.form is None else self.form.read(given if self.form.repeated else [given])
+        except ValueError as error:
+            raise InputError(f"{self.flag}: {error}{unit}") from None
+        try:
+            return self.checked(found)
+        except InputError as error:
+            raise InputError(str(error).replace(self.spoken, self.flag, 1)) from None
+
     def write(self, value: Any) -> list[str]:  # noqa: ANN401 - of this option
         """Return the words by which a command line gives a value, one for each time the option stands there.
 

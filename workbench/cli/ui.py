@@ -1,0 +1,51 @@
+"""The command `ui`: the browser workbench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.errors import InputError
+
+__all__ = ["ui"]
+
+
+def ui(
+    path: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[PATH]",
+            help="Folder to work in, or a model, system, study or store, which is opened; by default this folder. "
+            "Bundled ones by name: fmu:Rudder.",
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0 takes a free one.")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the address.")] = False,
+) -> int:
+    """Measure, look and ask in the browser: cards, operating points, live frequency responses, loops, studies.
+
+    The address is the first line of standard output. The server answers on this machine only, to whoever has that
+    address; it opens files from its folder and nothing else. Ctrl-C ends it, and what it runs.
+
+    Example: `workbench ui fmu:Rudder`
+    """
+    from workbench.ui.serve import serve
+
+    folder, opened = _split(path)
+    serve(folder, port=port, browser=not no_browser, opened=opened)
+    return 0
+
+
+def _split(path: str | None) -> tuple[Path, str]:
+    """Return the folder that is shown, and what is opened in it."""
+    here = Path.cwd()
+    if path is None or path.startswith(("fmu:", "system:", "study:")):
+        return here, path or ""
+    found = Path(path)
+    if not found.exists():
+        raise InputError(f"{path}: no such file or folder")
+    found = found.resolve()
+    model = found.is_file() or (found / "modelDescription.xml").is_file()
+    return (found.parent, found.name) if model else (found, "")

@@ -1,0 +1,270 @@
+"""What the server answers: the page, its forms, work that is begun and watched, and what records give."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from workbench import __version__
+from workbench.core.files import replacing
+from workbench.core.record import plain
+from workbench.core.scratch import scratch
+from workbench.errors import InputError, WorkbenchError
+from workbench.report.results import picture_of, write_report
+from workbench.ui.curves import curves_of, loop_at, signals_of
+from workbench.ui.forms import MEASURED, FormError, form_of
+from workbench.ui.root import NotHereError
+from workbench.ui.study import study_of
+from workbench.ui.works import Desk, Work
+
+__all__ = ["app_of"]
+
+STATIC = Path(__file__).parent / "static"
+
+# A report is a page of its own, with its style and script inside; it can reach nothing else.
+_REPORT = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
+           "img-src data:; frame-ancestors 'self'; sandbox allow-scripts"}  # fmt: skip
+_PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
+_ALIVE = 15.0  # a stream says so often that it is there [s]
+_LARGEST = 1 << 20  # of what is sent here [byte]
+
+
+class _Server:
+    """The answers, and what they are about."""
+
+    def __init__(self, desk: Desk) -> None:
+        self.desk = desk
+        self._drawing = threading.Lock()  # Matplotlib draws one picture at a time
+
+    # -- what there is ------------------------------------------------------------------------
+
+    async def index(self, request: Request) -> Response:
+        return FileResponse(STATIC / "index.html")
+
+    def start(self, request: Request) -> Response:
+        """Answer with everything that a page needs to begin."""
+        root = self.desk.root
+        return JSONResponse(
+            {
+                "version": __version__,
+                "folder": root.folder.name or str(root.folder),
+                "files": root.listing(),
+                "forms": [form_of(command) for command in MEASURED],
+                "works": [work.to_dict() for work in list(self.desk.works.values())],
+                "last": self.desk.last,
+            }
+        )
+
+    # -- work ---------------------------------------------------------------------------------
+
+    async def begin(self, request: Request) -> Response:
+        asked = await _sent(request)
+        try:
+            work = self.desk.begin(
+                str(asked.get("command")), list(asked.get("subject") or []), dict(asked.get("values") or {})
+            )
+        except FormError as error:
+            return JSONResponse({"fields": error.fields}, 422)
+        return JSONResponse(work.to_dict(), 201)
+
+    def work(self, request: Request) -> Response:
+        """Answer with all that is known of one work: its points so far, and what its record gives."""
+        work = self._work(request)
+        record = None if work.record is None else plain(work.record.to_dict())
+        return JSONResponse(
+            {
+                **work.to_dict(),
+                "points": list(work.points),
+                "last": self.desk.last,
+                "record": record,
+                "curves": [] if work.record is None else curves_of(work.record),
+                "signals": None if work.record is None else signals_of(work.record),
+            }
+        )
+
+    def stop(self, request: Request) -> Response:
+        self._work(request).stop()
+        return JSONResponse({})
+
+    async def events(self, request: Request) -> Response:
+        """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
+        told = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
+        last = int(told) if told.isascii() and told.isdigit() else 0
+        headers = {"X-Accel-Buffering": "no"}
+        return StreamingResponse(self._stream(last), media_type="text/event-stream", headers=headers)
+
+    async def _stream(self, last: int) -> AsyncIterator[str]:
+        loop, news = asyncio.get_running_loop(), asyncio.Event()
+
+        def heard() -> None:
+            loop.call_soon_threadsafe(news.set)
+
+        silence = self.desk.hear(heard)
+        try:
+            while True:
+                news.clear()
+                events = self.desk.since(last)
+                if events is None:
+                    yield "event: forgotten\ndata: {}\n\n"
+                    return
+                for event in events:
+                    last = event["id"]
+                    yield f"id: {last}\ndata: {json.dumps(event)}\n\n"
+                if not events:
+                    yield ": \n\n"
+                try:
+                    await asyncio.wait_for(news.wait(), _ALIVE)
+                except TimeoutError:
+                    continue
+        finally:
+            silence()
+
+    # -- what records give ------------------------------------------------------------------------
+
+    def report(self, request: Request) -> Response:
+        work, record = self._with_record(request)
+        with self._drawing, scratch("ui") as folder:
+            write_report(record, folder / "report.html", work.origin)
+            return Response((folder / "report.html").read_bytes(), media_type="text/html", headers=_REPORT)
+
+    def picture(self, request: Request) -> Response:
+        _, record = self._with_record(request)
+        suffix = "." + request.path_params["kind"]
+        if suffix not in _PICTURES:
+            raise HTTPException(404, f"no picture ends in {suffix}")
+        with self._drawing, scratch("ui") as folder:
+            picture_of(record, folder / f"picture{suffix}")
+            return Response((folder / f"picture{suffix}").read_bytes(), media_type=_PICTURES[suffix])
+
+    def data(self, request: Request) -> Response:
+        _, record = self._with_record(request)
+        if request.path_params["kind"] == "json":
+            return Response(json.dumps(plain(record.to_dict()), indent=2), media_type="application/json")
+        with scratch("ui") as folder:
+            record.to_csv(folder / "data.csv")
+            return Response((folder / "data.csv").read_bytes(), media_type="text/csv")
+
+    def loop(self, request: Request) -> Response:
+        """Answer with the margins and the closed loop at another gain."""
+        _, record = self._with_record(request)
+        try:
+            gain = float(request.query_params.get("gain", "1"))
+        except ValueError:
+            raise InputError("gain: not a number") from None
+        found = loop_at(record, gain)
+        if found is None:
+            raise HTTPException(404, "there is no linear loop")
+        return JSONResponse(found)
+
+    # -- systems and studies ------------------------------------------------------------------------
+
+    def text(self, request: Request) -> Response:
+        """Answer with the text of a system or a study."""
+        name = request.query_params.get("name", "")
+        return JSONResponse({"name": name, "text": self.desk.root.text_of(name)})
+
+    async def keep(self, request: Request) -> Response:
+        """Write the text of a system or a study into the folder."""
+        sent = await _sent(request)
+        name, text = str(sent.get("name", "")), str(sent.get("text", ""))
+        if not name.endswith(".toml"):
+            raise InputError(f"{name}: the name of a system or study ends in .toml")
+        path = self.desk.root.path(name, new=True)
+        if path.exists() and not sent.get("replace"):
+            return JSONResponse({"exists": True}, 409)
+        with replacing(path) as new:
+            new.write_text(text, encoding="utf-8")
+        return JSONResponse({"name": self.desk.root.name_of(path)})
+
+    async def keep_record(self, request: Request) -> Response:
+        """Write a record into the folder as JSON, as `--at` and others take it."""
+        work, record = self._with_record(request)
+        name = str((await _sent(request)).get("name", ""))
+        if not name.endswith(".json"):
+            raise InputError(f"{name}: the name of a record's file ends in .json")
+        path = self.desk.root.path(name, new=True)
+        with replacing(path) as new:
+            new.write_text(json.dumps({"command": work.command, **plain(record.to_dict())}, indent=2), encoding="utf-8")
+        return JSONResponse({"name": self.desk.root.name_of(path)})
+
+    def study(self, request: Request) -> Response:
+        works = [w for w in list(self.desk.works.values()) if w.record is not None]
+        return PlainTextResponse(study_of(works))
+
+    # -- parts --------------------------------------------------------------------------------------
+
+    def _work(self, request: Request) -> Work:
+        work = self.desk.works.get(request.path_params["number"])
+        if work is None:
+            raise HTTPException(404, "there is no such work; the server was started anew, perhaps")
+        return work
+
+    def _with_record(self, request: Request) -> tuple[Work, Any]:
+        work = self._work(request)
+        if work.record is None:
+            raise HTTPException(404, "there is no record")
+        return work, work.record
+
+
+async def _sent(request: Request) -> Mapping[str, Any]:
+    """Return what a page has sent."""
+    body = bytearray()
+    async for piece in request.stream():
+        body += piece
+        if len(body) > _LARGEST:
+            raise HTTPException(413, "too long")
+    try:
+        found = json.loads(body)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise InputError("what was sent is no JSON object")
+    return found
+
+
+def _told(status: int) -> Callable[[Request, Exception], Response]:
+    def answer(_: Request, error: Exception) -> Response:
+        return JSONResponse(
+            {"message": str(getattr(error, "detail", "") or error)}, getattr(error, "status_code", status)
+        )
+
+    return answer
+
+
+def app_of(desk: Desk) -> Starlette:
+    """Return the application that answers for a desk; `Guard` stands before it.
+
+    Args:
+        desk: its work.
+    """
+    server = _Server(desk)
+    routes = [
+        Route("/", server.index),
+        Route("/api/start", server.start),
+        Route("/api/events", server.events),
+        Route("/api/works", server.begin, methods=["POST"]),
+        Route("/api/works/{number:int}", server.work),
+        Route("/api/works/{number:int}/stop", server.stop, methods=["POST"]),
+        Route("/api/works/{number:int}/keep", server.keep_record, methods=["POST"]),
+        Route("/api/works/{number:int}/loop", server.loop),
+        Route("/api/works/{number:int}/report.html", server.report),
+        Route("/api/works/{number:int}/picture.{kind}", server.picture),
+        Route("/api/works/{number:int}/data.{kind}", server.data),
+        Route("/api/text", server.text),
+        Route("/api/text", server.keep, methods=["POST"]),
+        Route("/api/study.toml", server.study),
+        Mount("/static", StaticFiles(directory=STATIC)),
+    ]
+    errors: Mapping[Any, Any] = {NotHereError: _told(404), WorkbenchError: _told(422), HTTPException: _told(500)}
+    return Starlette(routes=routes, exception_handlers=errors)

@@ -1,0 +1,179 @@
+"""Curves of a record, for the pictures that the browser draws itself: responses over frequency, signals over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.branches.result import BranchesResult, ResponseBranch
+from workbench.analysis.feedback.result import FeedbackResult
+from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.sweep import LinGrid
+from workbench.analysis.loop.result import LoopResult
+from workbench.analysis.nfr.result import NfrResult
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.core.linear import Linear
+from workbench.core.record import plain
+from workbench.core.response import Response
+
+__all__ = ["curves_of", "loop_at", "signals_of"]
+
+_MANY = 400  # frequencies of a linear model's curve
+_CURVES = 24  # of a linear model: inputs times outputs
+_DECADES = 3.0  # around what is to be seen
+
+
+def curves_of(record: object) -> list[dict[str, Any]]:
+    """Return the frequency responses that a record holds, ready for JSON.
+
+    Each has a `label`, what it is (`kind`: "measured", "linear", "branch"), `frequency_hz`, `re` and `im` of output
+    over input, and lists as long as these where they are known: `error` (relative), `status`, `stable`.
+
+    Args:
+        record: any.
+    """
+    for kind, curves in _CURVES_OF.items():
+        if isinstance(record, kind):
+            return [plain(curve) for curve in curves(record)]
+    return []
+
+
+def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+    return {
+        "label": label,
+        "kind": kind,
+        "input": curve.input,
+        "output": curve.output,
+        "input_unit": curve.input_unit,
+        "output_unit": curve.output_unit,
+        "frequency_hz": curve.frequency_hz,
+        "re": curve.value.real,
+        "im": curve.value.imag,
+        **({} if curve.error is None else {"error": curve.error}),
+        **more,
+    }
+
+
+def _nfr(record: NfrResult) -> Iterator[dict[str, Any]]:
+    unit = f" {record.input_unit}" if record.input_unit else ""
+    for i, amplitude in enumerate(record.amplitude.tolist()):
+        yield _of_response(
+            record.curve(amplitude), f"{amplitude:g}{unit}", "measured",
+            amplitude=amplitude, status=record.status[i], stable=record.stable[i],
+        )  # fmt: skip
+    yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
+
+
+def _branches(record: BranchesResult) -> Iterator[dict[str, Any]]:
+    if record.vary == "frequency":
+        yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
+
+
+def _branch(branch: ResponseBranch, number: int, record: NfrResult | BranchesResult) -> dict[str, Any]:
+    value = np.asarray(branch.gain * np.exp(1j * np.radians(branch.phase_deg)), dtype=np.complex128)
+    unit = f" {record.input_unit}" if record.input_unit else ""
+    at = "" if branch.amplitude is None else f", {branch.amplitude:g}{unit}"
+    response = Response(
+        branch.frequency_hz, value, input=record.input, output=record.output,
+        input_unit=record.input_unit, output_unit=record.output_unit, amplitude=branch.amplitude,
+    )  # fmt: skip
+    return _of_response(
+        response, f"branch {number + 1}{at}", "branch", stable=branch.stable, amplitude=branch.amplitude
+    )
+
+
+def _lin(record: LinResult, label: str = "") -> Iterator[dict[str, Any]]:
+    pairs = [(u, y) for u in record.input_names for y in record.output_names][:_CURVES]
+    for u, y in pairs:
+        curve = record.curve(u, y, _band(record))
+        yield _of_response(curve, ", ".join(filter(None, [f"lin: {y} by {u}", label])), "linear")
+
+
+def _grid(record: LinGrid) -> Iterator[dict[str, Any]]:
+    for point in record.points:
+        if point.result is not None:
+            yield from list(_lin(point.result, str(point)))[:1]
+
+
+def _band(model: Linear) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return frequencies that show a linear model [Hz]."""
+    sizes = np.abs(model.continuous_poles) / (2.0 * np.pi)
+    seen = sizes[(sizes > 1e-6) & (sizes < 1e6)]
+    low, high = (seen.min(), seen.max()) if seen.size else (1.0, 1.0)
+    high = min(10.0 * high, model.highest_hz)
+    return np.geomspace(min(low / 10.0, high / 10.0**_DECADES), high, _MANY)
+
+
+def _loop(record: LoopResult) -> Iterator[dict[str, Any]]:
+    if record.linear is not None:
+        transfer = record.linear.transfer
+        band = record.frequencies(_MANY)
+        yield _of_response(Response(band, transfer.response(band)), "loop, linear", "linear")
+    for curve in record.curves:
+        status = [p.status for p in curve.points]
+        response = Response(curve.frequency_hz, curve.value, amplitude=curve.amplitude)
+        unit = f" {record.place.unit}" if record.place.unit else ""
+        yield _of_response(response, f"loop, {curve.how} {curve.amplitude:g}{unit}", "measured", status=status)
+
+
+def _feedback(record: FeedbackResult) -> Iterator[dict[str, Any]]:
+    response = Response(record.frequency_hz, record.response, input=record.target, output=record.source)
+    yield _of_response(response, f"plant: {record.source} by {record.target}", "linear")
+
+
+_CURVES_OF: Mapping[type, Callable[[Any], Iterator[dict[str, Any]]]] = {
+    NfrResult: _nfr, BranchesResult: _branches, LinResult: _lin, LinGrid: _grid, LoopResult: _loop,
+    FeedbackResult: _feedback,
+}  # fmt: skip
+
+
+def signals_of(record: object) -> dict[str, Any] | None:
+    """Return the time histories of a record, ready for JSON; None: it has none."""
+    if not isinstance(record, SimulationResult):
+        return None
+    found: dict[str, Any] = plain({"time": record.time, "signals": record.signals, "units": record.units})
+    return found
+
+
+def loop_at(record: object, gain: float) -> dict[str, Any] | None:
+    """Return what becomes of a linear loop when its gain is multiplied, ready for JSON; None: the record has no loop.
+
+    Args:
+        record: any.
+        gain: by which the loop transfer is multiplied.
+    """
+    if not isinstance(record, LoopResult) or record.linear is None:
+        return None
+    transfer = record.linear.transfer.scaled(gain)
+    band = record.frequencies(_MANY)
+    open_loop = Response(band, transfer.response(band))
+    closed = transfer.complementary()
+    poles = closed.poles
+    time, step = _step(closed)
+    found: dict[str, Any] = plain(
+        {
+            "gain": gain,
+            "margins": open_loop.margins().to_dict(),
+            "stable": bool(np.all(poles.real < 0.0)) if transfer.dt == 0.0 else bool(np.all(np.abs(poles) < 1.0)),
+            "poles": {"re": poles.real, "im": poles.imag},
+            "open": _of_response(open_loop, f"loop × {gain:.4g}", "linear"),
+            "closed": _of_response(Response(band, closed.response(band)), f"closed loop × {gain:.4g}", "linear"),
+            "step": {"time": time, "value": step},
+        }
+    )
+    return found
+
+
+def _step(closed: Linear) -> tuple[Any, Any]:
+    """Return the step response of a closed loop over about five of its slowest time constants."""
+    rates = np.abs(closed.continuous_poles.real)
+    slow = rates[rates > 1e-9]
+    longest = min(5.0 / slow.min(), 1e3 / slow.max()) if slow.size else 1.0
+    import control  # noqa: PLC0415 - takes a second
+
+    system = closed.to_state_space()
+    points = np.linspace(0.0, longest, 400) if closed.dt == 0.0 else np.arange(0.0, longest, closed.dt)[:2000]
+    found = control.step_response(system, points)
+    return found.time, np.squeeze(found.outputs)

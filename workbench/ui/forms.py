@@ -1,0 +1,156 @@
+"""The form of a request: what it can be asked for, as the browser shows it, and a request from what was filled in."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+from workbench.analysis.commands import REQUESTS, request_of
+from workbench.analysis.request import Request, asked_options, request_from
+from workbench.core.forms import FILE
+from workbench.core.loading import Loading
+from workbench.core.option import Declared
+from workbench.errors import InputError
+from workbench.ui.root import NotHereError, Root
+
+__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "request_of_form"]
+
+# Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
+MEASURED = tuple(
+    name for name in REQUESTS if name not in {"info", "identify", "reproduce", "build", "export", "compare"}
+)
+
+OFFERED = (*MEASURED, "info")  # what is begun for a browser
+
+_SWITCH, _NUMBER, _WHOLE, _CHOICE, _TEXT, _LIST = "switch", "number", "whole", "choice", "text", "list"
+_TYPES: Mapping[Any, str] = {bool: _SWITCH, float: _NUMBER, int: _WHOLE}
+# What runs elsewhere, or is written beside the page that the browser shows.
+_WITHOUT = {"in_process", "scheduler", "tls"}
+_STORE = "store"  # the folder of this option need not be there yet
+
+
+class FormError(InputError):
+    """Fields that cannot be used.
+
+    Attributes:
+        fields: name of an option → what is wrong with it, in a line; "" is the form as a whole.
+    """
+
+    def __init__(self, fields: Mapping[str, str]) -> None:
+        super().__init__("; ".join(fields.values()))
+        self.fields = dict(fields)
+
+
+def form_of(command: str) -> dict[str, Any]:
+    """Return the fields of a command's request, ready for JSON.
+
+    Args:
+        command: one of `REQUESTS`.
+    """
+    request = request_of(command)
+    first, *_ = inspect.cleandoc(request.__doc__ or "").split("\n\n")
+    return {
+        "command": command,
+        "help": " ".join(first.split()),
+        "details": request.details,
+        "example": request.example,
+        "counts": request.counts,
+        "fields": [_field(name, d, group) for name, (d, group) in _options(request).items()],
+    }
+
+
+def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]]:
+    return {
+        name: (declared, group)
+        for name, (declared, group) in asked_options(request).items()
+        if name not in _WITHOUT and not declared.option.hidden
+    }
+
+
+def _field(name: str, declared: Declared, group: str) -> dict[str, Any]:
+    option = declared.option
+    needed = declared.required or bool(option.needed)
+    default = [] if needed or declared.default in (None, (), {}) else declared.write(declared.default)
+    return {
+        "name": name,
+        "flag": declared.flag,
+        "kind": _kind(declared),
+        "help": option.help,
+        "unit": option.unit,
+        "metavar": option.metavar or (declared.form.metavar if declared.form is not None else ""),
+        "choices": list(option.choices),
+        "group": group,
+        "required": needed,
+        "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
+        "least": 0.0 if option.positive else option.least,
+    }
+
+
+def _kind(declared: Declared) -> str:
+    if declared.form is not None:
+        return _LIST if declared.form.repeated else _TEXT
+    return _CHOICE if declared.option.choices else _TYPES.get(declared.type, _TEXT)
+
+
+def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple[Request[Any, Any], Loading]:
+    """Return a request from what was filled in.
+
+    Args:
+        command: one of `REQUESTS`.
+        given: name of an option → text, texts of a list, or true and false of a switch; an empty text: not given.
+        root: in which files lie.
+
+    Raises:
+        FormError: fields that cannot be used.
+    """
+    request = request_of(command)
+    options = _options(request)
+    wrong = {name: "there is no such option" for name in given if name not in options}
+    values: dict[str, Any] = {}
+    for name, (declared, _) in options.items():
+        try:
+            value = _given(declared, given.get(name))
+            if value is not None:
+                if declared.form is FILE:
+                    value = root.name_of(root.path(value, new=name == _STORE))
+                declared.read(value)
+                values[name] = value
+            elif declared.required:
+                wrong[name] = "is needed"
+        except (InputError, NotHereError) as error:
+            wrong[name] = str(error)
+    if wrong:
+        raise FormError(wrong)
+    try:
+        return request_from(request, values)
+    except InputError as error:
+        raise FormError({_named(str(error), options): str(error)}) from None
+
+
+def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
+    """Return what a command line would give for what a form holds; None: nothing."""
+    kind = _kind(declared)
+    if kind == _SWITCH:
+        return None if value is None else bool(value)
+    texts = [str(text).strip() for text in (value if isinstance(value, list) else [value]) if text is not None]
+    texts = [text for text in texts if text]
+    if not texts:
+        return None
+    if kind == _LIST:
+        return texts
+    if kind not in {_NUMBER, _WHOLE}:
+        return texts[0]
+    try:
+        return int(texts[0]) if kind == _WHOLE else float(texts[0])
+    except ValueError:
+        what = "a whole number" if kind == _WHOLE else "a number"
+        raise InputError(f"{declared.flag}: '{texts[0]}' is not {what}") from None
+
+
+def _named(message: str, options: Mapping[str, tuple[Declared, str]]) -> str:
+    """Return the option that a message begins with; empty: none."""
+    begun = (
+        name for name, (d, _) in options.items() if message.startswith((f"{d.flag}:", f"{d.spoken}:", f"{d.spoken} "))
+    )
+    return max(begun, key=len, default="")

@@ -1,0 +1,131 @@
+"""The folder that a browser workbench shows: what can be opened from it, and nothing from outside."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from workbench.bundled import bundled_files, find_bundled
+from workbench.errors import InputError, WorkbenchError
+from workbench.store import FILE_NAME
+
+__all__ = ["NotHereError", "Root"]
+
+_MOST = 2000  # entries that are listed
+_DEEPEST = 6  # folders below folders
+_DESCRIPTION = "modelDescription.xml"
+_SKIPPED = {"node_modules", "__pycache__", "site-packages"}
+_TEXTS = {"system": "systems", "study": "studies"}
+_PREFIXES = ("fmu:", "system:", "study:")
+
+
+class NotHereError(WorkbenchError):
+    """A path that is not in the folder, leads out of it, or does not exist; which of these is not said."""
+
+
+class Root:
+    """A folder from which models, systems, studies and stores are opened.
+
+    Args:
+        folder: that is shown.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+
+    def find(self, text: str) -> str:
+        """Return what a command in the folder would be given for what the browser names: a bundled name, or a path.
+
+        Args:
+            text: "fmu:NAME", "system:NAME", "study:NAME", or a path relative to the folder.
+
+        Raises:
+            NotHereError: it is not in the folder.
+        """
+        return text if text.startswith(_PREFIXES) else self.name_of(self.path(text))
+
+    def path(self, text: str, *, new: bool = False) -> Path:
+        """Return the path of a file in the folder, links resolved.
+
+        Args:
+            text: relative to the folder.
+            new: whether it need not exist.
+
+        Raises:
+            NotHereError: it is not in the folder.
+        """
+        try:
+            found = (self.folder / text).resolve()
+            there = new or found.exists()
+        except (OSError, ValueError, RuntimeError):  # a name that no file can have, links in a circle
+            there, found = False, self.folder
+        if not there or not text or not found.is_relative_to(self.folder):
+            raise NotHereError(f"{text}: not in this folder")
+        return found
+
+    def text_of(self, name: str) -> str:
+        """Return the text of a system or study file.
+
+        Raises:
+            NotHereError: it is not in the folder.
+            InputError: it cannot be read as text.
+        """
+        kind, _, stem = name.partition(":")
+        bundled = bool(stem) and kind in _TEXTS
+        path = find_bundled(name, bundled_files(_TEXTS[kind]), kind) if bundled else self.path(name)
+        try:
+            return path.read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            raise InputError(f"{name}: cannot be read as text") from None
+
+    def name_of(self, path: Path) -> str:
+        """Return the path of a file relative to the folder, links resolved."""
+        return path.relative_to(self.folder).as_posix()
+
+    def listing(self) -> list[dict[str, str]]:
+        """Return what can be opened: its name, and its kind ("fmu", "system", "study", "store")."""
+        found = [{"name": name, "kind": kind} for name, kind in self._inside()]
+        for kind, folder, suffix in (
+            ("fmu", "fmus/fmi2", ".fmu"),
+            ("system", "systems", ".toml"),
+            ("study", "studies", ".toml"),
+        ):
+            found += [{"name": f"{kind}:{name}", "kind": kind} for name in bundled_files(folder, suffix)]
+        return found
+
+    def _inside(self) -> Iterator[tuple[str, str]]:
+        count = 0
+        for at, folders, files in os.walk(self.folder):
+            here = Path(at)
+            depth = len(here.relative_to(self.folder).parts)
+            folders[:] = sorted(f for f in folders if not f.startswith(".") and f not in _SKIPPED and depth < _DEEPEST)
+            if _DESCRIPTION in files and here != self.folder:
+                folders[:] = []
+                yield here.relative_to(self.folder).as_posix(), "fmu"
+                continue
+            for file in sorted(files):
+                if kind := _kind(here / file):
+                    count += 1
+                    yield (here / file if kind != "store" else here).relative_to(self.folder).as_posix(), kind
+            if count > _MOST:
+                return
+
+
+def _kind(file: Path) -> str:
+    """Return what a file is to the workbench; empty: nothing."""
+    if file.name == FILE_NAME:
+        return "store"
+    suffix = file.suffix.lower()
+    if suffix in {".fmu", ".ssp"}:
+        return "fmu" if suffix == ".fmu" else "system"
+    if suffix != ".toml":
+        return ""
+    try:
+        with file.open("rb") as stream:
+            keys: dict[str, Any] = tomllib.load(stream)
+    except (OSError, ValueError, RecursionError):
+        return ""
+    return "study" if "analyses" in keys else "system" if "components" in keys else ""

@@ -1,0 +1,119 @@
+// What the server knows: what can be opened, forms, and work, which is heard of while it runs.
+
+import { say } from "./dom.js";
+
+export const server = { version: "", folder: "", files: [], forms: {}, works: new Map() };
+
+const listeners = new Set();
+
+/** Let a function hear of each change of a work; return what ends that. */
+export function onChange(listener) {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+async function answered(response) {
+  const body = response.headers.get("content-type")?.includes("json") ? await response.json() : await response.text();
+  if (response.ok) return body;
+  const error = new Error(body.message ?? (typeof body === "string" && body ? body.trim() : `the server answered ${response.status}`));
+  error.fields = body.fields ?? null;
+  error.status = response.status;
+  throw error;
+}
+
+export async function get(path) {
+  return answered(await fetch(path));
+}
+
+export async function post(path, body = {}) {
+  return answered(await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
+}
+
+/** Begin a request; an error has `fields` where fields of its form are wrong. */
+export async function begin(command, subject, values) {
+  const work = await post("/api/works", { command, subject: [].concat(subject), values });
+  return known(work);
+}
+
+export async function stop(number) {
+  await post(`/api/works/${number}/stop`);
+}
+
+/** Everything about one work; when it ended, with its record and curves, which are kept. */
+export async function whole(number) {
+  const work = server.works.get(number);
+  if (work?.full && work.full.state === work.state) return work.full;
+  const full = await get(`/api/works/${number}`);
+  const merged = known(full);
+  merged.points = full.points;
+  if (!["waiting", "running"].includes(full.state)) merged.full = full;
+  return full;
+}
+
+/** Do a request and return all about it when it has ended. */
+export function done(command, subject, values) {
+  return begin(command, subject, values).then((work) => ended(work.number));
+}
+
+export function ended(number) {
+  return new Promise((resolve, reject) => {
+    const look = () => {
+      const work = server.works.get(number);
+      if (["waiting", "running"].includes(work.state)) return false;
+      whole(number).then(resolve, reject);
+      return true;
+    };
+    if (look()) return;
+    const end = onChange((w) => w.number === number && look() && end());
+  });
+}
+
+function known(facts) {
+  const work = server.works.get(facts.number) ?? { points: [] };
+  const { points: _, record: __, curves: ___, signals: ____, ...told } = facts;
+  Object.assign(work, told);
+  server.works.set(work.number, work);
+  return work;
+}
+
+function heard(event) {
+  const work = known({ number: event.work });
+  if (event.event === "state") {
+    const { id: _, work: __, event: ___, ...facts } = event;
+    Object.assign(work, facts);
+  } else if (event.event === "progress") {
+    [work.done, work.total, work.words] = [event.done, event.total, event.words];
+    if (event.point) work.points[event.index] = event.point;
+  } else if (event.event === "note") {
+    work.notes = [...(work.notes ?? []), event.text];
+  }
+  for (const listener of [...listeners]) listener(work, event);
+}
+
+/** Ask for everything that a page needs, and hear of what happens from then on. */
+export async function connect() {
+  const start = await get("/api/start");
+  Object.assign(server, { version: start.version, folder: start.folder, files: start.files });
+  server.forms = Object.fromEntries(start.forms.map((f) => [f.command, f]));
+  server.works.clear();
+  await Promise.all(start.works.map(async (w) => {
+    known(w);
+    if (["waiting", "running"].includes(w.state)) await whole(w.number);
+  }));
+  hear(start.last);
+}
+
+let stream = null;
+
+function hear(last) {
+  stream?.close();
+  stream = new EventSource(`/api/events?last=${last}`);
+  const gone = document.getElementById("gone");
+  stream.onopen = () => { gone.hidden = true; };
+  stream.onmessage = (message) => heard(JSON.parse(message.data));
+  stream.addEventListener("forgotten", () => location.reload());
+  stream.onerror = () => {
+    gone.hidden = false;
+    if (stream.readyState === EventSource.CLOSED) say("The server has ended; start workbench ui again.", true);
+  };
+}

@@ -1,0 +1,100 @@
+// Curves that were pinned, and by how much two differ; a session as a study file.
+
+import { get, post, server } from "./api.js";
+import { code, fill, h, save, say, table } from "./dom.js";
+import { difference, shown } from "./numbers.js";
+import { Plot, colour } from "./plot.js";
+
+const kept = [];
+
+/** The pinned curves. */
+export function pinned() {
+  return kept;
+}
+
+pinned.remove = (label) => {
+  const at = kept.findIndex((c) => c.label === label);
+  if (at >= 0) kept.splice(at, 1);
+};
+
+/** Keep a curve for all pictures. */
+export function pin(curve) {
+  if (!kept.some((c) => c.label === curve.label)) kept.push(curve);
+}
+
+export async function comparePage() {
+  const { Bode } = await import("./work.js");
+  const bode = new Bode({ title: "Pinned curves." });
+  const place = h("div");
+  const options = () => kept.map((c, i) => h("option", { value: i }, c.label));
+  const [first, second] = [h("select", { id: "first", onchange: differ }), h("select", { id: "second", onchange: differ })];
+  function differ() {
+    const [a, b] = [kept[Number(first.value)], kept[Number(second.value)]];
+    if (!a || !b || a === b) {
+      fill(place, h("p", { class: "dim" }, "Choose two different curves."));
+      return;
+    }
+    const found = difference(a, b);
+    if (!found.length) {
+      fill(place, h("p", {}, "They have no frequencies in common."));
+      return;
+    }
+    const worst = (k) => found.reduce((m, d) => (Math.abs(d[k]) > Math.abs(m[k]) ? d : m));
+    const plots = [["db", "difference of gain [dB]"], ["deg", "difference of phase [deg]"]].map(([k, label]) => {
+      const plot = new Plot({ x: { label: "frequency [Hz]", log: true }, y: { label, log: false }, label, height: 200 });
+      plot.set([{ label, colour: colour(0), x: found.map((d) => d.f), y: found.map((d) => d[k]), marks: found.map(() => "dot") }], { lines: [{ axis: "y", value: 0 }] });
+      return plot.element;
+    });
+    fill(place, h("p", {}, `${b.label} over ${a.label}: at most ${shown(worst("db").db, 3)} dB at ${shown(worst("db").f, 4)} Hz, ${shown(worst("deg").deg, 3)} deg at ${shown(worst("deg").f, 4)} Hz.`), plots,
+      table(["frequency [Hz]", "gain [dB]", "phase [deg]"], found.map((d) => [shown(d.f), shown(d.db, 4), shown(d.deg, 4)]), { caption: "Difference" }));
+  }
+  fill(first, options());
+  fill(second, options());
+  if (kept.length > 1) second.value = "1";
+  bode.show([]);
+  if (kept.length) differ();
+  return {
+    title: "Compare",
+    element: h("div", {}, h("h1", {}, "Compare"),
+      kept.length ? [bode.element, h("h2", {}, "Difference of two"), h("div", { class: "row" }, h("label", { for: "first" }, "From"), first, h("label", { for: "second" }, "to"), second), place]
+        : h("p", { class: "dim" }, "Pin curves in a Bode picture; they meet here.")),
+  };
+}
+
+export async function keepPage([name]) {
+  if (name) return studyPage(name);
+  const text = await get("/api/study.toml");
+  const area = h("textarea", { rows: 18, value: text, "aria-label": "Study file", spellcheck: false });
+  const file = h("input", { type: "text", value: "session.toml", "aria-label": "File name" });
+  return {
+    title: "Keep",
+    element: h("div", {}, h("h1", {}, "This session as a study"),
+      h("p", {}, "Everything that was measured here, to be run again with workbench run, in CI or elsewhere; add requirements as the page of study files says."), area,
+      h("div", { class: "row" }, file, h("button", { type: "button", onclick: () => write(file.value, area.value) }, "Write into the folder"), h("button", { type: "button", class: "quiet", onclick: () => save(area.value, file.value) }, "Save elsewhere")),
+      code(`workbench run ${file.value}`, "Run it"), h("h2", {}, "Commands"), [...server.works.values()].filter((w) => w.line && w.command !== "info").map((w) => code(w.line, `${w.number} ${w.state}`))),
+  };
+}
+
+async function studyPage(name) {
+  const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
+  return {
+    title: name,
+    element: h("div", {}, h("h1", {}, name), h("p", {}, "A study runs in a terminal or in CI:"), code(`workbench run ${name}`, "Run it"), code(text, "What it says")),
+  };
+}
+
+/** Write a text into the folder; ask before a file is replaced. */
+export async function write(name, text) {
+  try {
+    await post("/api/text", { name, text });
+  } catch (error) {
+    if (error.status !== 409) {
+      say(error.message, true);
+      return false;
+    }
+    if (!confirm(`${name} exists. Replace it?`)) return false;
+    await post("/api/text", { name, text, replace: true });
+  }
+  say(`Wrote ${name}.`);
+  return true;
+}

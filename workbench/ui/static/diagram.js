@@ -1,0 +1,255 @@
+// A system as boxes and wires, from and to its file: what is drawn is what the file says, nothing is hidden.
+
+import { get, server } from "./api.js";
+import { fill, h, say } from "./dom.js";
+import { factsOf, forget } from "./model.js";
+import { write } from "./compare.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function s(tag, properties, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(properties)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}
+
+/** Blocks that can be added: name → line of the file, ports. */
+const BLOCKS = {
+  gain: (name) => `${name} = 1.0`,
+  sum: (name) => `${name} = {sum = "+-"}`,
+  "transfer function": (name) => `${name} = {numerator = [1.0], denominator = [0.1, 1.0]}`,
+  integrator: (name) => `${name} = {numerator = [1.0], denominator = [1.0, 0.0]}`,
+  delay: (name) => `${name} = {numerator = [-0.05, 1.0], denominator = [0.05, 1.0]}  # Padé, 0.1 s`,
+};
+
+export async function diagramPage([name, plant]) {
+  const text = name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text;
+  const area = h("textarea", { id: "toml", rows: 22, value: text, spellcheck: false, "aria-describedby": "toml-help" });
+  const file = h("input", { type: "text", id: "file", value: name === "new" || name.includes(":") ? "loop.toml" : name, spellcheck: false });
+  const place = h("div");
+  const where = h("div");
+  const draw = () => {
+    const system = read(area.value);
+    fill(place, picture(system, (from, to) => connect(area, from, to, draw)));
+    fill(where, wires(system, (wire) => {
+      area.value = area.value.split("\n").filter((l) => !l.includes(wire.line)).join("\n");
+      draw();
+    }));
+  };
+  area.addEventListener("input", draw);
+  const add = Object.keys(BLOCKS).map((kind) => h("button", {
+    type: "button", class: "quiet", onclick: () => {
+      const names = Object.keys(read(area.value).components);
+      const stem = kind.split(" ")[0];
+      let own = stem;
+      for (let k = 2; names.includes(own); k += 1) own = `${stem}${k}`;
+      area.value = area.value.replace(/\[components\]\n/, (all) => `${all}${BLOCKS[kind](own)}\n`);
+      draw();
+    },
+  }, `+ ${kind}`));
+  const keep = async () => {
+    if (!(await write(file.value, area.value))) return;
+    forget(file.value);
+    try {
+      await factsOf(file.value);
+      const found = (await get("/api/start")).files;
+      server.files = found;
+      location.hash = `#/open/${encodeURIComponent(file.value)}/measure/loop`;
+    } catch (error) {
+      say(error.message, true);
+      fill(document.getElementById("toml-help"), h("span", { class: "bad" }, error.message));
+    }
+  };
+  draw();
+  return {
+    title: name === "new" ? "New system" : name,
+    element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
+      h("p", { class: "dim" }, "Click an output, then an input, to connect them. The file at the bottom is the system; the picture shows it."),
+      h("div", { class: "row", role: "toolbar", "aria-label": "Blocks" }, add), place, where,
+      h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "Components, connections, inputs and outputs; see the page on system files."), area,
+      h("div", { class: "row" }, h("label", { for: "file" }, "File"), file, h("button", { type: "button", onclick: keep }, "Write and measure the loop"))),
+  };
+}
+
+/** A position loop around a model, to begin with. */
+async function fresh(plant) {
+  const known = await factsOf(plant);
+  const [u, y] = [known.inputs[0], known.outputs[0] ?? known.states[0]];
+  if (!u || !y) throw new Error(`${plant} has no input, or no output`);
+  const unit = (v) => (v?.unit ? `"${v.unit}"` : '"1"');
+  return `name = "loop"
+
+[components]
+plant = ${JSON.stringify(plant)}
+error = {sum = "+-", unit = ${unit(y)}}
+gain = {gain = 1.0, units = {u = ${unit(y)}, y = ${unit(u)}}}
+
+[connections]
+"error.u2" = "plant.${y.name}"
+"gain.u" = "error.y"
+"plant.${u.name}" = "gain.y"
+
+[inputs]
+reference = "error.u1"
+
+[outputs]
+${/^[A-Za-z0-9_-]+$/.test(y.name) ? y.name : JSON.stringify(y.name)} = "plant.${y.name}"
+`;
+}
+
+// -- reading as much of the file as the picture needs; the server reads all of it ----------------------------------
+
+/** Components, connections, inputs and outputs of a system file, as far as they stand one a line. */
+export function read(text) {
+  const system = { components: {}, connections: [], inputs: {}, outputs: {} };
+  let section = "";
+  for (const line of text.split("\n")) {
+    const clean = line.replace(/#(?=(?:[^"]*"[^"]*")*[^"]*$).*/, "").trim();
+    const heading = clean.match(/^\[+([^\]]+)\]+$/);
+    if (heading) {
+      section = heading[1].replaceAll('"', "");
+      if (section.startsWith("components.")) system.components[section.slice(11)] = "…";
+      continue;
+    }
+    const pair = clean.match(/^("[^"]*"|[\w.\-[\]]+)\s*=\s*(.+)$/);
+    if (!pair) continue;
+    const [key, value] = [pair[1].replaceAll('"', ""), pair[2]];
+    if (section === "components") system.components[key] = value;
+    else if (section === "connections") {
+      const source = value.match(/^"([^"]+)"|from\s*=\s*"([^"]+)"/);
+      if (source) system.connections.push({ to: key, from: source[1] ?? source[2], line: pair[0] });
+    } else if (section === "inputs" || section === "outputs") {
+      for (const name of value.matchAll(/"([^"]+)"/g)) system[section][key] = [...(system[section][key] ?? []), name[1]];
+    }
+  }
+  return system;
+}
+
+/** Ports of each component, as far as wires, inputs and outputs name them, and those of known blocks. */
+function ports(system) {
+  const found = Object.fromEntries(Object.entries(system.components).map(([name, what]) => {
+    const sum = what.match(/sum\s*=\s*"([^"]*)"/);
+    const own = sum ? { in: [...sum[1]].map((_, i) => `u${i + 1}`), out: ["y"] } : /^[\d.+-]|gain\s*=|numerator/.test(what) ? { in: ["u"], out: ["y"] } : { in: [], out: [] };
+    return [name, { in: new Set(own.in), out: new Set(own.out) }];
+  }));
+  const put = (full, way) => {
+    const [name, ...rest] = full.split(".");
+    found[name]?.[way].add(rest.join("."));
+  };
+  for (const { from, to } of system.connections) {
+    put(from, "out");
+    put(to, "in");
+  }
+  for (const list of Object.values(system.inputs)) list.forEach((full) => put(full, "in"));
+  for (const list of Object.values(system.outputs)) list.forEach((full) => put(full, "out"));
+  return found;
+}
+
+const WIDE = 170, GAP = 90, ROW = 22;
+
+function picture(system, onconnect) {
+  const all = ports(system);
+  const names = Object.keys(all);
+  const level = levels(names, system);
+  const columns = [];
+  for (const name of names) (columns[level[name]] ??= []).push(name);
+  const at = {};
+  let height = 0;
+  columns.forEach((column, i) => {
+    let y = 30;
+    for (const name of column) {
+      const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1);
+      at[name] = { x: 40 + i * (WIDE + GAP), y, h: size };
+      y += size + 26;
+    }
+    height = Math.max(height, y);
+  });
+  const where = (full, way) => {
+    const [name, ...rest] = full.split(".");
+    const box = at[name];
+    if (!box) return null;
+    const k = [...all[name][way]].indexOf(rest.join("."));
+    return { x: box.x + (way === "out" ? WIDE : 0), y: box.y + 40 + ROW * k };
+  };
+  const width = 80 + columns.length * (WIDE + GAP) - GAP;
+  const back = height + 10;
+  const paths = system.connections.map(({ from, to }, i) => {
+    const [a, b] = [where(from, "out"), where(to, "in")];
+    if (!a || !b) return null;
+    const d = b.x > a.x ? `M${a.x} ${a.y}C${a.x + GAP / 2} ${a.y} ${b.x - GAP / 2} ${b.y} ${b.x} ${b.y}`
+      : `M${a.x} ${a.y}h${18 + 4 * i}V${back + 8 * i}H${b.x - 18 - 4 * i}V${b.y}H${b.x}`;
+    const path = s("path", { class: "wire", d });
+    path.append(s("title", {}, `${from} → ${to}`));
+    return path;
+  }).filter(Boolean);
+  let chosen = null;
+  const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(width, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths);
+  for (const name of names) {
+    const box = at[name];
+    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: WIDE, height: box.h }), s("text", { x: box.x + WIDE / 2, y: box.y + 18, "text-anchor": "middle" }, name));
+    group.firstChild.append(s("title", {}, `${name} = ${system.components[name]}`));
+    for (const way of ["in", "out"]) {
+      for (const port of all[name][way]) {
+        const full = `${name}.${port}`;
+        const p = where(full, way);
+        const dot = s("circle", { class: "port", cx: p.x, cy: p.y, r: 7, tabindex: 0, role: "button", "aria-label": `${way === "in" ? "input" : "output"} ${full}` });
+        const press = () => {
+          if (way === "out") {
+            chosen = full;
+            say(`From ${full}: now choose an input.`);
+          } else if (chosen) onconnect(chosen, full);
+          else say("Choose an output first.");
+        };
+        dot.addEventListener("click", press);
+        dot.addEventListener("keydown", (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), press()));
+        const inside = way === "in" ? { x: p.x + 12, anchor: "start" } : { x: p.x - 12, anchor: "end" };
+        group.append(s("text", { x: inside.x, y: p.y + 4, "text-anchor": inside.anchor }, port.length > 18 ? `${port.slice(0, 17)}…` : port), dot);
+      }
+    }
+    svg.append(group);
+  }
+  for (const [kind, way] of [["inputs", "in"], ["outputs", "out"]]) {
+    for (const [label, targets] of Object.entries(system[kind])) {
+      for (const full of targets) {
+        const p = where(full, way);
+        if (p) svg.append(s("text", { x: p.x + (way === "in" ? -10 : 10), y: p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, way === "in" ? `${label} →` : `→ ${label}`));
+      }
+    }
+  }
+  return svg;
+}
+
+/** Columns: a component stands to the right of those that feed it, but for the wires that close a loop. */
+function levels(names, system) {
+  const feeds = new Map(names.map((n) => [n, []]));
+  for (const { from, to } of system.connections) feeds.get(from.split(".")[0])?.push(to.split(".")[0]);
+  const level = Object.fromEntries(names.map((n) => [n, 0]));
+  const first = Object.values(system.inputs).flat().map((full) => full.split(".")[0]);
+  const order = [...new Set([...first, ...names])].filter((n) => n in level);
+  const seen = new Set();
+  const visit = (name, at, path) => {
+    if (path.has(name) || (seen.has(name) && level[name] >= at)) return;
+    seen.add(name);
+    level[name] = Math.max(level[name], at);
+    for (const next of feeds.get(name) ?? []) if (!path.has(next) && next in level) visit(next, at + 1, new Set([...path, name]));
+  };
+  for (const name of order) if (!seen.has(name)) visit(name, 0, new Set());
+  return level;
+}
+
+function connect(area, from, to, draw) {
+  const others = area.value.split("\n").filter((line) => !line.trim().startsWith(`"${to}" =`)); // an input has one source
+  const at = others.findIndex((line) => line.trim() === "[connections]");
+  const line = `"${to}" = "${from}"`;
+  if (at < 0) others.push("", "[connections]", line);
+  else others.splice(at + 1, 0, line);
+  area.value = others.join("\n");
+  say(`${from} → ${to}`);
+  draw();
+}
+
+function wires(system, onremove) {
+  return h("details", {}, h("summary", {}, `${system.connections.length} wires`), h("ul", { class: "list" }, system.connections.map((wire) => h("li", { class: "row" },
+    `${wire.from} → ${wire.to}`, h("button", { type: "button", class: "quiet", "aria-label": `remove the wire to ${wire.to}`, onclick: () => onremove(wire) }, "×")))));
+}

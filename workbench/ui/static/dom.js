@@ -1,0 +1,73 @@
+// Elements of the page; text is always text, never markup.
+
+/** An element with properties ("class", "onclick", "aria-…", …) and children (texts, elements, lists, null). */
+export function h(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties ?? {})) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name in element && !["list", "form", "class", "for", "width", "height"].includes(name)) element[name] = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat(3).filter((c) => c !== null && c !== undefined && c !== false));
+  return element;
+}
+
+/** Replace what an element holds. */
+export function fill(element, ...children) {
+  element.replaceChildren(...children.flat(3).filter((c) => c !== null && c !== undefined && c !== false));
+  return element;
+}
+
+/** A table: headings, rows of cells; numbers stand at the right. */
+export function table(headings, rows, { caption = "" } = {}) {
+  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": caption || headings.join(", ") },
+    h("table", {},
+      caption ? h("caption", {}, caption) : null,
+      h("thead", {}, h("tr", {}, headings.map((t) => h("th", { scope: "col" }, t)))),
+      h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell, i) =>
+        i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
+}
+
+let says = null;
+
+/** Say something to those who see and to those who hear; it goes by itself. */
+export function say(text, bad = false) {
+  const place = document.getElementById("said");
+  const line = h("p", { class: bad ? "bad" : "" }, text);
+  place.append(line);
+  clearTimeout(says);
+  says = setTimeout(() => place.replaceChildren(), bad ? 12000 : 5000);
+}
+
+/** A button that copies a text. */
+export function copying(text, label = "Copy") {
+  return h("button", {
+    type: "button", class: "quiet", "aria-label": `${label}: ${text.split("\n")[0].slice(0, 60)}`,
+    onclick: async (event) => {
+      try {
+        await navigator.clipboard.writeText(text);
+        say("Copied.");
+      } catch {
+        const range = document.createRange();
+        range.selectNodeContents(event.target.parentElement.querySelector("code") ?? event.target);
+        getSelection().removeAllRanges();
+        getSelection().addRange(range);
+        say("Selected; copy it with Ctrl+C.");
+      }
+    },
+  }, label);
+}
+
+/** Code that can be copied. */
+export function code(text, title) {
+  return h("div", { class: "code" }, h("span", { class: "dim" }, title), h("pre", { tabIndex: 0, "aria-label": title }, h("code", {}, text)), copying(text));
+}
+
+/** Let a browser save a text or a blob under a name. */
+export function save(content, name, type = "text/plain") {
+  const blob = content instanceof Blob ? content : new Blob([content], { type });
+  const link = h("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}

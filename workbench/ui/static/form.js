@@ -1,0 +1,100 @@
+// The form of a request: its fields come from the server, which knows them from the request itself.
+
+import { fill, h } from "./dom.js";
+
+const NAMES = { at: "files", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured" };
+
+/**
+ * The fields of a form, with values; `facts` (of `info`) gives names to choose from and units.
+ * The object has `element`, `values()`, `set(name, value)` and `wrong({name: message})`.
+ */
+export class Form {
+  constructor(form, facts, { values = {}, files = [] } = {}) {
+    this.inputs = new Map();
+    this.facts = facts;
+    this.names = { files, inputs: (facts?.inputs ?? []).map((v) => v.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
+    const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
+    const groups = new Map();
+    for (const field of form.fields) {
+      const group = field.required || ["band", "input", "output"].includes(field.name) ? "" : field.group || "More";
+      if (!groups.has(group)) groups.set(group, []);
+      groups.get(group).push(this.field(field, values[field.name]));
+    }
+    this.general = h("p", { class: "wrong bad", role: "alert", hidden: true });
+    this.element = h("div", { class: "fields" }, lists, groups.get("") ?? [],
+      [...groups].filter(([name]) => name).map(([name, fields]) => h("details", {}, h("summary", {}, name), h("div", { class: "fields" }, fields))),
+      this.general);
+  }
+
+  field(field, value) {
+    const id = `field-${field.name}`;
+    const help = h("p", { class: "help", id: `${id}-help` }, field.help);
+    const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
+    const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
+    const start = value ?? (field.required ? this.names[NAMES[field.name]]?.[0] : null);
+    let input;
+    if (field.kind === "switch") {
+      input = h("input", { ...own, type: "checkbox", checked: value ?? Boolean(field.default) });
+    } else if (field.kind === "choice") {
+      input = h("select", own, field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
+    } else if (field.kind === "list") {
+      input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.metavar });
+    } else {
+      const list = NAMES[field.name] && this.names[NAMES[field.name]].length ? `names-${NAMES[field.name]}` : null;
+      const number = field.kind === "number" || field.kind === "whole";
+      input = h("input", {
+        ...own, type: "text", inputMode: number ? "decimal" : "text", list, autocomplete: "off", spellcheck: false,
+        value: start ?? "", placeholder: field.default || field.metavar,
+      });
+    }
+    this.inputs.set(field.name, { field, input, wrong });
+    const unit = h("span", { class: "unit" }, field.unit ? `[${field.unit}]` : "");
+    if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, words(field.name)), help, wrong);
+    return h("div", { class: "field" }, h("label", { for: id }, `${words(field.name)}${field.required ? " *" : ""}`, unit), input, help, wrong);
+  }
+
+  values() {
+    const found = {};
+    for (const [name, { field, input }] of this.inputs) {
+      if (field.kind === "switch") {
+        if (input.checked !== Boolean(field.default)) found[name] = input.checked;
+      } else if (field.kind === "list") {
+        const texts = input.value.split("\n").map((t) => t.trim()).filter(Boolean);
+        if (texts.length) found[name] = texts;
+      } else if (input.value.trim() && !(field.kind === "choice" && input.value === field.default)) found[name] = input.value.trim();
+    }
+    return found;
+  }
+
+  set(name, value) {
+    const entry = this.inputs.get(name);
+    if (entry) entry.input.value = value;
+  }
+
+  wrong(fields) {
+    for (const { input, wrong } of this.inputs.values()) {
+      input.removeAttribute("aria-invalid");
+      wrong.hidden = true;
+    }
+    this.general.hidden = true;
+    let first = null;
+    for (const [name, message] of Object.entries(fields)) {
+      const entry = this.inputs.get(name);
+      if (!entry) {
+        fill(this.general, message).hidden = false;
+        continue;
+      }
+      entry.input.setAttribute("aria-invalid", "true");
+      fill(entry.wrong, message).hidden = false;
+      entry.input.closest("details")?.setAttribute("open", "");
+      first ??= entry.input;
+    }
+    first?.focus();
+  }
+}
+
+/** A name of the code as a person says it. */
+export function words(name) {
+  const text = name.replaceAll("_", " ");
+  return text[0].toUpperCase() + text.slice(1);
+}

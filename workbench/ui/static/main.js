@@ -1,0 +1,152 @@
+// The pages by their addresses, the list of files and of work at the side, the theme.
+
+import { connect, get, onChange, server } from "./api.js";
+import { fill, h, say } from "./dom.js";
+import { comparePage, keepPage } from "./compare.js";
+import { diagramPage } from "./diagram.js";
+import { modelPage } from "./model.js";
+import { workPage } from "./work.js";
+
+const main = document.getElementById("main");
+const side = document.getElementById("side");
+let leave = null;
+
+/** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
+const PAGES = { open: modelPage, work: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
+
+async function show() {
+  const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  leave?.();
+  leave = null;
+  side.classList.remove("open");
+  document.getElementById("menu").setAttribute("aria-expanded", "false");
+  const asked = location.hash;
+  try {
+    const page = name in PAGES ? await PAGES[name](rest) : welcome();
+    if (location.hash !== asked) {
+      page.leave?.();
+      return;
+    }
+    leave = page.leave ?? null;
+    fill(main, page.element);
+    document.title = `${page.title} – FMI workbench`;
+  } catch (error) {
+    fill(main, h("h1", {}, "This cannot be shown"), h("p", { class: "bad" }, error.message));
+  }
+  mark();
+}
+
+function welcome() {
+  const local = server.files.filter((f) => !f.name.includes(":"));
+  return {
+    title: server.folder,
+    element: h("div", {},
+      h("h1", {}, "How does this FMU behave?"),
+      h("p", {}, "Open a model at the left: its card says what it is, then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
+      h("p", {}, local.length ? `${local.length} models, systems, studies and stores in the folder ${server.folder}.` : `There is nothing to open in the folder ${server.folder}; the bundled models are at the left. Start workbench ui in the folder of your FMU.`),
+      h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder"))),
+  };
+}
+
+// -- at the side ------------------------------------------------------------------------------------
+
+const found = h("ul", { class: "list" });
+const working = h("ul", { class: "list" });
+const search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search files", oninput: list });
+
+function list() {
+  const text = search.value.toLowerCase();
+  const shown = server.files.filter((f) => f.name.toLowerCase().includes(text));
+  const line = (f) => h("li", {}, h("a", { href: address(f), "data-name": f.name }, f.name.replace(/^\w+:/, ""), " ", h("span", { class: "dim" }, f.kind)));
+  const own = shown.filter((f) => !/^(fmu|system|study):/.test(f.name));
+  const bundled = shown.filter((f) => /^(fmu|system|study):/.test(f.name));
+  fill(found, own.length ? own.map(line) : h("li", { class: "dim" }, "Nothing of that name in this folder."),
+    bundled.length ? h("li", {}, h("h2", {}, "Bundled")) : null, bundled.map(line));
+  mark();
+}
+
+function address(file) {
+  const place = { system: "open", study: "keep", store: "compare" }[file.kind] ?? "open";
+  return `#/${place}/${encodeURIComponent(file.name)}`;
+}
+
+function works() {
+  const all = [...server.works.values()].filter((w) => w.command !== "info").reverse();
+  fill(working, all.length ? all.slice(0, 200).map((w) => h("li", {}, h("a", { href: `#/work/${w.number}`, "data-work": w.number },
+    `${w.number} ${w.command} `, h("span", { class: "dim" }, w.subject.join(", ")),
+    h("br"), h("span", { class: { failed: "bad", stopped: "watch", done: "dim" }[w.state] ?? "good" }, far(w))))) : h("li", { class: "dim" }, "None yet."));
+  mark();
+}
+
+/** How far a work is, in words. */
+function far(work) {
+  if (work.state === "running" && work.total) return `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
+  return work.state === "done" && !work.well ? "done, not all well" : work.state;
+}
+
+function mark() {
+  const [, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  for (const link of side.querySelectorAll("a")) {
+    const here = link.dataset.work ? location.hash === link.getAttribute("href") : link.dataset.name === rest[0];
+    if (here) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+}
+
+// -- theme -------------------------------------------------------------------------------------------
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  document.getElementById("theme").textContent = name === "dark" ? "Light" : "Dark";
+  try {
+    localStorage.setItem("theme", name);
+  } catch { /* where nothing may be kept, the choice ends with the page */ }
+  window.dispatchEvent(new Event("resize"));
+  show();
+}
+
+async function begin() {
+  // The token has become a cookie; the address need not keep it.
+  if (location.search) history.replaceState(null, "", `/${location.hash}`);
+  let chosen = null;
+  try {
+    chosen = localStorage.getItem("theme");
+  } catch { /* as above */ }
+  document.documentElement.dataset.theme = chosen ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  document.getElementById("theme").textContent = document.documentElement.dataset.theme === "dark" ? "Light" : "Dark";
+  document.getElementById("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  document.getElementById("menu").onclick = (event) => {
+    event.currentTarget.setAttribute("aria-expanded", String(side.classList.toggle("open")));
+  };
+  try {
+    await connect();
+  } catch (error) {
+    fill(main, h("h1", {}, "No answer"), h("p", { class: "bad" }, error.message));
+    return;
+  }
+  document.getElementById("folder").textContent = server.folder;
+  fill(side, search, h("h2", {}, server.folder), found, h("h2", {}, "Work"), working);
+  list();
+  works();
+  let waits = 0;
+  onChange((work, event) => {
+    if (event.event === "state" && work.state === "failed") say(`${work.command}: ${work.failure?.message ?? "failed"}`, true);
+    waits ||= requestAnimationFrame(() => {
+      waits = 0;
+      works();
+    });
+  });
+  window.addEventListener("hashchange", () => {
+    show();
+    main.focus({ preventScroll: true });
+  });
+  window.addEventListener("focus", async () => {
+    try {
+      server.files = (await get("/api/start")).files;
+      list();
+    } catch { /* said by the stream of events */ }
+  });
+  await show();
+}
+
+begin();

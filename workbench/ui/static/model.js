@@ -1,0 +1,274 @@
+// A model: its card, its operating point, its measurements.
+
+import { begin, done, onChange, post, server } from "./api.js";
+import { code, fill, h, say, table } from "./dom.js";
+import { Form, words } from "./form.js";
+import { shown } from "./numbers.js";
+import { live } from "./work.js";
+
+const facts = new Map();
+const points = new Map(); // model → kept operating points, by name
+
+const TABS = [["card", "Card"], ["point", "Operating point"], ["measure", "Measure"]];
+
+export async function modelPage([name, tab = "card", ...rest]) {
+  const known = await factsOf(name);
+  const content = h("div");
+  const tabs = known.components ? [...TABS, ["diagram", "Diagram"]] : [...TABS, ["loop", "Close a loop"]];
+  const page = { card: card, point: point, measure: measure }[tab] ?? card;
+  const shownPage = await page(name, known, content, rest);
+  const address = (id) => (id === "diagram" ? `#/system/${encodeURIComponent(name)}` : id === "loop" ? `#/system/new/${encodeURIComponent(name)}` : `#/open/${encodeURIComponent(name)}/${id}`);
+  return {
+    title: known.model,
+    leave: shownPage?.leave,
+    element: h("div", {},
+      h("h1", {}, known.model), h("p", { class: "dim" }, known.description ?? name),
+      h("nav", { class: "tabs", "aria-label": "Of this model" }, tabs.map(([id, label]) => h("a", { href: address(id), "aria-current": id === tab ? "page" : null }, label))),
+      content),
+  };
+}
+
+/** What `info` says of a model; it is asked once. */
+export async function factsOf(name) {
+  if (!facts.has(name)) {
+    const asked = done("info", name, {}).then((work) => {
+      if (!work.record) throw new Error(work.failure.message ?? "there is no description");
+      return { ...work.record, call: work };
+    });
+    facts.set(name, asked);
+    asked.catch(() => facts.delete(name));
+  }
+  return facts.get(name);
+}
+
+/** Forget what is known of a model whose file was written. */
+export function forget(name) {
+  facts.delete(name);
+}
+
+// -- card --------------------------------------------------------------------------------------------
+
+async function card(name, known, content) {
+  const rows = [["file", name], ["FMI", known.fmi_version], ["made by", known.generation_tool], ["interfaces", (known.interfaces ?? []).join(", ")],
+    ["runs here", known.runs_here?.join(", ") || (known.runnable ? "yes" : "no: it has no binary for this machine")], ["platforms", known.platforms?.join(", ")], ["solver", known.solver]];
+  const health = h("div", { role: "status" }, h("p", { class: "dim" }, "Checked in the background …"));
+  const variables = ["inputs", "outputs", "states", "parameters"].flatMap((kind) => (known[kind] ?? []).map((v) => ({ ...v, kind: kind.slice(0, -1) })));
+  fill(content,
+    h("div", { class: "cards" },
+      h("section", {}, h("h2", {}, "What it is"), h("dl", {}, rows.filter(([, v]) => v).flatMap(([k, v]) => [h("dt", {}, k), h("dd", {}, v)]))),
+      h("section", {}, h("h2", {}, "Health"), health)),
+    known.notes?.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, known.notes.map((n) => h("li", {}, n)))) : null,
+    h("h2", {}, `${variables.length} variables`), variableTable(variables),
+    code(known.call.line, "The same in a terminal"));
+  if (known.runnable && !known.components) {
+    const earlier = [...server.works.values()].find((w) => w.command === "check" && w.subject[0] === name && w.state !== "failed");
+    const work = earlier ?? (await begin("check", name, {}));
+    const look = () => healthOf(work.number, health);
+    const end = onChange((w) => w.number === work.number && look());
+    look();
+    return { leave: end };
+  }
+  fill(health, h("p", {}, known.components ? `${known.components.length} components, ${known.connections.length} connections` : "It cannot run here."));
+  return null;
+}
+
+async function healthOf(number, place) {
+  const work = server.works.get(number);
+  if (work.state === "running" || work.state === "waiting") {
+    fill(place, h("p", { class: "dim" }, `Checked in the background: ${work.done} of ${work.total || "…"}`), h("progress", { max: work.total || 1, value: work.done, "aria-label": "check" }));
+    return;
+  }
+  const { whole } = await import("./api.js");
+  const full = await whole(number);
+  if (!full.record) {
+    fill(place, h("p", { class: "bad" }, full.failure.message ?? work.state));
+    return;
+  }
+  const counted = {};
+  for (const line of full.record.checks) counted[line.verdict] = [...(counted[line.verdict] ?? []), line];
+  const tones = { good: "good", watch: "watch", poor: "watch", broken: "bad" };
+  fill(place,
+    h("p", {}, Object.entries(counted).map(([verdict, lines], i) => [i ? ", " : "", h("strong", { class: tones[verdict] ?? "dim" }, `${lines.length} ${verdict}`)])),
+    h("ul", {}, full.record.checks.filter((l) => ["broken", "poor", "watch"].includes(l.verdict)).map((l) => h("li", {}, h("strong", { class: tones[l.verdict] }, l.name), ` ${l.evidence ?? ""}`))),
+    h("p", {}, h("a", { href: `#/work/${number}` }, "The whole check")));
+}
+
+/** Variables that can be searched; only those in sight are elements, so that thousands scroll smoothly. */
+export function variableTable(all) {
+  const height = 26;
+  let rows = all;
+  const inner = h("div", { class: "inner" });
+  const box = h("div", { class: "window", tabIndex: 0, role: "region", "aria-label": "Variables" }, inner);
+  const count = h("span", { class: "dim", role: "status" }, "");
+  const draw = () => {
+    inner.style.height = `${rows.length * height}px`;
+    const first = Math.max(0, Math.floor(box.scrollTop / height) - 5);
+    const seen = rows.slice(first, first + Math.ceil((box.clientHeight || 420) / height) + 10);
+    fill(inner, seen.map((v, i) => h("div", { class: "line", style: `top: ${(first + i) * height}px` },
+      h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", {}, shown(v.start)), h("span", { class: "dim" }, v.unit ?? ""), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
+  };
+  const search = h("input", {
+    type: "search", placeholder: "Search name, description, unit", "aria-label": "Search variables",
+    oninput: () => {
+      const text = search.value.toLowerCase();
+      rows = all.filter((v) => `${v.name} ${v.description ?? ""} ${v.unit ?? ""} ${v.kind}`.toLowerCase().includes(text));
+      count.textContent = `${rows.length} of ${all.length}`;
+      box.scrollTop = 0;
+      draw();
+    },
+  });
+  box.addEventListener("scroll", draw);
+  draw();
+  return h("div", {}, h("div", { class: "row" }, search, count),
+    h("div", { class: "window-head line dim" }, "name, kind, start value, unit, description"), box);
+}
+
+// -- operating point --------------------------------------------------------------------------------------
+
+function point(name, known, content, _rest) {
+  const values = { u: {}, p: {} };
+  const result = h("div", { role: "status" });
+  let waits = null;
+  let runs = null;
+  const changed = () => {
+    clearTimeout(waits);
+    waits = setTimeout(trim, 250);
+  };
+  const knobs = (list, kind) => list.filter((v) => v.type === "Real" || typeof v.start === "number").slice(0, 60).map((v) => knob(v, (x) => {
+    if (x === null) delete values[kind][v.name];
+    else values[kind][v.name] = x;
+    changed();
+  }));
+  async function trim() {
+    const asked = {
+      u0: Object.entries(values.u).map(([k, v]) => `${k}=${v}`), start_values: Object.entries(values.p).map(([k, v]) => `${k}=${v}`),
+      free: free.value.trim() || null, fix: fix.value.split("\n").filter(Boolean),
+    };
+    const mine = (runs = Symbol("trim"));
+    fill(result, h("p", { class: "dim" }, "Trimming …"));
+    try {
+      const work = await done("trim", name, Object.fromEntries(Object.entries(asked).filter(([, v]) => v?.length)));
+      if (mine === runs) showPoint(work, result, name);
+    } catch (error) {
+      if (mine === runs) fill(result, h("p", { class: "bad" }, Object.values(error.fields ?? { e: error.message }).join("; ")));
+    }
+  }
+  const free = h("input", { id: "free", type: "text", placeholder: "inputs, by commas", onchange: changed, spellcheck: false });
+  const fix = h("textarea", { id: "fix", rows: 2, placeholder: "NAME=VALUE, one a line", onchange: changed, spellcheck: false });
+  fill(content, h("div", { class: "columns" },
+    h("section", {}, h("h2", {}, "Inputs"), knobs(known.inputs, "u"),
+      h("details", {}, h("summary", {}, `Parameters (${known.parameters.length})`), knobs(known.parameters, "p")),
+      h("details", {}, h("summary", {}, "Find inputs for wanted values"), h("div", { class: "field" }, h("label", { for: "free" }, "Free inputs"), free), h("div", { class: "field" }, h("label", { for: "fix" }, "Wanted values"), fix))),
+    h("section", {}, h("h2", {}, "Equilibrium"), result, h("div", { id: "kept" }, keptList(name)))));
+  trim();
+  return null;
+}
+
+function knob(variable, onvalue) {
+  const id = `knob-${variable.name}`;
+  const start = typeof variable.start === "number" ? variable.start : 0;
+  const span = Math.abs(start) || 10;
+  const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(start, 10), "aria-describedby": `${id}-help` });
+  const slider = h("input", { type: "range", min: start - span, max: start + span, step: span / 100, value: start, "aria-label": `${variable.name}, slider` });
+  number.onchange = () => {
+    const x = Number(number.value);
+    const good = number.value.trim() !== "" && Number.isFinite(x);
+    number.setAttribute("aria-invalid", String(!good));
+    if (!good) return;
+    if (x < Number(slider.min)) slider.min = x;
+    if (x > Number(slider.max)) slider.max = x;
+    slider.value = x;
+    onvalue(x);
+  };
+  slider.oninput = () => {
+    number.value = shown(Number(slider.value), 6);
+    onvalue(Number(slider.value));
+  };
+  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? "" }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, variable.unit ?? ""));
+}
+
+function showPoint(work, place, name) {
+  if (!work.record) {
+    fill(place, h("p", { class: "bad" }, work.failure.message ?? work.state));
+    return;
+  }
+  const { operating_point: at, converged } = work.record;
+  const unit = (n) => at.units[n] ?? "";
+  const rows = (values) => Object.entries(values).map(([n, v]) => [n, shown(v), unit(n)]);
+  const label = h("input", { type: "text", "aria-label": "Name of the point", value: `point-${(points.get(name)?.size ?? 0) + 1}` });
+  fill(place,
+    h("p", { class: converged ? "good" : "bad" }, converged ? "At rest." : "No equilibrium was found; this is where the search ended."),
+    (work.notes ?? []).map((n) => h("p", { class: "dim" }, n)),
+    h("div", { class: "cards" }, table(["state", "value", "unit"], rows(at.x), { caption: "States" }), table(["signal", "value", "unit"], [...rows(at.u), ...rows(at.y)], { caption: "Inputs and outputs" })),
+    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), r.unit ?? ""]), { caption: "Residuals" }),
+    h("div", { class: "row" }, label, h("button", {
+      type: "button", onclick: async () => {
+        try {
+          const file = (await post(`/api/works/${work.number}/keep`, { name: `${label.value || "point"}.json` })).name;
+          const kept = points.get(name) ?? points.set(name, new Map()).get(name);
+          kept.set(label.value || "point", { file, work: work.number, at });
+          fill(document.getElementById("kept"), keptList(name));
+          say(`Kept as ${file}; analyses take it under "At".`);
+        } catch (error) {
+          say(error.message, true);
+        }
+      },
+    }, "Keep this point")),
+    code(work.line, "The same in a terminal"), work.call ? code(work.call, "in Python") : null);
+}
+
+function keptList(name) {
+  const kept = points.get(name);
+  if (!kept?.size) return null;
+  return [h("h3", {}, "Kept points"), h("ul", {}, [...kept].map(([label, p]) => h("li", {}, h("a", { href: `#/work/${p.work}` }, p.file), ` ${Object.entries(p.at.u).map(([k, v]) => `${k} = ${shown(v, 4)}`).join(", ")}`)))];
+}
+
+// -- measure ---------------------------------------------------------------------------------------------
+
+const asking = new Map(); // model and command → what was filled in
+
+async function measure(name, known, content, [command = "nfr"]) {
+  const form = server.forms[command];
+  const key = `${name} ${command}`;
+  const place = h("section", { "aria-label": "Result" });
+  const fields = new Form(form, known, { values: asking.get(key) ?? {}, files: [...(points.get(name)?.values() ?? [])].map((p) => p.file) });
+  const line = h("div");
+  let shownWork = null;
+  const run = h("button", { type: "submit" }, `Run ${command}`);
+  const watch = (number) => {
+    shownWork?.leave();
+    shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again });
+    fill(place, shownWork.element);
+  };
+  function again(values) {
+    for (const [n, v] of Object.entries(values)) fields.set(n, v);
+    submit();
+  }
+  async function submit() {
+    const values = fields.values();
+    asking.set(key, values);
+    fields.wrong({});
+    run.disabled = true;
+    try {
+      const work = await begin(command, name, values);
+      fill(line, code(work.line, "The same in a terminal"));
+      watch(work.number);
+    } catch (error) {
+      if (error.fields) fields.wrong(error.fields);
+      else fields.wrong({ "": error.message });
+    } finally {
+      run.disabled = false;
+    }
+  }
+  const choose = h("select", { id: "command", onchange: () => { location.hash = `#/open/${encodeURIComponent(name)}/measure/${choose.value}`; } },
+    Object.keys(server.forms).map((c) => h("option", { value: c, selected: c === command }, c)));
+  fill(content, h("div", { class: "columns" },
+    h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, noValidate: true },
+      h("div", { class: "field" }, h("label", { for: "command" }, "Analysis"), choose, h("p", { class: "help" }, form.help)),
+      fields.element, h("div", { class: "row" }, run), line),
+    place));
+  const last = [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name).pop();
+  if (last) watch(last.number);
+  else fill(place, h("p", { class: "dim" }, `${words(form.counts)} appear here while they are measured. Fields with * are needed.`));
+  return { leave: () => shownWork?.leave() };
+}

@@ -1,0 +1,425 @@
+// Pictures of curves: drawn on a canvas, or with the same strokes into an SVG file. Curves may fold back (branches).
+
+import { brief, extent, nearest, shown, ticks } from "./numbers.js";
+import { h } from "./dom.js";
+
+const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, TOUCH = 28;
+
+/** Colours of curves, each legible on light and on dark ground. */
+export function colour(number) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--curve-${number % 8}`).trim() || "#888";
+}
+
+class CanvasPen {
+  constructor(context) {
+    this.c = context;
+  }
+  clip(x, y, w, hgt, draw) {
+    this.c.save();
+    this.c.beginPath();
+    this.c.rect(x, y, w, hgt);
+    this.c.clip();
+    draw();
+    this.c.restore();
+  }
+  path(steps, { stroke = null, fill = null, width = 1.5, dash = [] }) {
+    const c = this.c;
+    c.beginPath();
+    for (const [kind, ...at] of steps) {
+      if (kind === "M") c.moveTo(...at);
+      else if (kind === "L") c.lineTo(...at);
+      else if (kind === "O") {
+        c.moveTo(at[0] + at[2], at[1]);
+        c.arc(at[0], at[1], at[2], 0, 2 * Math.PI);
+      } else c.closePath();
+    }
+    c.setLineDash(dash);
+    if (fill) {
+      c.fillStyle = fill;
+      c.fill();
+    }
+    if (stroke) {
+      c.strokeStyle = stroke;
+      c.lineWidth = width;
+      c.lineJoin = "round";
+      c.stroke();
+    }
+  }
+  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false }) {
+    const c = this.c;
+    c.save();
+    c.fillStyle = ink;
+    c.font = `${size}px system-ui, sans-serif`;
+    c.textAlign = align;
+    c.textBaseline = "middle";
+    c.translate(x, y);
+    if (turned) c.rotate(-Math.PI / 2);
+    c.fillText(words, 0, 0);
+    c.restore();
+  }
+}
+
+class SvgPen {
+  constructor(width, height) {
+    this.parts = [];
+    this.size = [width, height];
+    this.clips = 0;
+  }
+  clip(x, y, w, hgt, draw) {
+    const id = `c${(this.clips += 1)}`;
+    this.parts.push(`<clipPath id="${id}"><rect x="${x}" y="${y}" width="${w}" height="${hgt}"/></clipPath><g clip-path="url(#${id})">`);
+    draw();
+    this.parts.push("</g>");
+  }
+  path(steps, { stroke = null, fill = null, width = 1.5, dash = [] }) {
+    const d = steps.map(([kind, ...at]) => {
+      if (kind === "O") {
+        const [x, y, r] = at;
+        return `M${x + r} ${y}A${r} ${r} 0 1 1 ${x - r} ${y}A${r} ${r} 0 1 1 ${x + r} ${y}`;
+      }
+      return kind === "Z" ? "Z" : `${kind}${at.map((v) => v.toFixed(2)).join(" ")}`;
+    }).join("");
+    const dashed = dash.length ? ` stroke-dasharray="${dash.join(" ")}"` : "";
+    this.parts.push(`<path d="${d}" fill="${fill ?? "none"}" stroke="${stroke ?? "none"}" stroke-width="${width}" stroke-linejoin="round"${dashed}/>`);
+  }
+  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false }) {
+    const anchor = { center: "middle", left: "start", right: "end" }[align];
+    const safe = String(words).replace(/[<>&"]/g, (c) => `&#${c.charCodeAt(0)};`);
+    const turn = turned ? ` transform="rotate(-90 ${x} ${y})"` : "";
+    this.parts.push(`<text x="${x}" y="${y}" fill="${ink}" font-size="${size}" text-anchor="${anchor}" dominant-baseline="central"${turn}>${safe}</text>`);
+  }
+  toString() {
+    const [w, hgt] = this.size;
+    return `<svg xmlns="http://www.w3.org/2000/svg" width="${w}" height="${hgt}" viewBox="0 0 ${w} ${hgt}" font-family="sans-serif">${this.parts.join("")}</svg>`;
+  }
+}
+
+/**
+ * One pair of axes with curves.
+ *
+ * A curve: {label, colour, x, y, low?, high?, dashed? (per point: the line to it is dashed), marks? (per point: "dot",
+ * "triangle", "cross", "" none), line (false: marks alone), points (what a click on each gives)}. null in y: a gap.
+ */
+export class Plot {
+  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null }) {
+    Object.assign(this, { x, y, height, equal, onpick, onband, onmove, curves: [], lines: [] });
+    this.view = null;
+    this.cursor = null;
+    this.banding = false;
+    this.canvas = h("canvas", { tabIndex: 0, role: "img", "aria-label": label, class: "plot" });
+    this.readout = h("p", { class: "readout", role: "status", "aria-live": "polite" });
+    this.element = h("div", { class: "plotted" }, this.canvas, this.readout);
+    this.listen();
+    this.observer = new ResizeObserver(() => this.later());
+    this.observer.observe(this.element);
+  }
+
+  set(curves, { keep = true, lines = [] } = {}) {
+    this.curves = curves;
+    this.lines = lines;
+    if (!keep) this.view = null;
+    this.later();
+  }
+
+  later() {
+    if (this.asked) return;
+    this.asked = requestAnimationFrame(() => {
+      this.asked = 0;
+      this.draw();
+    });
+  }
+
+  /** Limits of both axes: those that were chosen, or all that there is. */
+  limits() {
+    const natural = {};
+    for (const [axis, lists] of [["x", this.curves.map((c) => c.x)], ["y", this.curves.flatMap((c) => [c.y])]]) {
+      let [low, high] = extent(lists) ?? (this[axis].log ? [0.1, 10] : [-1, 1]);
+      if (this[axis].log && low > 0) {
+        const more = Math.max(1.05, (high / low) ** 0.03);
+        [low, high] = [low / more, high * more];
+      } else {
+        const more = Math.max((high - low) * 0.06, this[axis].least ?? Math.abs(high) * 1e-3, 1e-12);
+        [low, high] = [low - more, high + more];
+      }
+      natural[axis] = [low, high];
+    }
+    const found = { x: this.view?.x ?? natural.x, y: this.view?.y ?? natural.y };
+    if (this.equal && !this.view) {
+      const [w, hgt] = [this.width - LEFT - RIGHT, this.height - TOP - BOTTOM];
+      const unit = Math.max((found.x[1] - found.x[0]) / w, (found.y[1] - found.y[0]) / hgt);
+      for (const [axis, pixels] of [["x", w], ["y", hgt]]) {
+        const middle = (found[axis][0] + found[axis][1]) / 2;
+        found[axis] = [middle - (unit * pixels) / 2, middle + (unit * pixels) / 2];
+      }
+    }
+    return found;
+  }
+
+  scales() {
+    const { x, y } = this.limits();
+    const make = (log, [low, high], from, to) => {
+      const [f, back] = log ? [Math.log, Math.exp] : [(v) => v, (v) => v];
+      const slope = (to - from) / (f(high) - f(low));
+      return { at: (v) => from + (f(v) - f(low)) * slope, of: (p) => back(f(low) + (p - from) / slope) };
+    };
+    return {
+      x: make(this.x.log, x, LEFT, this.width - RIGHT), y: make(this.y.log, y, this.height - BOTTOM, TOP), limits: { x, y },
+    };
+  }
+
+  draw() {
+    this.width = Math.max(240, this.element.clientWidth);
+    const ratio = window.devicePixelRatio || 1;
+    const [w, hgt] = [Math.round(this.width * ratio), Math.round(this.height * ratio)];
+    if (this.canvas.width !== w || this.canvas.height !== hgt) {
+      this.canvas.width = w;
+      this.canvas.height = hgt;
+    }
+    const context = this.canvas.getContext("2d");
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, this.width, this.height);
+    this.strokes(new CanvasPen(context), true);
+  }
+
+  svg({ legend = true } = {}) {
+    const pen = new SvgPen(this.width, this.height + (legend ? 18 * this.curves.length : 0));
+    const ground = getComputedStyle(document.body).backgroundColor;
+    pen.path([["M", 0, 0], ["L", this.width, 0], ["L", this.width, pen.size[1]], ["L", 0, pen.size[1]], ["Z"]], { fill: ground });
+    this.strokes(pen, false);
+    if (legend) {
+      this.curves.forEach((c, i) => {
+        const y = this.height + 9 + 18 * i;
+        pen.path([["M", LEFT, y], ["L", LEFT + 24, y]], { stroke: c.colour, width: 2 });
+        pen.text(c.label, LEFT + 32, y, { colour: this.ink(), align: "left" });
+      });
+    }
+    return pen.toString();
+  }
+
+  png() {
+    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
+  }
+
+  ink(name = "--ink") {
+    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  }
+
+  strokes(pen, live) {
+    const scale = this.scales();
+    const { limits } = scale;
+    const [ink, grid, dim] = [this.ink(), this.ink("--grid"), this.ink("--dim")];
+    const [bottom, right] = [this.height - BOTTOM, this.width - RIGHT];
+    const place = { x: (v) => [["M", v, TOP], ["L", v, bottom]], y: (v) => [["M", LEFT, v], ["L", right, v]] };
+    for (const axis of ["x", "y"]) {
+      for (const tick of ticks(...limits[axis], this[axis].log, axis === "x" ? this.width / 90 : this.height / 42)) {
+        const at = scale[axis].at(tick.value);
+        pen.path(place[axis](at), { stroke: grid, width: tick.minor ? 0.5 : 1 });
+        if (!tick.label) continue;
+        if (axis === "x") pen.text(tick.label, at, bottom + 14, { colour: ink });
+        else pen.text(tick.label, LEFT - 7, at, { colour: ink, align: "right" });
+      }
+    }
+    for (const { axis, value } of this.lines) pen.path(place[axis](scale[axis].at(value)), { stroke: dim, width: 1, dash: [6, 4] });
+    pen.path([["M", LEFT, TOP], ["L", LEFT, bottom], ["L", right, bottom], ["L", right, TOP], ["Z"]], { stroke: dim, width: 1 });
+    pen.text(this.x.label, (LEFT + right) / 2, this.height - 9, { colour: ink });
+    pen.text(this.y.label, 14, (TOP + bottom) / 2, { colour: ink, turned: true });
+    pen.clip(LEFT, TOP, right - LEFT, bottom - TOP, () => {
+      for (const curve of this.curves) this.curve(pen, curve, scale);
+      if (live && this.band) {
+        const [a, b] = this.band;
+        pen.path([["M", a, TOP], ["L", b, TOP], ["L", b, bottom], ["L", a, bottom], ["Z"]], { fill: this.ink("--band") });
+      }
+    });
+    if (live && this.cursor !== null) {
+      const at = scale.x.at(this.cursor);
+      if (at >= LEFT && at <= right) pen.path([["M", at, TOP], ["L", at, bottom]], { stroke: dim, width: 1, dash: [2, 3] });
+    }
+    if (live && this.picked) {
+      const p = this.spot(this.picked, scale);
+      if (p) pen.path([["O", p.x, p.y, 8]], { stroke: ink, width: 2 });
+    }
+  }
+
+  curve(pen, curve, scale) {
+    const xs = curve.x.map((v) => scale.x.at(v));
+    const ys = curve.y.map((v) => (v === null || !Number.isFinite(v) ? null : scale.y.at(v)));
+    if (curve.line !== false) {
+      for (const dashed of [false, true]) {
+        const steps = [];
+        let last = null;
+        ys.forEach((y, i) => {
+          if (y === null) return;
+          const mine = Boolean(curve.dashed?.[i]) || Boolean(last !== null && curve.dashed?.[last]);
+          if (last !== null && mine === dashed && !(curve.gaps && last !== i - 1)) {
+            steps.push(["M", xs[last], ys[last]], ["L", xs[i], y]);
+          }
+          last = i;
+        });
+        const joined = steps.filter((s, i) => i === 0 || s[0] !== "M" || s[1] !== steps[i - 1][1] || s[2] !== steps[i - 1][2]);
+        if (joined.length) pen.path(joined, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
+      }
+    }
+    if (curve.low && curve.high) {
+      const bars = [];
+      ys.forEach((y, i) => {
+        if (y === null || curve.low[i] === null || curve.high[i] === null) return;
+        const [a, b] = [scale.y.at(curve.low[i]), scale.y.at(curve.high[i])];
+        if (Math.abs(a - b) > 3) bars.push(["M", xs[i], a], ["L", xs[i], b], ["M", xs[i] - 3, a], ["L", xs[i] + 3, a], ["M", xs[i] - 3, b], ["L", xs[i] + 3, b]);
+      });
+      if (bars.length) pen.path(bars, { stroke: curve.colour, width: 1 });
+    }
+    if (!curve.marks) return;
+    const shapes = { dot: [], triangle: [], cross: [], square: [] };
+    const size = ys.length > 400 ? 2 : 3.5;
+    ys.forEach((y, i) => {
+      const kind = curve.marks[i];
+      const at = y ?? (kind === "cross" ? this.height - BOTTOM - 8 : null);
+      if (!kind || at === null) return;
+      const x = xs[i];
+      if (kind === "dot") shapes.dot.push(["O", x, at, size]);
+      else if (kind === "triangle") shapes.triangle.push(["M", x, at - size - 1], ["L", x + size + 1, at + size], ["L", x - size - 1, at + size], ["Z"]);
+      else if (kind === "square") shapes.square.push(["M", x - size, at - size], ["L", x + size, at - size], ["L", x + size, at + size], ["L", x - size, at + size], ["Z"]);
+      else shapes.cross.push(["M", x - 4, at - 4], ["L", x + 4, at + 4], ["M", x + 4, at - 4], ["L", x - 4, at + 4]);
+    });
+    if (shapes.dot.length) pen.path(shapes.dot, { fill: curve.colour });
+    if (shapes.triangle.length) pen.path(shapes.triangle, { fill: this.ink("--ground"), stroke: curve.colour });
+    if (shapes.square.length) pen.path(shapes.square, { fill: this.ink("--ground"), stroke: curve.colour });
+    if (shapes.cross.length) pen.path(shapes.cross, { stroke: curve.colour, width: 2 });
+  }
+
+  spot({ curve, index }, scale = this.scales()) {
+    const c = this.curves[curve];
+    if (!c || index >= c.x.length) return null;
+    const y = c.y[index];
+    const at = y === null || !Number.isFinite(y) ? (c.marks?.[index] === "cross" ? this.height - BOTTOM - 8 : null) : scale.y.at(y);
+    return at === null ? null : { x: scale.x.at(c.x[index]), y: at };
+  }
+
+  near(px, py, most) {
+    const scale = this.scales();
+    const all = this.curves.flatMap((c, curve) => c.x.map((_, index) => ({ curve, index })));
+    const found = nearest(all.map((a) => this.spot(a, scale)), px, py, most);
+    return found === null ? null : all[found];
+  }
+
+  show(where) {
+    if (!where) {
+      this.cursor = null;
+      this.readout.textContent = "";
+    } else {
+      const c = this.curves[where.curve];
+      this.cursor = c.x[where.index];
+      this.readout.textContent = `${c.label}: ${this.x.label.replace(/ *\[.*/, "")} ${shown(c.x[where.index])}, ` +
+        `${this.y.label.replace(/ *\[.*/, "")} ${shown(c.y[where.index])}${c.says?.[where.index] ? `, ${c.says[where.index]}` : ""}`;
+    }
+    this.here = where;
+    this.onmove?.(this.cursor);
+    this.later();
+  }
+
+  zoom(factor, px, py, axes = ["x", "y"]) {
+    const { limits, ...scale } = this.scales();
+    const view = { ...limits };
+    for (const axis of axes) {
+      const about = scale[axis].of(axis === "x" ? px : py);
+      view[axis] = limits[axis].map((v) => (this[axis].log ? about * (v / about) ** factor : about + (v - about) * factor));
+    }
+    this.view = view;
+    this.later();
+    this.onview?.(this.view);
+  }
+
+  pan(dx, dy) {
+    const { limits, x, y } = this.scales();
+    const shift = (scale, [low, high], d) => [scale.of(scale.at(low) - d), scale.of(scale.at(high) - d)];
+    this.view = { x: shift(x, limits.x, dx), y: shift(y, limits.y, dy) };
+    this.later();
+    this.onview?.(this.view);
+  }
+
+  whole() {
+    this.view = null;
+    this.later();
+    this.onview?.(null);
+  }
+
+  listen() {
+    const canvas = this.canvas;
+    let held = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false };
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const [x, y] = [event.offsetX, event.offsetY];
+      if (!held) {
+        this.show(this.near(x, y, 60));
+        return;
+      }
+      if (Math.abs(x - held.from) + Math.abs(y - held.y) > 3) held.moved = true;
+      if (this.banding || event.shiftKey) this.band = [held.from, x].sort((a, b) => a - b);
+      else if (held.moved) this.pan(x - held.x, y - held.y);
+      [held.x, held.y] = this.banding ? [held.x, held.y] : [x, y];
+      this.later();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      const band = this.band;
+      const moved = held?.moved;
+      [held, this.band] = [null, null];
+      if (band && band[1] - band[0] > 4) {
+        const { x } = this.scales();
+        this.onband?.(x.of(band[0]), x.of(band[1]));
+      } else if (!moved) this.pick(this.near(event.offsetX, event.offsetY, TOUCH));
+      this.later();
+    });
+    canvas.addEventListener("pointerleave", () => !held && this.show(null));
+    canvas.addEventListener("dblclick", () => this.whole());
+    canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return; // the page scrolls, until the picture is chosen
+      event.preventDefault();
+      this.zoom(Math.exp(event.deltaY * 0.0015), event.offsetX, event.offsetY, event.shiftKey ? ["x"] : ["x", "y"]);
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const middle = [(LEFT + this.width - RIGHT) / 2, (TOP + this.height - BOTTOM) / 2];
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      const curve = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+      if (step) this.show(this.beside(step));
+      else if (curve) this.show(this.other(curve));
+      else if (event.key === "Enter" && this.here) this.pick(this.here);
+      else if (event.key === "+") this.zoom(0.8, ...middle);
+      else if (event.key === "-") this.zoom(1.25, ...middle);
+      else if (event.key === "0") this.whole();
+      else return;
+      event.preventDefault();
+    });
+  }
+
+  beside(step) {
+    const { curve = 0, index = step > 0 ? -1 : this.curves[0]?.x.length ?? 0 } = this.here ?? {};
+    const c = this.curves[curve];
+    if (!c) return null;
+    return { curve, index: Math.max(0, Math.min(c.x.length - 1, index + step)) };
+  }
+
+  other(step) {
+    const count = this.curves.length;
+    if (!count) return null;
+    const curve = ((this.here?.curve ?? 0) + step + count) % count;
+    return { curve, index: Math.min(this.here?.index ?? 0, this.curves[curve].x.length - 1) };
+  }
+
+  pick(where) {
+    this.picked = where;
+    this.later();
+    this.onpick?.(where ? this.curves[where.curve].points?.[where.index] ?? null : null, where);
+  }
+}
+
+/** What a curve's line and marks mean. */
+export function legend(curves, { onremove = null } = {}) {
+  return h("ul", { class: "legend" }, curves.map((c) => h("li", {},
+    h("span", { class: "swatch", style: `--own: ${c.colour}` }), c.label,
+    onremove && c.removable ? h("button", { type: "button", class: "quiet", "aria-label": `remove ${c.label}`, onclick: () => onremove(c) }, "×") : null)));
+}
+
+export { brief };

@@ -1,0 +1,365 @@
+// One work: its picture while it runs, its report when it has ended, and what a point of it knows.
+
+import { begin, ended, get, onChange, server, stop, whole } from "./api.js";
+import { code, fill, h, save, say, table } from "./dom.js";
+import { bode, decibels, shown, wrapped } from "./numbers.js";
+import { Plot, colour, legend } from "./plot.js";
+import { pin, pinned } from "./compare.js";
+
+export async function workPage([number]) {
+  const work = server.works.get(Number(number)) ?? (await whole(Number(number)));
+  const shownWork = live(Number(number), {});
+  return {
+    title: `${work.command} ${number}`,
+    leave: shownWork.leave,
+    element: h("div", {}, h("h1", {}, `${work.command} of ${work.subject.join(", ")}`),
+      work.subject.length === 1 ? h("p", {}, h("a", { href: `#/open/${encodeURIComponent(work.subject[0])}` }, "To the model")) : null, shownWork.element),
+  };
+}
+
+/** What a work shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse. */
+export function live(number, { onband = null, onagain = null }) {
+  const head = h("div", { role: "status" });
+  const body = h("div");
+  const tail = h("div");
+  let picture = null;
+  let waits = 0;
+  const update = async () => {
+    const work = server.works.get(number);
+    if (!work) return;
+    const running = work.state === "running" || work.state === "waiting";
+    fill(head, h("div", { class: "row" },
+      h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
+      h("span", {}, running && work.total ? `${work.done} of ${work.total} ${work.words ?? ""}` : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
+      running ? h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop") : null,
+      !running && onagain === null ? null : work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null),
+      running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": work.command }) : null,
+      work.failure?.message ? h("p", { class: "bad" }, `${work.failure.kind}: ${work.failure.message}`) : null);
+    if (work.points.length && work.points.some((p) => p && "response" in p)) {
+      picture ??= new Bode({ onband, number, onagain });
+      if (!picture.element.isConnected) fill(body, picture.element);
+      if (running) picture.show(ofPoints(work.points.filter(Boolean)));
+    }
+    if (!running) await finished();
+  };
+  const finished = async () => {
+    const full = await whole(number);
+    if (full.curves.length) {
+      picture ??= new Bode({ onband, number, onagain });
+      if (!picture.element.isConnected) fill(body, picture.element);
+      picture.show(full.curves, full);
+    } else if (full.signals) {
+      fill(body, histories(full.signals));
+    }
+    fill(tail, afterwards(full));
+  };
+  const end = onChange((work, event) => {
+    if (work.number !== number) return;
+    if (event.event === "state") update();
+    else waits ||= requestAnimationFrame(() => { waits = 0; update(); });
+  });
+  update();
+  return { element: h("div", {}, head, body, tail), leave: end };
+}
+
+/** Curves of the points that there are so far, one an amplitude. */
+function ofPoints(points) {
+  const curves = new Map();
+  for (const p of points) {
+    const label = shown(p.amplitude, 4);
+    if (!curves.has(label)) curves.set(label, { label, kind: "measured", amplitude: p.amplitude, frequency_hz: [], re: [], im: [], error: [], status: [], stable: [], points: [] });
+    const c = curves.get(label);
+    c.frequency_hz.push(p.frequency);
+    c.re.push(p.response?.[0] ?? null);
+    c.im.push(p.response?.[1] ?? null);
+    c.error.push(p.error);
+    c.status.push(p.reason ? "failed" : p.averaged ? "averaged" : "settled");
+    c.stable.push(p.stable);
+    c.points.push(p);
+  }
+  return [...curves.values()].sort((a, b) => a.amplitude - b.amplitude);
+}
+
+const MARKS = { settled: "dot", averaged: "triangle", failed: "cross" };
+
+/** Gain and phase over frequency, with a cursor through both, and all that can be asked of them. */
+export class Bode {
+  constructor({ onband = null, number = null, onagain = null, title = "" }) {
+    Object.assign(this, { onband, number, onagain, own: [], settings: { unwrap: true, linear: false, radians: false } });
+    const x = { label: "frequency [Hz]", log: true };
+    const common = {
+      x, onpick: (point, where) => this.pick(point, where), onband: (lo, hi) => this.banded(lo, hi),
+    };
+    this.gain = new Plot({ ...common, y: { label: "gain [dB]", log: false, least: 1 }, label: `${title} Bode picture, gain. Arrow keys go from point to point, Enter picks one, plus, minus and 0 zoom.`, height: 280, onmove: (v) => this.follow(this.phase, v) });
+    this.phase = new Plot({ ...common, y: { label: "phase [deg]", log: false, least: 5 }, label: `${title} Bode picture, phase`, height: 220, onmove: (v) => this.follow(this.gain, v) });
+    for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
+      one.onview = (view) => {
+        other.view = view ? { x: view.x, y: other.view?.y ?? other.limits().y } : null;
+        other.later();
+      };
+    }
+    this.names = h("div");
+    this.asked = h("section", { "aria-label": "The point", "aria-live": "polite" });
+    const toggle = (label, name) => h("button", {
+      type: "button", class: "quiet", "aria-pressed": "false", onclick: (event) => {
+        this.settings[name] = !this.settings[name];
+        event.currentTarget.setAttribute("aria-pressed", String(this.settings[name]));
+        this.gain.view = this.phase.view = null;
+        this.redraw();
+      },
+    }, label);
+    const unwrap = toggle("Unwrap", "unwrap");
+    unwrap.setAttribute("aria-pressed", "true");
+    this.tools = h("div", { class: "row", role: "toolbar", "aria-label": "Picture" },
+      unwrap, toggle("Linear gain", "linear"), toggle("rad/s", "radians"),
+      onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
+      h("button", { type: "button", class: "quiet", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
+      h("button", { type: "button", class: "quiet", onclick: () => this.keep() }, "Pin"),
+      h("button", { type: "button", class: "quiet", onclick: () => this.saveSvg() }, "SVG"),
+      h("button", { type: "button", class: "quiet", onclick: async () => save(await this.gain.png(), "gain.png") }, "PNG"),
+      h("button", { type: "button", class: "quiet", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
+    this.element = h("div", {}, this.tools, this.names, this.gain.element, this.phase.element, this.asked);
+  }
+
+  show(curves, full = null) {
+    this.full = full;
+    this.own = full ? withPoints(curves, server.works.get(this.number)?.points ?? full.points) : curves;
+    this.redraw();
+  }
+
+  all() {
+    return [...this.own, ...pinned().map((c) => ({ ...c, removable: true }))];
+  }
+
+  redraw() {
+    const { radians, linear } = this.settings;
+    const gains = [];
+    const phases = [];
+    this.gain.x.label = this.phase.x.label = radians ? "frequency [rad/s]" : "frequency [Hz]";
+    const unit = this.own[0]?.output_unit && this.own[0]?.input_unit ? `${this.own[0].output_unit}/${this.own[0].input_unit}` : "1";
+    this.gain.y.label = linear ? `gain [${unit}]` : "gain [dB]";
+    this.all().forEach((curve, i) => {
+      const b = bode(curve, this.settings);
+      const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
+      const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
+      const common = {
+        label: curve.label, colour: colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" ? 1.2 : 1.8, removable: curve.removable,
+        dash: curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        says: curve.status ? b.index.map((k) => curve.status[k]) : null,
+      };
+      gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
+      phases.push({ ...common, y: b.phase, low: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p - b.swing[k])), high: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p + b.swing[k])) });
+    });
+    this.gain.set(gains);
+    this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
+    fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); } }));
+  }
+
+  follow(plot, value) {
+    plot.cursor = value;
+    plot.later();
+  }
+
+  banding(button) {
+    const on = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(on));
+    this.gain.banding = this.phase.banding = on;
+  }
+
+  banded(lo, hi) {
+    const by = this.settings.radians ? 2 * Math.PI : 1;
+    this.onband?.(lo / by, hi / by);
+  }
+
+  keep() {
+    for (const curve of this.own) pin({ ...curve, label: `${this.number ?? ""} ${curve.label}`.trim(), points: null });
+    say(`${this.own.length} curves pinned; they stay in every picture, and under Compare.`);
+    this.redraw();
+  }
+
+  saveSvg() {
+    const [a, b] = [this.gain.svg({ legend: false }), this.phase.svg()];
+    const [w, h1] = [this.gain.width, this.gain.height];
+    const h2 = this.phase.height + 18 * this.phase.curves.length;
+    const inner = (s) => s.replace(/^<svg[^>]*>/, "").replace(/<\/svg>$/, "");
+    save(`<svg xmlns="http://www.w3.org/2000/svg" width="${w}" height="${h1 + h2}" font-family="sans-serif">${inner(a)}<g transform="translate(0 ${h1})">${inner(b).replaceAll('id="c', 'id="d').replaceAll("url(#c", "url(#d")}</g></svg>`, "bode.svg", "image/svg+xml");
+  }
+
+  pick(point, where) {
+    for (const plot of [this.gain, this.phase]) {
+      plot.picked = where;
+      plot.later();
+    }
+    if (!point) {
+      fill(this.asked);
+      return;
+    }
+    fill(this.asked, pointOf(point, this));
+  }
+}
+
+/** The points that were told, beside the curves of the record. */
+function withPoints(curves, points) {
+  const known = new Map(points.filter((p) => p && "response" in p).map((p) => [`${p.amplitude} ${p.frequency}`, p]));
+  return curves.map((c) => ({ ...c, points: c.kind === "measured" ? c.frequency_hz.map((f) => known.get(`${c.amplitude} ${f}`) ?? null) : null }));
+}
+
+/** Everything that is known of a point: what it is worth, harmonics, multipliers, neighbours; and what can be asked. */
+function pointOf({ curve, index }, picture) {
+  const f = curve.frequency_hz[index];
+  const [re, im] = [curve.re[index], curve.im[index]];
+  const told = curve.points?.[index];
+  const rows = [
+    ["frequency", `${shown(f)} Hz`], ["curve", curve.label], ["gain", re === null ? "–" : `${shown(decibels(re, im))} dB, ${shown(Math.hypot(re, im))}`],
+    ["phase", re === null ? "–" : `${shown(wrapped([{ re, im }])[0])} deg`], ["error, 95 %", curve.error?.[index] === undefined ? null : curve.error[index] === null ? "not known" : `${shown(100 * curve.error[index], 3)} %`],
+    ["stable", curve.stable ? shown(curve.stable[index] === null ? null : Boolean(curve.stable[index])) : null], ["status", curve.status?.[index]],
+  ];
+  const certificate = told?.certificate;
+  if (told) rows.push(["periods run", shown(told.periods)], ["offset", shown(told.offset)], ["why it failed", told.reason], ["remark", told.warning]);
+  if (certificate) rows.push(["method", certificate.method], ["total harmonic distortion", certificate.thd === null ? null : `${shown(100 * certificate.thd, 3)} %`], ["distance to a fold", certificate.fold_distance === null ? null : shown(certificate.fold_distance, 3)], ["why it did not settle", certificate.why]);
+  const beside = neighbours(curve, index);
+  const run = h("div");
+  return h("div", {},
+    h("h2", {}, `Point at ${shown(f)} Hz`),
+    h("div", { class: "cards" },
+      h("dl", {}, rows.filter(([, v]) => v !== null && v !== undefined && v !== "").flatMap(([k, v]) => [h("dt", {}, k), h("dd", {}, v)])),
+      certificate?.harmonics?.some((x) => x !== null) ? table(["harmonic", "of the fundamental [%]"], certificate.harmonics.map((x, i) => [String(i + 2), x === null ? "–" : shown(100 * x, 3)]), { caption: "Harmonics of the output" }) : null,
+      certificate?.multipliers?.length ? table(["multiplier", "magnitude"], certificate.multipliers.map(([a, b]) => [`${shown(a, 4)}${b ? ` ${b < 0 ? "−" : "+"} ${shown(Math.abs(b), 4)}j` : ""}`, shown(Math.hypot(a, b), 4)]), { caption: "Floquet multipliers" }) : null,
+      beside.length ? table(["neighbour [Hz]", "gain, relative [dB]", "phase, relative [deg]"], beside, { caption: "Neighbours" }) : null),
+    picture.number && curve.kind === "measured" && curve.amplitude !== undefined ? h("div", { class: "row" },
+      h("button", { type: "button", onclick: () => lastPeriod(picture.number, curve.amplitude, f, run) }, "Input and output over a period"),
+      picture.onagain ? h("button", { type: "button", class: "quiet", onclick: () => picture.onagain({ band: "", frequencies: String(f), amplitudes: String(curve.amplitude), errcrit: "0.001", max_periods: "200" }) }, "Measure again, more exactly") : null) : null,
+    run);
+}
+
+function neighbours(curve, index) {
+  const order = curve.frequency_hz.map((f, i) => [f, i]).filter(([, i]) => curve.re[i] !== null).sort((a, b) => a[0] - b[0]).map(([, i]) => i);
+  const at = order.indexOf(index);
+  if (at < 0) return [];
+  return [order[at - 1], order[at + 1]].filter((i) => i !== undefined).map((i) => {
+    const [a, b, c, d] = [curve.re[i], curve.im[i], curve.re[index], curve.im[index]];
+    const ratio = [(a * c + b * d) / (c * c + d * d), (b * c - a * d) / (c * c + d * d)];
+    return [shown(curve.frequency_hz[i]), shown(decibels(...ratio), 3), shown(wrapped([{ re: ratio[0], im: ratio[1] }])[0], 3)];
+  });
+}
+
+const PERIODS = 12;
+
+/** Run the model with the sine of a point, and show its last period. */
+async function lastPeriod(number, amplitude, f, place) {
+  const work = server.works.get(number);
+  const { input, output } = work.asked;
+  const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values", "bias"].filter((n) => work.asked[n] !== undefined).map((n) => [n, work.asked[n]]));
+  fill(place, h("p", { class: "dim" }, "Running …"));
+  try {
+    const asked = { ...kept, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f}`], outputs: [output], stop: PERIODS / f, interval: 1 / (200 * f) };
+    const full = await ended((await begin("simulate", work.subject, asked)).number);
+    if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
+    const last = full.signals.time.findIndex((t) => t >= (PERIODS - 1) / f - 1e-12);
+    const signals = { ...full.signals, time: full.signals.time.slice(last), signals: Object.fromEntries(Object.entries(full.signals.signals).map(([n, v]) => [n, v.slice(last)])) };
+    signals.signals[input] ??= signals.time.map((t) => amplitude * Math.sin(2 * Math.PI * f * t));
+    fill(place, h("p", { class: "dim" }, `The last of ${PERIODS} periods of a run from the operating point.`), histories(signals));
+  } catch (error) {
+    fill(place, h("p", { class: "bad" }, Object.values(error.fields ?? { e: error.message }).join("; ")));
+  }
+}
+
+/** Signals over time, one picture for each unit. */
+export function histories({ time, signals, units }) {
+  const groups = Map.groupBy ? Map.groupBy(Object.keys(signals), (n) => units[n] ?? "") : grouped(Object.keys(signals), (n) => units[n] ?? "");
+  return h("div", {}, [...groups].slice(0, 8).map(([unit, names]) => {
+    const plot = new Plot({ x: { label: "time [s]", log: false }, y: { label: `${names.length === 1 ? names[0] : "signals"} [${unit || "–"}]`, log: false }, label: `${names.join(", ")} over time`, height: 240 });
+    const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), x: time, y: signals[n] }));
+    plot.set(curves);
+    return h("div", {}, legend(curves), plot.element);
+  }));
+}
+
+function grouped(items, key) {
+  const found = new Map();
+  for (const item of items) found.set(key(item), [...(found.get(key(item)) ?? []), item]);
+  return found;
+}
+
+/** Curves as a table: one line a point. */
+function csv(curves) {
+  const cell = (v) => (v === null || v === undefined ? "" : typeof v === "string" ? `"${(/^[=@+\-\t]/.test(v) ? `'${v}` : v).replaceAll('"', '""')}"` : v);
+  const lines = [["curve", "frequency_hz", "gain", "gain_db", "phase_deg", "error", "status", "stable"].join(",")];
+  for (const c of curves) {
+    c.frequency_hz.forEach((f, i) => {
+      const [re, im] = [c.re[i], c.im[i]];
+      const none = re === null;
+      lines.push([c.label, f, none ? null : Math.hypot(re, im), none ? null : decibels(re, im), none ? null : wrapped([{ re, im }])[0], c.error?.[i], c.status?.[i], c.stable?.[i]].map(cell).join(","));
+    });
+  }
+  return `${lines.join("\n")}\n`;
+}
+
+/** What a work that has ended gives: remarks, files, report, the command and the Python. */
+function afterwards(full) {
+  const at = `/api/works/${full.number}`;
+  const report = h("div");
+  const remarks = [...(full.record?.warnings ?? []), ...full.notes];
+  return [
+    remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, remarks.map((n) => h("li", {}, n)))) : null,
+    full.command === "loop" && full.record?.linear ? gainKnob(full) : null,
+    full.has_record ? h("div", { class: "row" },
+      h("button", { type: "button", onclick: () => fill(report, h("iframe", { src: `${at}/report.html`, title: "Report" })) }, "Report"),
+      h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
+      h("a", { class: "button", href: `${at}/picture.svg`, download: `${full.command}-${full.number}.svg` }, "Picture"),
+      h("a", { class: "button", href: `${at}/data.csv`, download: `${full.command}-${full.number}.csv` }, "CSV"),
+      h("a", { class: "button", href: `${at}/data.json`, download: `${full.command}-${full.number}.json` }, "JSON")) : null,
+    code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null, report,
+  ];
+}
+
+// -- a loop whose gain is dragged ---------------------------------------------------------------------------
+
+function gainKnob(full) {
+  const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
+  const slider = h("input", { type: "range", min: -40, max: 40, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
+  const facts = h("div", { role: "status" });
+  const unit = new Plot({ x: { label: "Re L", log: false }, y: { label: "Im L", log: false }, label: "Nyquist picture", height: 300, equal: true });
+  const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
+  const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
+  const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
+  const bodes = new Bode({ title: "Loop" });
+  const trace = { x: [], y: [] };
+  let asked = 0;
+  const update = async () => {
+    const gain = Number(number.value);
+    if (!Number.isFinite(gain)) return;
+    const mine = (asked += 1);
+    const found = await get(`/api/works/${full.number}/loop?gain=${gain}`);
+    if (mine !== asked) return;
+    const m = found.margins;
+    fill(facts, h("p", { class: found.stable ? "good" : "bad" }, found.stable ? "The closed loop is stable." : "The closed loop is unstable."),
+      h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; crossover at ${shown(m.gain_crossover_hz, 4)} Hz.`));
+    const open = bode(found.open);
+    unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
+    unit.view ??= { x: [-3, 2], y: [-2, 2] };
+    nichols.set([{ label: "L", colour: colour(0), x: open.phase, y: open.gain }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
+    trace.x.push(...found.poles.re);
+    trace.y.push(...found.poles.im);
+    locus.set([{ label: "earlier gains", colour: colour(2), x: trace.x, y: trace.y, line: false, marks: trace.x.map(() => "dot") }, { label: "poles", colour: colour(1), x: found.poles.re, y: found.poles.im, line: false, marks: found.poles.re.map(() => "square") }], { lines: [{ axis: "x", value: 0 }] });
+    step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
+    bodes.show([found.open, found.closed]);
+  };
+  slider.oninput = () => {
+    number.value = shown(10 ** (Number(slider.value) / 20), 5);
+    update();
+  };
+  number.onchange = () => {
+    const gain = Number(number.value);
+    if (gain > 0) slider.value = 20 * Math.log10(gain);
+    update();
+  };
+  update();
+  return h("section", {}, h("h2", {}, "Drag the gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
+    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locus.element, h("h3", {}, "Step"), step.element);
+}
+
+function circle() {
+  const angles = Array.from({ length: 91 }, (_, k) => (k * Math.PI) / 45);
+  return { label: "unit circle", colour: colour(3), x: angles.map(Math.cos), y: angles.map(Math.sin), dash: [2, 4], width: 1 };
+}

@@ -1,0 +1,61 @@
+"""A session as a study file: what was measured, to be run again and compared with requirements."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from workbench.ui.works import Work
+
+__all__ = ["study_of"]
+
+_BARE = re.compile(r"^[A-Za-z0-9_-]+$")
+
+
+def study_of(works: Iterable[Work]) -> str:
+    """Return the study file that does the same work, one analysis for each that was done on one model.
+
+    Args:
+        works: in their order.
+    """
+    models: dict[str, str] = {}
+    analyses: list[str] = []
+    for work in works:
+        if len(work.subject) != 1 or not type(work.asked).subject.opened:
+            continue
+        subject = work.subject[0]
+        model = models.setdefault(subject, _name(subject, models.values()))
+        asked = work.to_dict()["asked"]
+        lines = [
+            f"[analyses.{work.command.replace('-', '_')}_{work.number}]",
+            f'command = "{work.command}"',
+            f'model = "{model}"',
+        ]
+        lines += [f"{_key(work, name)} = {_toml(value)}" for name, value in asked.items()]
+        analyses.append("\n".join(lines))
+    named = "\n".join(f"{name} = {_toml(subject)}" for subject, name in models.items())
+    return "\n\n".join(['name = "session"', f"[models]\n{named}".rstrip(), *analyses]) + "\n"
+
+
+def _name(subject: str, taken: Iterable[str]) -> str:
+    stem = re.sub(r"\W+", "_", Path(subject.partition(":")[2] or subject).stem) or "model"
+    name, count = stem, 1
+    while name in set(taken):
+        count += 1
+        name = f"{stem}_{count}"
+    return name
+
+
+def _key(work: Work, name: str) -> str:
+    from workbench.analysis.request import asked_options  # noqa: PLC0415
+
+    declared, _ = asked_options(type(work.asked))[name]
+    key = declared.flag.removeprefix("--")
+    return key if _BARE.match(key) else json.dumps(key)
+
+
+def _toml(value: Any) -> str:  # noqa: ANN401 - of JSON
+    return json.dumps(value, ensure_ascii=False)  # texts, numbers, true, false and lists of them are written alike
