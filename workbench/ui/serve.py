@@ -52,6 +52,7 @@ def serve(folder: Path, *, port: int = 0, browser: bool = True, opened: str = ""
             raise InputError(
                 f"ui: port {port} cannot be used: {why}; --port names another, 0 takes a free one"
             ) from None
+        listening.listen()  # so that whoever reads the address finds somebody there
         port = listening.getsockname()[1]
         token = secrets.token_urlsafe(_TOKEN_BYTES)
         os.chdir(folder)  # so that what is shown as a command line holds in this folder

@@ -146,7 +146,7 @@ function ports(system) {
   return found;
 }
 
-const WIDE = 170, GAP = 90, ROW = 22;
+const WIDE = 170, GAP = 90, ROW = 22, SIDE = 120;
 
 function picture(system, onconnect) {
   const all = ports(system);
@@ -158,9 +158,9 @@ function picture(system, onconnect) {
   let height = 0;
   columns.forEach((column, i) => {
     let y = 30;
-    for (const name of column) {
+    for (const name of column ?? []) {
       const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1);
-      at[name] = { x: 40 + i * (WIDE + GAP), y, h: size };
+      at[name] = { x: SIDE + i * (WIDE + GAP), y, h: size };
       y += size + 26;
     }
     height = Math.max(height, y);
@@ -172,7 +172,7 @@ function picture(system, onconnect) {
     const k = [...all[name][way]].indexOf(rest.join("."));
     return { x: box.x + (way === "out" ? WIDE : 0), y: box.y + 40 + ROW * k };
   };
-  const width = 80 + columns.length * (WIDE + GAP) - GAP;
+  const width = 2 * SIDE + columns.length * (WIDE + GAP) - GAP;
   const back = height + 10;
   const paths = system.connections.map(({ from, to }, i) => {
     const [a, b] = [where(from, "out"), where(to, "in")];

@@ -2,6 +2,7 @@
 
 import { fill, h } from "./dom.js";
 
+const FIRST = 5; // fields that stand open; the others are under headings
 const NAMES = { at: "files", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured" };
 
 /**
@@ -15,8 +16,9 @@ export class Form {
     this.names = { files, inputs: (facts?.inputs ?? []).map((v) => v.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
     const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
     const groups = new Map();
+    const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
     for (const field of form.fields) {
-      const group = field.required || ["band", "input", "output"].includes(field.name) ? "" : field.group || "More";
+      const group = field.required || first.includes(field) ? "" : field.group || "More";
       if (!groups.has(group)) groups.set(group, []);
       groups.get(group).push(this.field(field, values[field.name]));
     }

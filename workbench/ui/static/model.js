@@ -220,7 +220,7 @@ function showPoint(work, place, name) {
 function keptList(name) {
   const kept = points.get(name);
   if (!kept?.size) return null;
-  return [h("h3", {}, "Kept points"), h("ul", {}, [...kept].map(([label, p]) => h("li", {}, h("a", { href: `#/work/${p.work}` }, p.file), ` ${Object.entries(p.at.u).map(([k, v]) => `${k} = ${shown(v, 4)}`).join(", ")}`)))];
+  return [h("h3", {}, "Kept points"), h("ul", {}, [...kept].map(([, p]) => h("li", {}, h("a", { href: `#/work/${p.work}` }, p.file), ` ${Object.entries(p.at.u).map(([k, v]) => `${k} = ${shown(v, 4)}`).join(", ")}`)))];
 }
 
 // -- measure ---------------------------------------------------------------------------------------------

@@ -154,11 +154,3 @@ export function extent(lists) {
   }
   return low <= high ? [low, high] : null;
 }
-
-/** One period of a wave from its harmonics: mean and [{order, re, im}], over `count` + 1 places from 0 to 1. */
-export function wave(mean, harmonics, count = 200) {
-  return Array.from({ length: count + 1 }, (_, k) => {
-    const angle = (2 * Math.PI * k) / count;
-    return harmonics.reduce((sum, h) => sum + h.re * Math.sin(h.order * angle) + h.im * Math.cos(h.order * angle), mean);
-  });
-}

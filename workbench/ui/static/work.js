@@ -110,9 +110,12 @@ export class Bode {
     }, label);
     const unwrap = toggle("Unwrap", "unwrap");
     unwrap.setAttribute("aria-pressed", "true");
+    const asked = number === null ? null : server.works.get(number);
+    this.extras = [];
     this.tools = h("div", { class: "row", role: "toolbar", "aria-label": "Picture" },
       unwrap, toggle("Linear gain", "linear"), toggle("rad/s", "radians"),
       onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
+      asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
       h("button", { type: "button", class: "quiet", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
       h("button", { type: "button", class: "quiet", onclick: () => this.keep() }, "Pin"),
       h("button", { type: "button", class: "quiet", onclick: () => this.saveSvg() }, "SVG"),
@@ -128,7 +131,7 @@ export class Bode {
   }
 
   all() {
-    return [...this.own, ...pinned().map((c) => ({ ...c, removable: true }))];
+    return [...this.own, ...this.extras, ...pinned().map((c) => ({ ...c, removable: true }))];
   }
 
   redraw() {
@@ -153,6 +156,23 @@ export class Bode {
     this.gain.set(gains);
     this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
     fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); } }));
+  }
+
+  /** Lay the linear model at the same point over the picture. */
+  async linear({ subject, asked }, button) {
+    button.disabled = true;
+    try {
+      const same = Object.fromEntries(["at", "interface", "start_values", "bias"].filter((n) => asked[n] !== undefined).map((n) => [n, asked[n]]));
+      const full = await ended((await begin("lin", subject, { ...same, inputs: [asked.input], outputs: [asked.output] })).number);
+      if (!full.curves.length) throw new Error(full.failure?.message ?? "there is no linear model");
+      const seen = this.own.flatMap((c) => c.frequency_hz);
+      const [low, high] = [Math.min(...seen), Math.max(...seen)];
+      this.extras = full.curves.map((c) => cut(c, low, high));
+      this.redraw();
+    } catch (error) {
+      say(Object.values(error.fields ?? { e: error.message }).join("; "), true);
+      button.disabled = false;
+    }
   }
 
   follow(plot, value) {
@@ -196,6 +216,12 @@ export class Bode {
     }
     fill(this.asked, pointOf(point, this));
   }
+}
+
+/** The part of a curve between two frequencies. */
+function cut(curve, low, high) {
+  const inside = curve.frequency_hz.map((f, i) => [f, i]).filter(([f]) => f >= low * 0.95 && f <= high * 1.05).map(([, i]) => i);
+  return { ...curve, frequency_hz: inside.map((i) => curve.frequency_hz[i]), re: inside.map((i) => curve.re[i]), im: inside.map((i) => curve.im[i]) };
 }
 
 /** The points that were told, beside the curves of the record. */
@@ -252,7 +278,7 @@ async function lastPeriod(number, amplitude, f, place) {
   const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values", "bias"].filter((n) => work.asked[n] !== undefined).map((n) => [n, work.asked[n]]));
   fill(place, h("p", { class: "dim" }, "Running …"));
   try {
-    const asked = { ...kept, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f}`], outputs: [output], stop: PERIODS / f, interval: 1 / (200 * f) };
+    const asked = { ...kept, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f}`], outputs: [output], stop: PERIODS / f, step: 1 / (200 * f) };
     const full = await ended((await begin("simulate", work.subject, asked)).number);
     if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
     const last = full.signals.time.findIndex((t) => t >= (PERIODS - 1) / f - 1e-12);

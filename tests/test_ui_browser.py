@@ -1,0 +1,292 @@
+"""The browser workbench in a real browser: what a person does with it, from the card to the study."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.hostile_fmus import build_hostile
+from tests.ui_server import Ui, browser_workbench
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("chromium is not installed (Debian: apt-get install chromium)", allow_module_level=True)
+api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
+
+ROOT = Path(__file__).resolve().parents[1]
+LONG = 120_000.0  # nothing takes so long that works, however busy the machine is [ms]
+# Pictures of the pages go here, for whoever wants to look at them.
+PICTURES = os.environ.get("WORKBENCH_SCREENSHOTS")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with api.sync_playwright() as play:
+        # Without these Chromium calls its makers at each start.
+        quiet = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
+        found = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *quiet])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def ui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ui]:
+    with browser_workbench(tmp_path_factory.mktemp("root")) as server:
+        yield server
+
+
+class Told(list[str]):
+    """What went wrong in a page, and what it asked other hosts for."""
+
+
+@pytest.fixture
+def page(browser: Browser, ui: Ui) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1200, "height": 900})
+    context.set_default_timeout(LONG)
+    api.expect.set_options(timeout=LONG)
+    opened = context.new_page()
+    wrong = Told()
+    opened.on("pageerror", lambda error: wrong.append(str(error)))
+    opened.on("request", lambda r: wrong.append(r.url) if not r.url.startswith((ui.base, "data:", "blob:")) else None)
+    opened.goto(ui.address)
+    api.expect(opened.locator("h1")).to_be_visible()
+    yield opened
+    context.close()
+    assert not wrong
+
+
+def look(page: Page, ui: Ui, where: str) -> None:
+    page.goto(f"{ui.base}/#/{where}")
+    api.expect(page.locator("h1")).to_be_visible()
+
+
+def picture(page: Page, name: str) -> None:
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"{name}.png")
+
+
+def measure(page: Page, ui: Ui, model: str = "fmu:Rudder", band: str = "0.5:20", amplitudes: str = "1,4") -> None:
+    look(page, ui, f"open/{model}/measure/nfr")
+    page.fill("#field-amplitudes", amplitudes)
+    page.fill("#field-band", band)
+    page.click("text=Run nfr")
+    api.expect(page.locator("strong", has_text=re.compile("^done$"))).to_be_visible()
+
+
+def test_the_token_leaves_the_address(page: Page, ui: Ui) -> None:
+    api.expect(page).to_have_url(f"{ui.base}/")
+    page.reload()
+    api.expect(page.locator("h1")).to_be_visible()
+
+
+def test_a_card_says_what_a_model_is_and_whether_it_is_sound(page: Page, ui: Ui) -> None:
+    page.click("a[data-name='Rudder.fmu']")
+    api.expect(page.locator("h1")).to_have_text("Rudder")
+    api.expect(page.locator("text=The whole check")).to_be_visible()
+    page.fill("[aria-label='Search variables']", "supply")
+    api.expect(page.locator(".window .line")).to_have_count(1)
+    api.expect(page.locator(".window .line")).to_contain_text("pS")
+
+
+def test_an_operating_point_follows_its_inputs_and_is_kept(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/fmu:Rudder/point")
+    api.expect(page.locator("text=At rest.")).to_be_visible()
+    page.fill("#knob-delC", "2")
+    page.press("#knob-delC", "Enter")
+    row = page.locator("tr", has=page.locator("th", has_text=re.compile("^del$"))).locator("td").first
+    api.expect(row).to_have_text(re.compile(r"^(2|1\.99\d*|2\.00\d*)$"))
+    page.click("text=Keep this point")
+    api.expect(page.locator("#kept")).to_contain_text("point-1.json")
+    kept = json.loads((ui.folder / "point-1.json").read_text())
+    assert abs(kept["operating_point"]["u"]["delC"] - 2.0) < 1e-12
+
+
+def test_a_response_is_measured_and_its_points_are_asked(page: Page, ui: Ui) -> None:
+    measure(page, ui)
+    api.expect(page.locator(".legend li")).to_have_count(2)
+    canvas = page.locator("canvas").first
+    canvas.focus()
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+    api.expect(page.locator(".readout").first).to_contain_text("1 deg")
+    page.keyboard.press("Enter")
+    asked = page.locator("[aria-label='The point']")
+    for words in ("Harmonics of the output", "Floquet multipliers", "Neighbours", "error, 95 %", "solved"):
+        api.expect(asked).to_contain_text(words)
+    page.click("text=Input and output over a period")
+    api.expect(asked.locator("canvas")).to_have_count(1)
+    page.click("text=Linear model")
+    api.expect(page.locator(".legend").first).to_contain_text("lin: del by delC")
+    picture(page, "measured")
+    page.click("text=Report")
+    api.expect(page.frame_locator("iframe").locator("h1")).to_be_visible()
+
+
+def test_a_band_is_drawn_with_the_mouse(page: Page, ui: Ui) -> None:
+    measure(page, ui)
+    page.click("text=Draw a band")
+    box = page.locator("canvas").first.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 110, steps=5)
+    page.mouse.up()
+    low, high = (float(text) for text in page.input_value("#field-band").split(":"))
+    assert 0.5 < low < high < 20.0
+
+
+def test_what_is_wrong_stands_at_its_field(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/fmu:Rudder/measure/nfr")
+    page.fill("#field-amplitudes", "")
+    page.fill("#field-band", "20")
+    page.click("text=Run nfr")
+    api.expect(page.locator("#field-amplitudes-wrong")).to_be_visible()
+    api.expect(page.locator("#field-band-wrong")).to_contain_text("LO:HI")
+    api.expect(page.locator("#field-band")).to_have_attribute("aria-invalid", "true")
+
+
+def test_a_crash_is_a_message(page: Page, ui: Ui) -> None:
+    fmu = build_hostile(ui.folder, "segfault")
+    look(page, ui, f"open/{fmu.name}/measure/simulate")
+    page.fill("#field-stop", "1")
+    page.click("text=Run simulate")
+    api.expect(page.locator("main .bad").first).to_contain_text("segmentation fault")
+
+
+def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
+    look(page, ui, "system/new/Rudder.fmu")
+    api.expect(page.locator("svg.diagram g")).to_have_count(3)
+    page.click("text=+ gain")
+    api.expect(page.locator("svg.diagram g")).to_have_count(4)
+    page.locator("[aria-label='output gain.y']").click()
+    page.locator("[aria-label='input gain2.u']").click()
+    assert '"gain2.u" = "gain.y"' in page.input_value("#toml")
+    page.locator("[aria-label='output gain2.y']").click()
+    page.locator("[aria-label='input plant.delC']").click()
+    text = page.input_value("#toml").replace("gain2 = 1.0", 'gain2 = {gain = 1.0, units = {u = "deg", y = "deg"}}')
+    page.fill("#toml", text)
+    picture(page, "diagram")
+    page.click("text=Write and measure the loop")
+    page.fill("#field-open", "plant.del")
+    page.click("text=Run loop")
+    knob = page.locator("[aria-label='loop gain, slider in dB']")
+    api.expect(knob).to_be_visible()
+    words = page.locator("p", has_text="Gain margin").last
+    before = words.inner_text()
+    knob.fill("6")
+    api.expect(words).not_to_have_text(before)
+    margin = [float(re.findall(r"Gain margin ([-\d.]+) dB", text)[0]) for text in (before, words.inner_text())]
+    assert abs(margin[0] - margin[1] - 6.0) < 0.02
+    picture(page, "loop")
+
+
+def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
+    measure(page, ui)
+    page.click("text=Pin")
+    page.click("text=Compare")
+    api.expect(page.locator("main")).to_contain_text("dB at")
+    api.expect(page.locator("main canvas")).to_have_count(4)
+    picture(page, "compare")
+
+
+def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:
+    measure(page, ui)
+    page.click("text=Keep")
+    api.expect(page.locator("textarea")).to_have_value(re.compile(r'command = "nfr"'))
+    page.click("text=Write into the folder")
+    api.expect(page.locator("#said")).to_contain_text("Wrote session.toml")
+    assert (ui.folder / "session.toml").exists()
+
+
+def test_a_refresh_in_the_middle_and_another_tab_see_the_same(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/fmu:Rudder/measure/nfr")
+    for name, value in {
+        "amplitudes": "0.1,0.5,1,2,4,8",
+        "band": "0.02:20",
+        "ratio": "1.02",
+        "method": "settle",
+        "errcrit": "1e-6",
+    }.items():
+        field = page.locator(f"#field-{name}")
+        if not field.is_visible():
+            page.click("summary:has-text('More')")
+        field.select_option(value) if name == "method" else field.fill(value)
+    page.click("text=Run nfr")
+    api.expect(page.locator(".legend li").first).to_be_visible()
+    page.reload()
+    api.expect(page.locator("text=Stop")).to_be_visible()
+    other = page.context.new_page()
+    other.goto(page.url)
+    other.click("text=Stop")
+    for one in (page, other):
+        api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
+        api.expect(one.locator(".legend li").first).to_be_visible()
+
+
+def test_the_end_of_the_server_is_told(browser: Browser, tmp_path: Path) -> None:
+    with browser_workbench(tmp_path) as server:
+        page = browser.new_page()
+        page.goto(server.address)
+        api.expect(page.locator("h1")).to_be_visible()
+        server.process.kill()
+        api.expect(page.locator("#gone")).to_be_visible(timeout=LONG)
+        page.close()
+
+
+def test_a_model_of_many_variables_scrolls(page: Page, ui: Ui) -> None:
+    with (
+        zipfile.ZipFile(ROOT / "fmus" / "fmi2" / "Rudder.fmu") as rudder,
+        zipfile.ZipFile(ui.folder / "Many.fmu", "w") as many,
+    ):
+        for name in rudder.namelist():
+            content = rudder.read(name)
+            if name == "modelDescription.xml":
+                more = "".join(
+                    f'<ScalarVariable name="extra[{k}]" valueReference="0" causality="parameter" variability="fixed" '
+                    f'initial="exact"><Real start="{k}"/></ScalarVariable>' for k in range(2000)
+                )  # fmt: skip
+                content = content.replace(b"</ModelVariables>", more.encode() + b"</ModelVariables>")
+            many.writestr(name, content)
+    look(page, ui, "open/Many.fmu")
+    api.expect(page.locator("h2", has_text="variables")).to_contain_text("20")
+    assert page.locator(".window .line").count() < 80
+    page.locator(".window").evaluate("e => { e.scrollTop = e.scrollHeight; }")
+    api.expect(page.locator(".window")).to_contain_text("extra[1999]")
+
+
+PAGES = {
+    "welcome": "", "card": "open/fmu:Rudder", "point": "open/fmu:Rudder/point", "measure": "open/fmu:Rudder/measure/nfr",
+    "diagram": "system/system%3Arudder_loop", "compare": "compare", "keep": "keep",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1200, 800])
+def test_every_page_fits_and_can_be_read(page: Page, ui: Ui, theme: str, width: int) -> None:
+    page.evaluate("theme => localStorage.setItem('theme', theme)", theme)
+    page.set_viewport_size({"width": width, "height": 900})
+    page.reload()
+    for name, where in PAGES.items():
+        look(page, ui, where)
+        api.expect(page.locator("main h1")).not_to_have_text("This cannot be shown")
+        page.wait_for_load_state("load")
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        assert wide <= width, name
+        unnamed = page.evaluate(
+            "[...document.querySelectorAll('button, a, input, select, textarea')].filter(e => !(e.textContent.trim() || "
+            "e.getAttribute('aria-label') || (e.labels && e.labels.length))).map(e => e.outerHTML.slice(0, 90))"
+        )
+        assert unnamed == [], name
+        picture(page, f"{name}-{theme}-{width}")

@@ -1,0 +1,58 @@
+"""Forms come from requests: every option has its field, and what is filled in is what a command line gives."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+from workbench.analysis.commands import request_of
+from workbench.analysis.request import asked_options, command_line_of
+from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
+from workbench.ui.root import Root
+
+ROOT = Path(__file__).resolve().parents[1]
+ELSEWHERE = {"in_process", "scheduler", "tls"}
+
+
+@pytest.mark.parametrize("command", MEASURED)
+def test_each_option_has_a_field_with_help(command: str) -> None:
+    form = form_of(command)
+    shown = {field["name"]: field for field in form["fields"]}
+    options = {n: d for n, (d, _) in asked_options(request_of(command)).items() if not d.option.hidden}
+    assert set(options) - set(shown) <= ELSEWHERE
+    for name, field in shown.items():
+        assert field["help"].endswith(".")
+        assert field["unit"] == options[name].option.unit
+        assert field["kind"] in {"switch", "number", "whole", "choice", "text", "list"}
+
+
+def test_what_is_filled_in_is_what_a_command_line_gives(tmp_path: Path) -> None:
+    given = {
+        "input": "delC", "output": "del", "band": "0.5:20", "amplitudes": "1,4", "max_periods": "30", "carry": True,
+        "method": "settle", "start_values": ["pS=1e7", "rho=900"], "tolerance": "1e-9", "ratio": "",
+    }  # fmt: skip
+    asked, loading = request_of_form("nfr", given, Root(tmp_path))
+    assert command_line_of(asked, "x.fmu", loading) == (
+        "workbench nfr x.fmu --input=delC --output=del --amplitude=1,4 --band=0.5:20 --max-periods=30 --method=settle "
+        "--carry --tolerance=1e-09 --set=pS=1e+07 --set=rho=900"
+    )
+
+
+def test_what_is_wrong_is_said_at_its_field(tmp_path: Path) -> None:
+    with pytest.raises(FormError) as told:
+        request_of_form("nfr", {"input": "u", "output": "y", "amplitudes": "1", "max_periods": "2.5"}, Root(tmp_path))
+    assert told.value.fields == {"max_periods": "--max-periods: '2.5' is not a whole number"}
+    with pytest.raises(FormError) as told:
+        request_of_form("nfr", {"input": "u", "output": "y"}, Root(tmp_path))
+    assert set(told.value.fields) == {"amplitudes"}
+
+
+@pytest.mark.skipif(which("node") is None, reason="node is not installed; it runs the browser's numbers")
+def test_the_numbers_of_the_pictures() -> None:
+    done = subprocess.run(
+        ["node", "--test", "tests/js/numbers.test.mjs"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout

@@ -1,0 +1,283 @@
+"""The server of the browser workbench: who may speak to it, what it opens, what work it does."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from tests.hostile_fmus import build_hostile
+from tests.platforms import posix_signals
+from tests.programs import ended
+from tests.ui_server import Ui, browser_workbench
+from workbench.cli.app import run
+from workbench.study.read import read_study
+
+pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
+
+POINTS = {"input": "delC", "output": "del", "frequencies": "1,2,4", "amplitudes": "1"}
+
+
+@pytest.fixture(scope="module")
+def ui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ui]:
+    folder = tmp_path_factory.mktemp("root") / "inside"
+    folder.mkdir()
+    (folder.parent / "outside.fmu").write_bytes(b"nothing")
+    if hasattr(os, "symlink"):
+        (folder / "link.fmu").symlink_to(folder.parent / "outside.fmu")
+    with browser_workbench(folder) as server:
+        yield server
+
+
+# -- who may speak to it ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/", "/api/start", "/api/works/1", "/static/main.js", "/api/events"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Host": "evil.example:80"},
+        {"Host": ""},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Cookie": ""},
+        {"Cookie": "workbench=x"},
+    ],
+    ids=str,
+)
+def test_strangers_are_refused(ui: Ui, path: str, headers: dict[str, str]) -> None:
+    assert ui.ask("GET", path, **headers).status in {400, 403}
+
+
+def test_a_page_from_elsewhere_cannot_begin_work(ui: Ui) -> None:
+    asked = {"command": "nfr", "subject": ["fmu:Rudder"], "values": POINTS}
+    for origin in ("", "http://evil.example", f"https://{ui.host}", f"http://{ui.host}.evil.example"):
+        assert ui.ask("POST", "/api/works", asked, Origin=origin).status == 403
+    for wrong in ("/?token=wrong", "/?token=", "/"):
+        assert ui.ask("GET", wrong, Cookie="").status == 403
+
+
+def test_every_answer_says_what_a_page_may_load(ui: Ui) -> None:
+    for path in ("/", "/static/main.js", "/api/start", "/nothing"):
+        headers = ui.ask("GET", path).headers
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert "unsafe" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+    cookie = ui.ask("GET", f"/?{ui.address.partition('?')[2]}").headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+
+
+def test_only_this_machine_is_answered(ui: Ui) -> None:
+    port = int(ui.host.partition(":")[2])
+    with socket.socket() as probe:
+        probe.settimeout(5)
+        assert probe.connect_ex(("127.0.0.1", port)) == 0
+    names = {found[4][0] for found in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
+    for name in names - {"127.0.0.1"}:
+        with socket.socket() as probe:
+            probe.settimeout(5)
+            assert probe.connect_ex((name, port)) != 0
+
+
+# -- what it opens ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../outside.fmu", "link.fmu", "/etc/passwd", "..", "", "no.fmu", "\0", "x" * 5000, "./../inside/../outside.fmu"],
+)
+def test_nothing_outside_the_folder_is_opened(ui: Ui, name: str) -> None:
+    for command in ("info", "nfr", "check"):
+        answer = ui.ask("POST", "/api/works", {"command": command, "subject": [name], "values": POINTS})
+        assert answer.status == 404, (command, answer.body)
+        assert "not in this folder" in answer.json["message"]
+
+
+def test_a_file_option_stays_inside_too(ui: Ui) -> None:
+    for option in ("at", "store"):
+        asked = {"command": "nfr", "subject": ["Rudder.fmu"], "values": {**POINTS, option: "../elsewhere"}}
+        answer = ui.ask("POST", "/api/works", asked)
+        assert answer.status == 422
+        assert "not in this folder" in answer.json["fields"][option]
+
+
+@pytest.mark.parametrize("name", ["../x.toml", "/x.toml", "x.txt", "x.fmu", "", "\0.toml"])
+def test_only_texts_are_written_and_only_inside(ui: Ui, name: str) -> None:
+    assert ui.ask("POST", "/api/text", {"name": name, "text": "x"}).status in {404, 422}
+    assert ui.ask("POST", "/api/works/1/keep", {"name": name}).status in {404, 422}
+
+
+def test_what_there_is_is_listed(ui: Ui) -> None:
+    found = {file["name"]: file["kind"] for file in ui.get("/api/start")["files"]}
+    assert found["Rudder.fmu"] == "fmu"
+    assert found["system:rudder_loop"] == "system"
+    assert found["study:rudder_loop"] == "study"
+
+
+def test_a_text_is_not_replaced_unasked(ui: Ui) -> None:
+    first = {"name": "own.toml", "text": "name = 'a'"}
+    assert ui.ask("POST", "/api/text", first).status == 200
+    assert ui.ask("POST", "/api/text", {**first, "text": "name = 'b'"}).status == 409
+    assert ui.get("/api/text?name=own.toml")["text"] == "name = 'a'"
+    assert ui.ask("POST", "/api/text", {**first, "text": "name = 'b'", "replace": True}).status == 200
+    assert ui.get("/api/text?name=own.toml")["text"] == "name = 'b'"
+
+
+# -- work ---------------------------------------------------------------------------------------------
+
+
+def test_what_is_measured_is_what_the_function_measures(ui: Ui) -> None:
+    number = ui.begin("nfr", "Rudder.fmu", **POINTS)
+    full = ui.ended(number)
+    assert full["state"] == "done", full["failure"]
+    assert full["line"] == "workbench nfr Rudder.fmu --input=delC --output=del --freq=1,2,4 --amplitude=1"
+    assert full["call"].splitlines()[0] == "model = wb.load('Rudder.fmu', tolerance=1e-08)"
+    (curve,) = full["curves"]
+    with wb.load("fmu:Rudder") as model:
+        result = wb.nfr(model, "delC", "del", [1.0, 2.0, 4.0], [1.0])
+    assert curve["re"] == result.response[0].real.tolist()
+    assert curve["im"] == result.response[0].imag.tolist()
+    assert [p["frequency"] for p in sorted(full["points"], key=lambda p: p["frequency"])] == [1.0, 2.0, 4.0]
+    for path, kind in {"report.html": "text/html", "picture.svg": "image/svg", "data.csv": "text/csv"}.items():
+        answer = ui.ask("GET", f"/api/works/{number}/{path}")
+        assert answer.status == 200
+        assert answer.headers["content-type"].startswith(kind)
+        assert len(answer.body) > 200
+    assert ui.get(f"/api/works/{number}/data.json")["frequency_hz"] == [1.0, 2.0, 4.0]
+
+
+def test_the_call_does_the_same(ui: Ui, monkeypatch: pytest.MonkeyPatch) -> None:
+    full = ui.ended(ui.begin("nfr", "Rudder.fmu", **POINTS))
+    monkeypatch.chdir(ui.folder)
+    names: dict[str, object] = {"wb": wb}
+    exec(full["call"], names)  # noqa: S102 - what a person would copy
+    result = names["result"]
+    assert isinstance(result, wb.NfrResult)
+    assert result.response[0].real.tolist() == full["curves"][0]["re"]
+
+
+def test_fields_are_told_what_is_wrong(ui: Ui) -> None:
+    values = {"input": "delC", "output": "", "band": "0.5", "amplitudes": "x", "errcrit": "-1", "nonsense": "1"}
+    answer = ui.ask("POST", "/api/works", {"command": "nfr", "subject": ["fmu:Rudder"], "values": values})
+    assert answer.status == 422
+    assert set(answer.json["fields"]) == {"output", "band", "amplitudes", "errcrit", "nonsense"}
+    assert answer.json["fields"]["band"] == "--band: '0.5' is not of the form LO:HI, as in 0.1:10 [Hz]"
+
+
+@pytest.mark.parametrize("body", [b"", b"[", b"[1]", b"null", b"[" * 5000, b"{}" * 5, "ü".encode("latin-1")])
+def test_nonsense_is_one_line(ui: Ui, body: bytes) -> None:
+    answer = ui.ask("POST", "/api/works", body)
+    assert answer.status == 422
+    assert len(answer.json["message"].splitlines()) == 1
+
+
+def test_other_commands_are_not_offered(ui: Ui) -> None:
+    for command in ("build", "export", "reproduce", "run", "nonsense", None):
+        answer = ui.ask("POST", "/api/works", {"command": command, "subject": ["fmu:Rudder"], "values": {}})
+        assert answer.status == 422
+        assert "not offered here" in answer.json["message"]
+
+
+def test_a_crash_is_a_message(ui: Ui) -> None:
+    fmu = build_hostile(ui.folder, "segfault")
+    full = ui.ended(ui.begin("simulate", fmu.name, stop="1"))
+    assert full["state"] == "failed"
+    assert full["failure"]["kind"] == "crashed"
+    assert "segmentation fault" in full["failure"]["message"]
+    assert ui.ended(ui.begin("trim", "fmu:Rudder"))["state"] == "done"
+
+
+def test_work_is_stopped_and_keeps_what_it_has(ui: Ui) -> None:
+    band = {"band": "0.01:10", "ratio": "1.01", "method": "settle", "errcrit": "1e-7", "max_periods": "100"}
+    number = ui.begin("nfr", "fmu:Rudder", input="delC", output="del", amplitudes="0.1,1,4,8", **band)
+    for event in ui.events():
+        if event["work"] == number and event["event"] == "progress":
+            break
+    assert ui.ask("POST", f"/api/works/{number}/stop", {}).status == 200
+    full = ui.ended(number)
+    assert full["state"] == "stopped"
+    assert 1 <= len(full["points"]) < len(full["record"]["frequency_hz"])
+    assert full["curves"]
+
+
+def test_a_page_that_comes_back_is_told_what_it_missed(ui: Ui) -> None:
+    number = ui.begin("nfr", "fmu:Rudder", **POINTS)
+    all_of_it = list(ui._until(number))
+    assert [e["id"] for e in all_of_it] == list(range(1, len(all_of_it) + 1))
+    middle = all_of_it[-3]["id"]
+    again = [next(stream) for stream in [ui.events(middle)] for _ in range(2)]
+    assert again == all_of_it[-2:]
+
+
+def test_a_session_is_a_study(ui: Ui, tmp_path: Path) -> None:
+    ui.ended(ui.begin("nfr", "fmu:Rudder", **POINTS))
+    ui.ended(ui.begin("lin", "fmu:Rudder", inputs=["delC"], outputs=["del"]))
+    text = ui.ask("GET", "/api/study.toml").body.decode()
+    file = ui.folder / "session.toml"
+    file.write_text(text)
+    study = read_study(file)
+    assert {a.command.name for a in study.analyses.values()} >= {"nfr", "lin"}
+
+
+def test_a_loop_at_another_gain(ui: Ui) -> None:
+    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
+    assert full["state"] == "done", full["failure"]
+    margins = full["record"]["linear"]["margins"]
+    same = ui.get(f"/api/works/{full['number']}/loop?gain=1")
+    assert same["margins"]["gain_margin_db"] == pytest.approx(margins["gain_margin_db"], abs=1e-3)
+    more = ui.get(f"/api/works/{full['number']}/loop?gain=1.5")
+    less = margins["gain_margin_db"] - 20.0 * math.log10(1.5)
+    assert more["margins"]["gain_margin_db"] == pytest.approx(less, abs=1e-3)
+    critical = 10 ** (margins["gain_margin_db"] / 20)
+    assert ui.get(f"/api/works/{full['number']}/loop?gain={0.99 * critical}")["stable"]
+    assert not ui.get(f"/api/works/{full['number']}/loop?gain={1.01 * critical}")["stable"]
+    assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain=x").status == 422
+
+
+# -- beginning and ending -----------------------------------------------------------------------------
+
+
+@posix_signals
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_what_runs_ends_with_the_server(tmp_path: Path, how: signal.Signals) -> None:
+    with browser_workbench(tmp_path) as server:
+        server.begin("simulate", "fmu:Rudder", stop="1e9")
+        for event in server.events():
+            if event["event"] == "progress":
+                break
+        words = ["ps", "-o", "pid=", "--ppid", str(server.process.pid)]
+        children = subprocess.run(words, capture_output=True, text=True, check=False)
+        pids = [int(pid) for pid in children.stdout.split()]
+        assert pids
+        server.process.send_signal(how)
+        out, err = server.process.communicate(timeout=60)
+        assert (out, err) == ("", "")
+        assert all(ended(pid) for pid in pids)
+
+
+def test_a_port_that_is_taken_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        words = [sys.executable, "-m", "workbench", "ui", "--no-browser", "--port", str(port)]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"workbench: ui: port {port} cannot be used: ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_what_is_not_there_is_not_served(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["ui", "no such folder", "--no-browser"]) == 2
+    assert capsys.readouterr().err == "workbench: no such folder: no such file or folder\n"
