@@ -162,7 +162,7 @@ def test_a_crash_is_a_message(page: Page, ui: Ui) -> None:
     look(page, ui, f"open/{fmu.name}/measure/simulate")
     page.fill("#field-stop", "1")
     page.click("text=Run simulate")
-    api.expect(page.locator("main .bad").first).to_contain_text("segmentation fault")
+    api.expect(page.locator("[aria-label='Result'] .bad").first).to_contain_text("segmentation fault")
 
 
 def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
@@ -266,10 +266,21 @@ def test_a_model_of_many_variables_scrolls(page: Page, ui: Ui) -> None:
     api.expect(page.locator(".window")).to_contain_text("extra[1999]")
 
 
+# What a screen reader would read as "button", and no more.
+UNNAMED = """
+    [...document.querySelectorAll('button, a, input, select, textarea')]
+        .filter(e => !(e.textContent.trim() || e.getAttribute('aria-label') || (e.labels && e.labels.length)))
+        .map(e => e.outerHTML.slice(0, 90))
+"""
 PAGES = {
-    "welcome": "", "card": "open/fmu:Rudder", "point": "open/fmu:Rudder/point", "measure": "open/fmu:Rudder/measure/nfr",
-    "diagram": "system/system%3Arudder_loop", "compare": "compare", "keep": "keep",
-}  # fmt: skip
+    "welcome": "",
+    "card": "open/fmu:Rudder",
+    "point": "open/fmu:Rudder/point",
+    "measure": "open/fmu:Rudder/measure/nfr",
+    "diagram": "system/system%3Arudder_loop",
+    "compare": "compare",
+    "keep": "keep",
+}
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -284,9 +295,6 @@ def test_every_page_fits_and_can_be_read(page: Page, ui: Ui, theme: str, width: 
         page.wait_for_load_state("load")
         wide = page.evaluate("document.documentElement.scrollWidth")
         assert wide <= width, name
-        unnamed = page.evaluate(
-            "[...document.querySelectorAll('button, a, input, select, textarea')].filter(e => !(e.textContent.trim() || "
-            "e.getAttribute('aria-label') || (e.labels && e.labels.length))).map(e => e.outerHTML.slice(0, 90))"
-        )
+        unnamed = page.evaluate(UNNAMED)
         assert unnamed == [], name
         picture(page, f"{name}-{theme}-{width}")
