@@ -18,6 +18,7 @@ import argparse
 import hashlib
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -115,10 +116,24 @@ def test() -> int:
     """Check lint, format and types, run the tests, build the documentation."""
     _ensure_installed()
     pages = ("mkdocs", "build", "--strict", "--quiet")
+    _lint_javascript()
     for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), PYTEST, pages):
         print(f"$ {shlex.join(module)}", flush=True)
         _run([PYTHON, "-m", *module])
     return 0
+
+
+def _lint_javascript() -> None:
+    """Check the modules of the browser workbench, where there is npm."""
+    npm = shutil.which("npm")
+    if npm is None:
+        print("NOT DONE: npm is not installed, so the JavaScript is not linted", flush=True)
+        return
+    folder = ROOT / "tests" / "js"
+    print("$ eslint workbench/ui/static tests/js", flush=True)
+    _run([npm, "install", "--silent", "--no-audit", "--no-fund", "--no-package-lock", "--prefix", folder])
+    eslint = folder / "node_modules" / "eslint" / "bin" / "eslint.js"
+    _run(["node", eslint, "--config", folder / "eslint.config.mjs", "workbench/ui/static", "tests/js/numbers.test.mjs"])
 
 
 def numerical() -> int:

@@ -162,7 +162,7 @@ def test_a_crash_is_a_message(page: Page, ui: Ui) -> None:
     look(page, ui, f"open/{fmu.name}/measure/simulate")
     page.fill("#field-stop", "1")
     page.click("text=Run simulate")
-    api.expect(page.locator("[aria-label='Result'] .bad").first).to_contain_text("segmentation fault")
+    api.expect(page.locator("[aria-label='Result'] p.bad").first).to_contain_text("segmentation fault")
 
 
 def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
@@ -281,6 +281,26 @@ PAGES = {
     "compare": "compare",
     "keep": "keep",
 }
+
+
+AXE = ROOT / "tests" / "js" / "node_modules" / "axe-core" / "axe.min.js"
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="axe-core is not installed; `scripts/dev.py test` does it where npm is")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_serious(page: Page, ui: Ui, theme: str) -> None:
+    page.evaluate("theme => localStorage.setItem('theme', theme)", theme)
+    page.reload()
+    measure(page, ui)
+    page.click("text=Pin")
+    for where in [None, *PAGES.values()]:
+        if where is not None:
+            look(page, ui, where)
+        page.wait_for_load_state("load")
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+        found = page.evaluate("async () => (await axe.run()).violations")
+        serious = [v for v in found if v["impact"] in {"serious", "critical"}]
+        assert not serious, (where, [(v["id"], v["nodes"][0]["html"][:200]) for v in serious])
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
