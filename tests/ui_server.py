@@ -55,7 +55,7 @@ class Ui:
         """Send a request as a page of the server does; `headers` are in place of its own."""
         sent = {"Host": self.host, "Cookie": self.cookie, **({"Origin": self.base} if method != "GET" else {})}
         sent |= {name.replace("_", "-"): value for name, value in headers.items()}
-        link = http.client.HTTPConnection(*self.host.split(":"), timeout=120)  # type: ignore[arg-type]
+        link = http.client.HTTPConnection(self.host, timeout=120)
         try:
             link.putrequest(method, path, skip_host=True)
             content = b"" if body is None else json.dumps(body).encode() if not isinstance(body, bytes) else body
@@ -78,7 +78,7 @@ class Ui:
 
     def events(self, last: int = 0) -> Iterator[dict[str, Any]]:
         """Yield what happens after an event, for ever."""
-        link = http.client.HTTPConnection(*self.host.split(":"), timeout=120)  # type: ignore[arg-type]
+        link = http.client.HTTPConnection(self.host, timeout=120)
         try:
             link.request("GET", f"/api/events?last={last}", headers={"Cookie": self.cookie})
             for line in link.getresponse():
