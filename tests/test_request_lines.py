@@ -14,8 +14,8 @@ from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.excite.multisine import MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.nfr.request import Nfr
-from workbench.analysis.request import Request, Subject, asked_options, command_line_of
-from workbench.cli.derive import command, request_from
+from workbench.analysis.request import Request, Subject, asked_options, command_line_of, request_from
+from workbench.cli.derive import command
 from workbench.cli.program import program
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, asked_of, put_together
