@@ -201,6 +201,21 @@ def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
     picture(page, "compare")
 
 
+def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/fmu:Rudder/measure/nfr")
+    page.fill("#field-amplitudes", "1,4")
+    page.fill("#field-band", "1:4")
+    page.click("summary:has-text('More')")
+    page.fill("#field-store", "runs")
+    page.click("text=Run nfr")
+    api.expect(page.locator("strong", has_text=re.compile("^done$"))).to_be_visible()
+    page.reload()
+    page.click("a[data-name='runs']")
+    api.expect(page.locator("h1")).to_have_text("Store runs")
+    api.expect(page.locator(".legend li")).to_have_count(2)
+    picture(page, "store")
+
+
 def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:
     measure(page, ui)
     page.click("text=Keep")

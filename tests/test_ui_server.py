@@ -220,6 +220,16 @@ def test_a_page_that_comes_back_is_told_what_it_missed(ui: Ui) -> None:
     assert again == all_of_it[-2:]
 
 
+def test_what_a_store_holds_is_shown(ui: Ui) -> None:
+    full = ui.ended(ui.begin("nfr", "Rudder.fmu", **POINTS, store="kept"))
+    (curve,) = ui.get("/api/store?name=kept")["curves"]
+    assert curve["re"] == full["curves"][0]["re"]
+    assert curve["frequency_hz"] == [1.0, 2.0, 4.0]
+    assert curve["settings"]["input"] == "delC"
+    for name, status in {"none": 404, "..": 404, "Rudder.fmu": 422, "": 404}.items():
+        assert ui.ask("GET", f"/api/store?name={name}").status == status
+
+
 def test_a_session_is_a_study(ui: Ui, tmp_path: Path) -> None:
     ui.ended(ui.begin("nfr", "fmu:Rudder", **POINTS))
     ui.ended(ui.begin("lin", "fmu:Rudder", inputs=["delC"], outputs=["del"]))

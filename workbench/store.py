@@ -7,7 +7,7 @@ import json
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,7 @@ from typing import Any, Self
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, WorkbenchError
 
-__all__ = ["FILE_NAME", "Store", "StoredMeasurement"]
+__all__ = ["FILE_NAME", "Store", "StoredMeasurement", "StoredSet", "contents"]
 
 FILE_NAME = "measurements.sqlite"
 
@@ -45,6 +45,9 @@ CREATE TABLE IF NOT EXISTS measurements (
 
 _COLUMNS = "SELECT point, value, text FROM measurements JOIN settings ON settings.id = settings"
 _SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
+_EVERYTHING = (
+    "SELECT settings.id, text, point, value FROM measurements JOIN settings ON settings.id = settings ORDER BY made"
+)
 _SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
 
 
@@ -206,6 +209,44 @@ def _first_line(error: Exception) -> str:
 def _canonical(value: Mapping[str, Any]) -> str:
     """One text for equal settings: keys sorted, numbers as Python writes them, which is exact."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+@dataclass(frozen=True)
+class StoredSet:
+    """What was measured under the same settings.
+
+    Attributes:
+        subject: everything that influences a value, as it went in.
+        effort: how hard was tried, as it went in.
+        values: point → result, as they went in; in the order in which they were measured.
+    """
+
+    subject: dict[str, Any]
+    effort: dict[str, Any]
+    values: dict[str, Any]
+
+
+def contents(folder: str | Path) -> list[StoredSet]:
+    """Return everything that a store holds; nothing in it is changed.
+
+    Args:
+        folder: of the store.
+
+    Raises:
+        InputError: there is no store, or it is damaged.
+    """
+    path = Path(folder) / FILE_NAME
+    found: dict[int, StoredSet] = {}
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=_PATIENCE)) as database:
+            for number, text, point, value in database.execute(_EVERYTHING).fetchall():
+                if number not in found:
+                    settings = from_json(text)
+                    found[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
+                found[number].values[point] = from_json(value)
+    except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is damaged or no store of the workbench ({_first_line(error)})") from None
+    return list(found.values())
 
 
 def _hash(text: str) -> str:

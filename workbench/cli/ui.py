@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from workbench.errors import InputError
+from workbench.store import FILE_NAME
 
 __all__ = ["ui"]
 
@@ -47,5 +48,5 @@ def _split(path: str | None) -> tuple[Path, str]:
     if not found.exists():
         raise InputError(f"{path}: no such file or folder")
     found = found.resolve()
-    model = found.is_file() or (found / "modelDescription.xml").is_file()
+    model = found.is_file() or any((found / name).is_file() for name in ("modelDescription.xml", FILE_NAME))
     return (found.parent, found.name) if model else (found, "")

@@ -22,7 +22,7 @@ from workbench.core.record import plain
 from workbench.core.scratch import scratch
 from workbench.errors import InputError, WorkbenchError
 from workbench.report.results import picture_of, write_report
-from workbench.ui.curves import curves_of, loop_at, signals_of
+from workbench.ui.curves import curves_of, loop_at, signals_of, stored_curves
 from workbench.ui.forms import MEASURED, FormError, form_of
 from workbench.ui.root import NotHereError
 from workbench.ui.study import study_of
@@ -169,6 +169,11 @@ class _Server:
 
     # -- systems and studies ------------------------------------------------------------------------
 
+    def store(self, request: Request) -> Response:
+        """Answer with the frequency responses of a store."""
+        name = request.query_params.get("name", "")
+        return JSONResponse({"name": name, "curves": stored_curves(self.desk.root.path(name))})
+
     def text(self, request: Request) -> Response:
         """Answer with the text of a system or a study."""
         name = request.query_params.get("name", "")
@@ -261,6 +266,7 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/works/{number:int}/report.html", server.report),
         Route("/api/works/{number:int}/picture.{kind}", server.picture),
         Route("/api/works/{number:int}/data.{kind}", server.data),
+        Route("/api/store", server.store),
         Route("/api/text", server.text),
         Route("/api/text", server.keep, methods=["POST"]),
         Route("/api/study.toml", server.study),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,15 @@ from workbench.analysis.feedback.result import FeedbackResult
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.sweep import LinGrid
 from workbench.analysis.loop.result import LoopResult
+from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.linear import Linear
 from workbench.core.record import plain
 from workbench.core.response import Response
+from workbench.store import contents
 
-__all__ = ["curves_of", "loop_at", "signals_of"]
+__all__ = ["curves_of", "loop_at", "signals_of", "stored_curves"]
 
 _MANY = 400  # frequencies of a linear model's curve
 _CURVES = 24  # of a linear model: inputs times outputs
@@ -127,6 +131,34 @@ _CURVES_OF: Mapping[type, Callable[[Any], Iterator[dict[str, Any]]]] = {
     NfrResult: _nfr, BranchesResult: _branches, LinResult: _lin, LinGrid: _grid, LoopResult: _loop,
     FeedbackResult: _feedback,
 }  # fmt: skip
+
+
+def stored_curves(folder: Path) -> list[dict[str, Any]]:
+    """Return the frequency responses that a store holds, each with the settings under which it was measured.
+
+    Args:
+        folder: of the store.
+
+    Raises:
+        InputError: it is no store, or damaged.
+    """
+    found = []
+    for number, stored in enumerate(contents(folder), 1):
+        rows = [value["point"] for value in stored.values.values() if isinstance(value, dict) and "point" in value]
+        points = sorted((NfrPoint.from_dict(row) for row in rows), key=lambda p: (p.amplitude, p.frequency))
+        names = {name: str(stored.subject.get(name, "")) for name in ("input", "output")}
+        for amplitude, group in groupby(points, key=lambda p: p.amplitude):
+            own = list(group)
+            value = np.array([np.nan if p.response is None else p.response for p in own], dtype=np.complex128)
+            error = np.array([np.nan if p.error is None else p.error for p in own])
+            response = Response(
+                np.array([p.frequency for p in own]), value, error, input=names["input"], output=names["output"]
+            )
+            label = f"set {number}: {names['output']} by {names['input']}, {amplitude:g}"
+            more = {"amplitude": amplitude, "status": [p.status for p in own], "stable": [p.stable for p in own]}
+            curve = _of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
+            found.append({**curve, "settings": {**stored.subject, **stored.effort}})
+    return [plain(curve) for curve in found]
 
 
 def signals_of(record: object) -> dict[str, Any] | None:

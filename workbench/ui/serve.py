@@ -11,6 +11,7 @@ import webbrowser
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from workbench.errors import InputError
 from workbench.ui.root import Root
@@ -59,7 +60,7 @@ def serve(folder: Path, *, port: int = 0, browser: bool = True, opened: str = ""
         desk = Desk(Root(folder))
         settings: Any = {"log_level": "warning", "timeout_graceful_shutdown": 1, "lifespan": "off", "ws": "none"}
         server = uvicorn.Server(uvicorn.Config(Guard(app_of(desk), token, port), **settings))
-        address = f"http://{_LOOPBACK}:{port}/?token={token}" + (f"#/open/{opened}" if opened else "")
+        address = f"http://{_LOOPBACK}:{port}/?token={token}" + (f"#/open/{quote(opened, safe='')}" if opened else "")
         sys.stdout.write(f"{address}\n")
         sys.stdout.flush()
         if browser:

@@ -22,8 +22,9 @@ export function pin(curve) {
   if (!kept.some((c) => c.label === curve.label)) kept.push(curve);
 }
 
-export async function comparePage() {
+export async function comparePage([store]) {
   const { Bode } = await import("./work.js");
+  if (store) return storePage(store, Bode);
   const bode = new Bode({ title: "Pinned curves." });
   const place = h("div");
   const options = () => kept.map((c, i) => h("option", { value: i }, c.label));
@@ -58,6 +59,19 @@ export async function comparePage() {
     element: h("div", {}, h("h1", {}, "Compare"),
       kept.length ? [bode.element, h("h2", {}, "Difference of two"), h("div", { class: "row" }, h("label", { for: "first" }, "From"), first, h("label", { for: "second" }, "to"), second), place]
         : h("p", { class: "dim" }, "Pin curves in a Bode picture; they meet here.")),
+  };
+}
+
+/** The responses that a store holds, as they were measured. */
+async function storePage(name, Bode) {
+  const { curves } = await get(`/api/store?name=${encodeURIComponent(name)}`);
+  const bode = new Bode({ title: `Store ${name}.` });
+  bode.show(curves);
+  const settings = new Map(curves.map((c) => [c.label.split(":")[0], c.settings]));
+  return {
+    title: name,
+    element: h("div", {}, h("h1", {}, `Store ${name}`), h("p", { class: "dim" }, `${curves.length} responses, as they were measured; pin them to compare.`), bode.element,
+      [...settings].map(([label, s]) => h("details", {}, h("summary", {}, label), table(["setting", "value"], Object.entries(s).map(([k, v]) => [k, typeof v === "object" ? JSON.stringify(v) : String(v)]))))),
   };
 }
 

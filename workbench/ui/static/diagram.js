@@ -20,6 +20,7 @@ const BLOCKS = {
   sum: (name) => `${name} = {sum = "+-"}`,
   "transfer function": (name) => `${name} = {numerator = [1.0], denominator = [0.1, 1.0]}`,
   integrator: (name) => `${name} = {numerator = [1.0], denominator = [1.0, 0.0]}`,
+  limit: (name) => `${name} = {model = "fmu:Saturation", set = {lower = -1.0, upper = 1.0}}`,
   delay: (name) => `${name} = {numerator = [-0.05, 1.0], denominator = [0.05, 1.0]}  # Padé, 0.1 s`,
 };
 
@@ -130,7 +131,7 @@ export function read(text) {
 function ports(system) {
   const found = Object.fromEntries(Object.entries(system.components).map(([name, what]) => {
     const sum = what.match(/sum\s*=\s*"([^"]*)"/);
-    const own = sum ? { in: [...sum[1]].map((_, i) => `u${i + 1}`), out: ["y"] } : /^[\d.+-]|gain\s*=|numerator/.test(what) ? { in: ["u"], out: ["y"] } : { in: [], out: [] };
+    const own = sum ? { in: [...sum[1]].map((_, i) => `u${i + 1}`), out: ["y"] } : /^[\d.+-]|gain\s*=|numerator|fmu:Saturation/.test(what) ? { in: ["u"], out: ["y"] } : { in: [], out: [] };
     return [name, { in: new Set(own.in), out: new Set(own.out) }];
   }));
   const put = (full, way) => {

@@ -22,7 +22,9 @@ async function show() {
   document.getElementById("menu").setAttribute("aria-expanded", "false");
   const asked = location.hash;
   try {
-    const page = name in PAGES ? await PAGES[name](rest) : welcome();
+    const kind = name === "open" ? server.files.find((f) => f.name === rest[0])?.kind : null;
+    const make = { store: comparePage, study: keepPage }[kind] ?? PAGES[name];
+    const page = make ? await make(rest) : welcome();
     if (location.hash !== asked) {
       page.leave?.();
       return;
@@ -66,8 +68,7 @@ function list() {
 }
 
 function address(file) {
-  const place = { system: "open", study: "keep", store: "compare" }[file.kind] ?? "open";
-  return `#/${place}/${encodeURIComponent(file.name)}`;
+  return `#/open/${encodeURIComponent(file.name)}`;
 }
 
 function works() {
