@@ -147,7 +147,7 @@ function ports(system) {
   return found;
 }
 
-const WIDE = 170, GAP = 90, ROW = 22, SIDE = 120;
+const GAP = 90, ROW = 22, SIDE = 120;
 
 function picture(system, onconnect) {
   const all = ports(system);
@@ -157,23 +157,26 @@ function picture(system, onconnect) {
   for (const name of names) (columns[level[name]] ??= []).push(name);
   const at = {};
   let height = 0;
-  columns.forEach((column, i) => {
+  let x = SIDE;
+  columns.forEach((column) => {
+    const wide = Math.max(...(column ?? []).map((name) => width(name, all[name])), 0);
     let y = 30;
     for (const name of column ?? []) {
       const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1);
-      at[name] = { x: SIDE + i * (WIDE + GAP), y, h: size };
+      at[name] = { x, y, w: wide, h: size };
       y += size + 26;
     }
     height = Math.max(height, y);
+    x += wide + GAP;
   });
   const where = (full, way) => {
     const [name, ...rest] = full.split(".");
     const box = at[name];
     if (!box) return null;
     const k = [...all[name][way]].indexOf(rest.join("."));
-    return { x: box.x + (way === "out" ? WIDE : 0), y: box.y + 40 + ROW * k };
+    return { x: box.x + (way === "out" ? box.w : 0), y: box.y + 40 + ROW * k };
   };
-  const width = 2 * SIDE + columns.length * (WIDE + GAP) - GAP;
+  const whole = x - GAP + SIDE;
   const back = height + 10;
   const paths = system.connections.map(({ from, to }, i) => {
     const [a, b] = [where(from, "out"), where(to, "in")];
@@ -185,10 +188,10 @@ function picture(system, onconnect) {
     return path;
   }).filter(Boolean);
   let chosen = null;
-  const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(width, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths);
+  const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths);
   for (const name of names) {
     const box = at[name];
-    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: WIDE, height: box.h }), s("text", { x: box.x + WIDE / 2, y: box.y + 18, "text-anchor": "middle" }, name));
+    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name));
     group.firstChild.append(s("title", {}, `${name} = ${system.components[name]}`));
     for (const way of ["in", "out"]) {
       for (const port of all[name][way]) {
@@ -205,7 +208,7 @@ function picture(system, onconnect) {
         dot.addEventListener("click", press);
         dot.addEventListener("keydown", (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), press()));
         const inside = way === "in" ? { x: p.x + 12, anchor: "start" } : { x: p.x - 12, anchor: "end" };
-        group.append(s("text", { x: inside.x, y: p.y + 4, "text-anchor": inside.anchor }, port.length > 18 ? `${port.slice(0, 17)}…` : port), dot);
+        group.append(s("text", { x: inside.x, y: p.y + 4, "text-anchor": inside.anchor }, brief(port)), dot);
       }
     }
     svg.append(group);
@@ -214,11 +217,22 @@ function picture(system, onconnect) {
     for (const [label, targets] of Object.entries(system[kind])) {
       for (const full of targets) {
         const p = where(full, way);
-        if (p) svg.append(s("text", { x: p.x + (way === "in" ? -10 : 10), y: p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, way === "in" ? `${label} →` : `→ ${label}`));
+        const same = full.endsWith(`.${label}`);
+        if (p) svg.append(s("text", { x: p.x + (way === "in" ? -10 : 10), y: p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
       }
     }
   }
   return svg;
+}
+
+function brief(port) {
+  return port.length > 24 ? `${port.slice(0, 23)}…` : port;
+}
+
+/** How wide a box is, so that the names at its two sides do not meet. */
+function width(name, ports) {
+  const longest = (names) => Math.max(0, ...[...names].map((n) => brief(n).length));
+  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), 20 + 7.4 * name.length);
 }
 
 /** Columns: a component stands to the right of those that feed it, but for the wires that close a loop. */

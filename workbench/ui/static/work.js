@@ -324,13 +324,14 @@ function csv(curves) {
 /** What a work that has ended gives: remarks, files, report, the command and the Python. */
 function afterwards(full) {
   const at = `/api/works/${full.number}`;
-  const report = h("div");
+  const reported = () => h("iframe", { src: `${at}/report.html`, title: "Report" });
+  const report = h("div", {}, full.has_record && !full.curves.length && !full.signals ? reported() : null);
   const remarks = [...(full.record?.warnings ?? []), ...full.notes];
   return [
     remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, remarks.map((n) => h("li", {}, n)))) : null,
     full.command === "loop" && full.record?.linear ? gainKnob(full) : null,
     full.has_record ? h("div", { class: "row" },
-      h("button", { type: "button", onclick: () => fill(report, h("iframe", { src: `${at}/report.html`, title: "Report" })) }, "Report"),
+      h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
       h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
       h("a", { class: "button", href: `${at}/picture.svg`, download: `${full.command}-${full.number}.svg` }, "Picture"),
       h("a", { class: "button", href: `${at}/data.csv`, download: `${full.command}-${full.number}.csv` }, "CSV"),
