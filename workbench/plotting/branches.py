@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_branches", "plot_branches"]
 
+_ASKED: dict[str, Any] = {"color": "#888888", "linewidth": 0.8}
 _ONSET: dict[str, Any] = {"color": "#888888", "linewidth": 0.8, "linestyle": ":"}
 
 _MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch point": "P"}
@@ -38,7 +39,7 @@ def plot_branches(result: BranchesResult) -> Figure:
     axes[1].set_ylabel("phase [deg]")
     axes[1].set_xlabel(label(result.vary, result.vary_unit))
     for f in result.asked_hz:
-        axes[0].axvline(f, color="#888888", linewidth=0.8)
+        axes[0].axvline(f, **_ASKED)
     if result.vary in {"frequency", "amplitude"}:
         values = np.concatenate([b.varied for b in result.branches])
         log_axis(axes[1], float(values.min()), float(values.max()))
@@ -101,6 +102,8 @@ def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None
         handles.append(
             Line2D([], [], label=f"where it begins to jump, at amplitude {result.onset.amplitude:.4g}", **_ONSET)
         )
+    if result.asked_hz:
+        handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
     kinds = {f.kind for f in result.folds}
     handles += [
         Line2D([], [], color="#333333", linestyle="", marker=m, markersize=4.0, label=kind)
