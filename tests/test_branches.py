@@ -74,7 +74,7 @@ def test_the_folds_are_those_of_the_equation() -> None:
 
 def test_between_the_folds_there_are_three_responses() -> None:
     (branch,) = hardening().branches
-    places = branch.at(0.207)
+    places = branch.places_at(0.207)
     assert [bool(branch.stable[i]) for i in places] == [True, False, True]
     for i in places:
         x = from_fundamental(branch.gain[i], branch.phase_deg[i], 0.207, 0.1)

@@ -88,6 +88,25 @@ def test_cycles_of_fmus_over_a_parameter(tmp_path: Path) -> None:
     assert len((tmp_path / "b.csv").read_text(encoding="utf-8").splitlines()) == len(over_tau.points) + 1
 
 
+def test_orbits_are_followed_to_both_bounds() -> None:
+    """Of a loop whose harmonics hardly return, the frequency is the describing function's to 1 %."""
+    with chain() as system:
+        methods = ("describing function", "harmonic balance", "shooting")
+        result = limit_cycle(system, block="block", methods=methods, vary={"c.tau": (0.5, 2.0)})
+    (branch,) = result.branches
+    values = [p.value for p in branch.points]
+    assert (min(values), max(values)) == (0.5, 2.0)
+    assert branch.ends == ("the parameter's bound", "the parameter's bound")
+    for p in branch.points:
+        # Im of (jω + 1)²(jωτ + 1) is zero at ω² = (2 + τ)/τ.
+        assert p.frequency_hz == pytest.approx(math.sqrt((2.0 + p.value) / p.value) / (2.0 * math.pi), rel=0.01)
+        assert p.stable
+    assert branch.bifurcations == ()
+    rows = list(result.rows())
+    assert len(rows) == 1 + len(result.limit_cycles) + len(branch.points)
+    assert {len(row) for row in rows} == {len(rows[0])}
+
+
 def test_an_unknown_parameter_is_one_line() -> None:
     with chain() as system, pytest.raises(InputError, match=r"did you mean .*c\.tau"):
         limit_cycle(system, block="block", methods=("harmonic balance",), vary={"c.tua": (0.5, 2.0)})

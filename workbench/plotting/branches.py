@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_branches", "plot_branches"]
 
+_ASKED: dict[str, Any] = {"color": "#888888", "linewidth": 0.8}
 _ONSET: dict[str, Any] = {"color": "#888888", "linewidth": 0.8, "linestyle": ":"}
 
 _MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch point": "P"}
@@ -28,22 +29,32 @@ _MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch 
 
 def plot_branches(result: BranchesResult) -> Figure:
     """Draw gain [dB] and phase [deg] of all responses over what is varied: full where stable, dashed where not."""
-    figure, axes = rows(2, title=f"{result.model}: {result.input} → {result.output}")
     amplitudes = sorted({b.amplitude for b in result.branches if b.amplitude is not None})
+    figure, axes = rows(2, title=f"{result.model}: {result.input} → {result.output}{_held(result, amplitudes)}")
     colours = {a: COLOURS[i % len(COLOURS)] for i, a in enumerate(amplitudes)}
     draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
     if result.onset is not None:
         axes[0].axvline(result.onset.frequency_hz, **_ONSET)
     axes[0].set_ylabel("gain [dB]")
     axes[1].set_ylabel("phase [deg]")
-    unit = {"frequency": "Hz", "amplitude": result.input_unit}.get(result.vary)
-    axes[1].set_xlabel(label(result.vary, unit))
+    axes[1].set_xlabel(label(result.vary, result.vary_unit))
+    for f in result.asked_hz:
+        axes[0].axvline(f, **_ASKED)
     if result.vary in {"frequency", "amplitude"}:
         values = np.concatenate([b.varied for b in result.branches])
         log_axis(axes[1], float(values.min()), float(values.max()))
     _legend(axes[0], result, colours)
     figure.align_ylabels(axes)
     return figure
+
+
+def _held(result: BranchesResult, amplitudes: Sequence[float]) -> str:
+    """Return what is the same in the whole picture."""
+    unit = f" {result.input_unit}" if result.input_unit not in {None, "1"} else ""
+    held = [f"amplitude {amplitudes[0]:g}{unit}"] if len(amplitudes) == 1 else []
+    if result.vary != "frequency" and result.branches:
+        held.append(f"{result.branches[0].frequency_hz[0]:g} Hz")
+    return f", {', '.join(held)}" if held else ""
 
 
 def draw_branches(
@@ -88,7 +99,11 @@ def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None
         handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
         handles.append(Line2D([], [], color="#333333", linestyle="--", label="unstable"))
     if result.onset is not None:
-        handles.append(Line2D([], [], label=f"jumps from amplitude {result.onset.amplitude:.4g} on", **_ONSET))
+        handles.append(
+            Line2D([], [], label=f"where it begins to jump, at amplitude {result.onset.amplitude:.4g}", **_ONSET)
+        )
+    if result.asked_hz:
+        handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
     kinds = {f.kind for f in result.folds}
     handles += [
         Line2D([], [], color="#333333", linestyle="", marker=m, markersize=4.0, label=kind)

@@ -13,7 +13,7 @@ from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, sampled_rows
 from workbench.report.tones import Verdict
 
-__all__ = ["branches_page", "branches_table", "folds_table"]
+__all__ = ["branches_page", "branches_table", "folds_table", "jumping"]
 
 _MOST_ROWS = 16
 _NOTHING = 1e-4
@@ -27,7 +27,7 @@ def branches_page(result: BranchesResult) -> Page:
         facts={
             "input": bracketed(result.input, result.input_unit),
             "output": bracketed(result.output, result.output_unit),
-            "varied": bracketed(result.vary, _unit(result)),
+            "varied": bracketed(result.vary, result.vary_unit),
             "periods run": f"{result.periods}",
         },
         sections=[
@@ -35,7 +35,8 @@ def branches_page(result: BranchesResult) -> Page:
                 "Gain and phase",
                 figures=[(result.plot, "Full: stable; dashed: unstable. Dots: folds; squares: period doublings.")],
             ),
-            Section("Branches", tables=[branches_table(result.branches, result.vary, _unit(result))]),
+            Section("Branches", tables=[branches_table(result.branches, result.vary, result.vary_unit)]),
+            *([Section("Responses at the frequencies asked for", tables=[_listed(result)])] if result.asked_hz else []),
             *([Section("Folds and bifurcations", tables=[folds_table(result.folds)])] if result.folds else []),
             *_onset(result),
             Section("Values", tables=[_values(result, i) for i in range(len(result.branches))], folded=True),
@@ -44,10 +45,6 @@ def branches_page(result: BranchesResult) -> Page:
         notes=result.warnings,
         kind="branches",
     )
-
-
-def _unit(result: BranchesResult) -> str | None:
-    return {"frequency": "Hz", "amplitude": result.input_unit}.get(result.vary)
 
 
 def _lead(result: BranchesResult) -> str:
@@ -62,10 +59,38 @@ def _verdicts(result: BranchesResult) -> list[Verdict]:
         return [Verdict("watch", f"{words}, near {result.onset.frequency_hz:.4g} Hz")]
     folds = [f for f in result.folds if f.kind == "fold"]
     if not folds:
-        return [Verdict("good", "no fold: the response does not jump")]
-    values = sorted(f.varied for f in folds)
-    unit = behind(_unit(result))
-    return [Verdict("watch", f"the response jumps: folds from {values[0]:.6g} to {values[-1]:.6g}{unit}")]
+        largest = max((b.amplitude for b in result.branches if b.amplitude is not None), default=None)
+        to = "" if largest is None else f" up to amplitude {largest:g}{behind(result.input_unit)}"
+        return [Verdict("good", f"no fold was found: the response does not jump{to}")]
+    return [jumping([f.varied for f in folds], result.vary_unit)]
+
+
+def jumping(values: Sequence[float], unit: str | None) -> Verdict:
+    """Return the verdict on folds.
+
+    Args:
+        values: where they are.
+        unit: of that.
+    """
+    low, high = min(values), max(values)
+    where = f"a fold at {low:.6g}" if low == high else f"folds from {low:.6g} to {high:.6g}"
+    return Verdict("watch", f"the response jumps: {where}{behind(unit)}")
+
+
+def _listed(result: BranchesResult) -> Table:
+    rows = [
+        (
+            f"{r.frequency_hz:g}", f"{r.amplitude:g}", f"{r.gain:.5g}", f"{decibels(np.array([r.gain + 0j]))[0]:.3f}",
+            f"{r.phase_deg:.2f}", "stable" if r.stable else "unstable", f"{r.order}", f"{r.branch + 1}",
+        )
+        for f in result.asked_hz
+        for r in result.at(f)
+    ]  # fmt: skip
+    headings = (
+        "frequency [Hz]", bracketed("amplitude", result.input_unit), "gain", "gain [dB]", "phase [deg]", "stability",
+        "repeats after [periods]", "branch",
+    )  # fmt: skip
+    return Table(headings, rows, right=(0, 1, 2, 3, 4, 6, 7))
 
 
 def branches_table(branches: Sequence[ResponseBranch], vary: str, unit: str | None) -> Table:
@@ -130,6 +155,7 @@ def _values(result: BranchesResult, number: int) -> Table:
         for x, d, phase, mean, s, mu in zip(b.varied, db, b.phase_deg, offset, b.stable, b.multipliers, strict=True)
     ]
     headings = (
-        bracketed(result.vary, _unit(result)), "gain [dB]", "phase [deg]", "offset", "stability", "largest multiplier",
+        bracketed(result.vary, result.vary_unit), "gain [dB]", "phase [deg]", "offset", "stability",
+        "largest multiplier",
     )  # fmt: skip
     return Table(headings, sampled_rows(rows, _MOST_ROWS), verdict=4, title=f"Branch {number + 1}")

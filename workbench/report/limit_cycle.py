@@ -180,12 +180,17 @@ def _branch(branch: Branch) -> Section:
     rows = sampled_rows([_branch_point(p) for p in branch.points], _MOST_ROWS)
     headings = (branch.parameter, "frequency [Hz]", "amplitude", "fundamental", "mean", "cycle")
     folds = [_branch_point(p) for p in branch.folds]
-    shown = f"{len(rows)} of {len(branch.points)} points; the data of this page hold all."
+    others = [(*_branch_point(p), p.kind) for p in branch.bifurcations]
+    shown = f"{len(rows)} of {len(branch.points)} points; JSON and CSV hold all."
     return Section(
         f"Over {branch.parameter}",
         figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed, folds marked.")],
         items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
-        tables=[Table(headings, folds, title="Folds", right=range(5))] if folds else [],
+        tables=[
+            Table((*headings, "kind")[: len(table[0])], table, title=title, right=range(5))
+            for title, table in (("Folds", folds), ("Bifurcations", others))
+            if table
+        ],
         parts=[Section("Points", paragraphs=[shown], tables=[Table(headings, rows, right=range(5))], folded=True)],
     )
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from workbench.analysis.nfr.result import MISSING, NfrResult
-from workbench.report.branches import branches_table, folds_table
+from workbench.report.branches import branches_table, folds_table, jumping
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number
 from workbench.report.tones import Verdict
@@ -110,6 +111,10 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
         Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
         for why, n in reasons.items()
     ]
+    folds = [f for f in result.folds if f.kind == "fold"]
+    for amplitude in sorted({f.amplitude for f in folds}):
+        told = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
+        found.append(replace(told, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {told.text}"))
     return found
 
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.analysis.periodic.continuation import Family, Place
+from workbench.analysis.periodic.continuation import Family
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
@@ -64,14 +64,9 @@ class Forced(Family):
         self._open.close()
         self._map = None
 
-    def again(self, *, order: int = 0, amplitude: float = math.nan, band: tuple[float, float] | None = None) -> Forced:
-        """Return the same family of another order, amplitude or band."""
-        low, high = band or (self.low, self.high)
-        amplitude = self.amplitude if math.isnan(amplitude) else amplitude
-        return replace(
-            self, order=order or self.order, amplitude=amplitude, low=low, high=high, count=0, _open=ExitStack(),
-            _map=None, _value=None,
-        )  # fmt: skip
+    def again(self, **others: Any) -> Forced:  # noqa: ANN401 - of the fields
+        """Return the same family with other values of some attributes, such as the order, the amplitude or the band."""
+        return replace(self, **others, count=0, _open=ExitStack(), _map=None, _value=None)
 
     @property
     def is_logarithmic(self) -> bool:
@@ -133,10 +128,6 @@ class Forced(Family):
             return lap, lap.tangent.stretch * longer
         moved = self.run(x, p + _NUDGE)
         return lap, (moved.x1 - lap.x1) / _NUDGE
-
-    def moved_on(self, place: Place) -> str:
-        """Take no note: the forcing holds the phase."""
-        return ""
 
     def _at(self, p: float) -> PeriodMap:
         value = None if self.is_logarithmic else self.value(p)

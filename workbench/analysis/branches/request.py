@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
@@ -62,6 +63,7 @@ class Branches(AtPoint, Analysis["BranchesResult"]):
         "Amplitudes of the sine, in the unit of the input; a branch over frequency for each.",
         flag="--amplitude",
         metavar="A,..",
+        positive=True,
         default=None,
     )
     _: KW_ONLY
@@ -81,7 +83,9 @@ class Branches(AtPoint, Analysis["BranchesResult"]):
         "Follow responses that repeat only after so many periods at most.", metavar="M", least=1, default=2
     )
     seeds: int = option("Number of random starts from which further responses are looked for.", least=0, default=6)
-    onset: bool = option("Also find the amplitude from which on the response jumps.", default=False)
+    onset: bool = option(
+        "Also find the amplitude from which on the response jumps, at or below the largest one given.", default=False
+    )
     places: int = option("Largest number of places on a branch.", least=10, default=600)
 
     def __post_init__(self) -> None:
@@ -91,11 +95,25 @@ class Branches(AtPoint, Analysis["BranchesResult"]):
         if self.vary and (self.band is not None or len(several(self.frequencies or ())) != 1):
             raise InputError("vary: give the one frequency at which it is varied (--freq F), and no band")
         if not self.vary and self.band is None:
-            raise InputError("band: give the lowest and the highest frequency (--band LO:HI), or what else to vary")
+            raise InputError(
+                "band: give the lowest and the highest frequency (--band LO:HI), around those that matter, or what "
+                "else to vary (--vary NAME=LO:HI)"
+            )
+        if self.band is not None:
+            _check_band(self.band, several(self.frequencies or ()))
         if "amplitude" not in self.vary and not self.amplitudes:
             raise InputError("amplitude: give one or several (--amplitude A,..); the response depends on it")
         if self.onset and self.vary:
             raise InputError("onset: it is found over frequency; give a band, and nothing to vary")
+
+
+def _check_band(band: tuple[float, float], frequencies: tuple[float, ...]) -> None:
+    low, high = band
+    if not 0.0 < low < high < math.inf:
+        raise InputError(f"band: {low:g}:{high:g} is not of the form LO:HI with 0 < LO < HI [Hz]")
+    for f in frequencies:
+        if not low <= f <= high:
+            raise InputError(f"frequencies: {f:g} Hz lies outside the band {low:g}:{high:g} Hz (--band, --freq)")
 
 
 branches = function(Branches)

@@ -14,7 +14,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Part, Record, entry
 from workbench.session.base import Floats
 
-__all__ = ["BranchesResult", "Fold", "Onset", "ResponseBranch"]
+__all__ = ["BranchesResult", "Fold", "Onset", "ResponseAt", "ResponseBranch"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,9 +47,32 @@ class ResponseBranch(Part):
     closed: bool = False
     ends: tuple[str, ...] = ()
 
-    def at(self, value: float) -> list[int]:
+    def places_at(self, value: float) -> list[int]:
         """Return the numbers of the places at a value of what is varied, one of those that were asked for."""
         return np.flatnonzero(np.isclose(self.varied, value, rtol=1e-9, atol=0.0)).tolist()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseAt(Part):
+    """One of the responses at a frequency that was asked for.
+
+    Attributes:
+        frequency_hz: of the forcing [Hz].
+        amplitude: of the forcing [unit of the input].
+        gain: of the fundamental.
+        phase_deg: of the fundamental [deg].
+        stable: whether it is stable.
+        order: after how many periods of the forcing it repeats.
+        branch: number of the branch, from 0.
+    """
+
+    frequency_hz: float
+    amplitude: float
+    gain: float
+    phase_deg: float
+    stable: bool
+    order: int
+    branch: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +128,8 @@ class BranchesResult(Record):
         branches: the responses.
         folds: folds and bifurcations.
         onset: where it begins to jump; None: not asked for, or it does not jump.
+        asked_hz: frequencies at which all responses are listed, see `at` [Hz].
+        vary_unit: unit of what is varied; None where the model names none.
         periods: number of periods run.
         warnings: remarks, one line each.
         operating_point: where the model starts.
@@ -121,11 +146,39 @@ class BranchesResult(Record):
     branches: tuple[ResponseBranch, ...]
     folds: tuple[Fold, ...]
     onset: Onset | None = None
+    asked_hz: tuple[float, ...] = ()
+    vary_unit: str | None = None
     periods: int = 0
     warnings: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = field(default=None, metadata=entry())
 
     _WHAT, _COMMAND = "a set of branches", "branches"
+
+    def at(self, frequency_hz: float) -> tuple[ResponseAt, ...]:
+        """Return all responses at one of the frequencies that were asked for, by amplitude, the largest gain first.
+
+        Args:
+            frequency_hz: [Hz].
+        """
+        found = [
+            ResponseAt(
+                frequency_hz=frequency_hz,
+                amplitude=b.amplitude,
+                gain=float(b.gain[i]),
+                phase_deg=float(b.phase_deg[i]),
+                stable=bool(b.stable[i]),
+                order=b.order,
+                branch=number,
+            )
+            for number, b in enumerate(self.branches)
+            if b.amplitude is not None and self.vary == "frequency"
+            for i in b.places_at(frequency_hz)
+        ]
+        return tuple(sorted(found, key=lambda r: (r.amplitude, -r.gain)))
+
+    def derived(self) -> dict[str, Any]:
+        """Return the responses at the frequencies that were asked for."""
+        return {"responses": [r for f in self.asked_hz for r in self.at(f)]}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each place: the branch's number, where it is, gain, phase, stability."""
@@ -133,7 +186,7 @@ class BranchesResult(Record):
             "branch", "order", "frequency_hz", "amplitude", "varied", "gain", "gain_db", "phase_deg", "offset",
             "stable", "largest_multiplier",
         )  # fmt: skip
-        for number, b in enumerate(self.branches):
+        for number, b in enumerate(self.branches, 1):
             for i, f in enumerate(b.frequency_hz.tolist()):
                 amplitude = float(b.varied[i]) if b.amplitude is None else b.amplitude
                 db = 20.0 * math.log10(b.gain[i]) if b.gain[i] > 0.0 else -math.inf

@@ -251,7 +251,7 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     onset: Onset | None = None
     amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
     progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()
-    units = {v.name: v.unit for v in (*model.inputs, *model.outputs, *model.states)}
+    units = {v.name: v.unit for v in (*model.parameters, *model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
         now = [t for search in at_work for t in (*search.tracks, *search.unfinished)]
@@ -269,6 +269,8 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
             branches=branches,
             folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(every) for s in track.special),
             onset=onset,
+            asked_hz=() if asked.vary else several(asked.frequencies or ()),
+            vary_unit={"frequency": "Hz", "amplitude": units.get(asked.input)}.get(vary, units.get(vary)),
             periods=sum({id(f): f.count for _, f, _ in every}.values()),
             warnings=(*notes, *_cut_short(branches)),
             operating_point=point,
@@ -289,7 +291,10 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
             if asked.onset and amplitude == amplitudes[-1]:
                 onset = _onset(tracks, progress.at)
                 if onset is None:
-                    notes.append(f"at amplitude {amplitude:g} the response does not fold back: it does not jump")
+                    notes.append(
+                        f"onset: at amplitude {amplitude:g} no fold was found, so from which one on the response jumps "
+                        "is not known; give a larger --amplitude"
+                    )
             progress.next()
     return result()
 
@@ -321,18 +326,18 @@ class _Progress:
 
 
 def _check(model: Model, asked: Branches) -> None:
+    check_variables(model, [asked.input], "input", what="input")
+    check_variables(model, [asked.output], "output", "state", what="output")
+    check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
     if model.interface != "me":
         raise InputError(
             f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
             "use --interface me"
         )
-    if not model.states:
-        raise InputError(f"branches: {model.name} has no states; its response is the same at every frequency: use nfr")
     if rates := sample_rates(model):
         raise InputError(f"branches: {model.name} samples every {rates[0]:g} s; use nfr --method settle")
-    check_variables(model, [asked.input], "input", what="input")
-    check_variables(model, [asked.output], "output", "state", what="output")
-    check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
+    if not model.states:
+        raise InputError(f"branches: {model.name} has no continuous states that could be followed; use nfr")
 
 
 # -- the result -------------------------------------------------------------------------------------------------------
@@ -402,7 +407,7 @@ def _onset(tracks: list[tuple[Forced, Track]], told: Callable[[Place], None]) ->
         width = max(b / a, 1.0 + 1e-4)
         # As the amplitude falls the folds move together, and down the backbone.
         window = (a / width**2.0 * (1.0 - 0.3 * (1.0 - amplitude / high)), b * width**0.5)
-        folds = _folds_in(family.again(amplitude=amplitude, band=window), told)
+        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), told)
         if folds is None:
             low = amplitude
         else:

@@ -8,7 +8,7 @@ from typing import Any
 
 from workbench.core.record import Record
 
-__all__ = ["Branch", "BranchPoint"]
+__all__ = ["Bifurcation", "Branch", "BranchPoint"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +33,17 @@ class BranchPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bifurcation(BranchPoint):
+    """A cycle at which others begin.
+
+    Attributes:
+        kind: "period doubling", "Neimark-Sacker" or "branch point".
+    """
+
+    kind: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Branch(Record):
     """Limit cycles followed over a parameter, around folds.
 
@@ -41,6 +52,7 @@ class Branch(Record):
         points: along the branch, from one end to the other; the parameter need not rise.
         folds: where the branch turns back; two cycles meet and vanish there.
         hopf: where a cycle shrinks to a point, and an equilibrium begins to oscillate (a Hopf point).
+        bifurcations: where other cycles begin: of twice the period, on a torus, or crossing.
         ends: why it ends, at the first and at the last point.
     """
 
@@ -49,6 +61,7 @@ class Branch(Record):
     folds: tuple[BranchPoint, ...]
     ends: tuple[str, str]
     hopf: tuple[BranchPoint, ...] = ()
+    bifurcations: tuple[Bifurcation, ...] = ()
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""

@@ -142,7 +142,12 @@ class LimitCycleResult(Record):
         return {"criterion": curve.criterion, "unstable_open": curve.unstable_open, "crossings": curve.crossings}
 
     def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield one row for each limit cycle."""
-        names = ("crossing", "method", "frequency_hz", "amplitude", "fundamental", "mean", "stable", "multiplier")
-        yield names
-        yield from ([getattr(c, n) for n in names] for c in self.limit_cycles)
+        """Yield one row for each limit cycle, then one for each that was followed, with its parameter's value."""
+        shared = ("frequency_hz", "amplitude", "fundamental", "mean", "stable")
+        names = ("crossing", "method", *shared, "multiplier")
+        yield (*names, *(("parameter", "value", "branch") if self.branches else ()))
+        rest = [None] * 3 if self.branches else []
+        yield from ([getattr(c, n) for n in names] + rest for c in self.limit_cycles)
+        for number, branch in enumerate(self.branches, 1):
+            for p in branch.points:
+                yield [None, None, *(getattr(p, n) for n in shared), None, branch.parameter, p.value, number]

@@ -41,6 +41,7 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits, shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
+from workbench.analysis.periodic.continuation import Manner, Place
 from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
@@ -59,33 +60,35 @@ _VANISHED = 1e-3  # of the predicted amplitude: an orbit smaller than that is th
 _FASTEST = 10.0  # [Hz], where no crossing says what to expect
 _SMALL_PUSH, _LARGE_PUSH = 0.1, 10.0  # nominal values of the block's input
 _TIME_CONSTANTS = 40.0  # of the slowest pole: length of the first stretch of a free run
+_PARTS = 100  # that a step is told of
 _PHASES = 400  # at which the predicted states are looked at
 
 
 def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult:
     """Find limit cycles; see `LimitCycles`."""
     names = _outputs(model, asked.outputs)
+    check_variables(model, [n for n in asked.vary if n != GAIN], "parameter", "state", what="vary", number=True)
     system, remarks = start_at(model, asked.at)
     time = system.start_time if asked.time is None else asked.time
     steps = 3 + len(asked.vary)
     with ExitStack() as keep, one_thread():
         loop = cut(system, asked.block, at=system.at, time=time, keep=keep)
         curve = _crossings(system, loop, asked)
-        job.done("crossings", 1, steps)
+        job.done("crossings", _PARTS, _PARTS * steps)
         work = _Work(system, loop, curve, names, asked, time, keep, job)
         result = work.run()
-        job.partial = lambda: result
-        job.done("limit cycles", 2, steps)
-        branches: list[Branch] = []
-        for count, (name, limits) in enumerate(asked.vary.items(), start=3):
-            branches += work.followed(name, limits)
-            job.done(f"cycles over {name}", count, steps)
+        job.partial = lambda: replace(result, branches=work.followed_so_far())
+        job.done("limit cycles", 2 * _PARTS, _PARTS * steps)
+        for count, (name, limits) in enumerate(asked.vary.items(), start=2):
+            work.stage = count * _PARTS, _PARTS * steps
+            work.follow(name, limits)
+            job.done(f"cycles over {name}", (count + 1) * _PARTS, _PARTS * steps)
         units = {v.name: v.unit for v in system.description.variables if v.name in asked.vary}
         run_freely = None if asked.run_until is None else work.run_freely(asked.run_until, signals_of(asked.inputs))
-        job.done("run from rest", steps, steps)
+        job.done("run from rest", _PARTS * steps, _PARTS * steps)
         return replace(
             result,
-            branches=tuple(branches),
+            branches=tuple(work.branches),
             free_run=run_freely,
             units=units,
             notes=tuple(dict.fromkeys([*remarks, *work.notes])),
@@ -131,6 +134,13 @@ class _Work:
     driven: DrivenBlock | None = None
     cycles: list[Cycle] = field(default_factory=list)
     observed: list[Observation] = field(default_factory=list)
+    branches: list[Branch] = field(default_factory=list)
+    following: list[Callable[[], Branch]] = field(default_factory=list)
+    stage: tuple[int, int] = (0, 1)
+
+    def followed_so_far(self) -> tuple[Branch, ...]:
+        """Return the branches that were followed, the last as far as it goes."""
+        return (*self.branches, *(branch() for branch in self.following))
 
     def run(self) -> LimitCycleResult:
         self.notes += self.loop.notes
@@ -167,7 +177,7 @@ class _Work:
                 f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % returns to the block; "
                 "the describing function is a rough estimate there"
             )
-        block = self.loop.block if self.loop.block is not None else self._driven(number)
+        block = self.loop.block if self.loop.block is not None else self._driven()
         cycle = None if block is None else self._balanced(number, first, block)
         if block is not None and cycle is None:
             return
@@ -230,7 +240,7 @@ class _Work:
         if run is not None and run.steady and self.loop.block is not None:
             self._shot(None, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v])
 
-    def _driven(self, number: int) -> DrivenBlock | None:
+    def _driven(self) -> DrivenBlock | None:
         """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
         if set(self.asked.methods) <= {DESCRIBING_FUNCTION}:
             return None
@@ -252,53 +262,71 @@ class _Work:
         fastest = max(found) if found else _FASTEST
         return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
 
-    def followed(self, name: str, limits: tuple[float, float]) -> list[Branch]:
-        """Return the branches over a parameter through the cycles that were found, each once.
+    def follow(self, name: str, limits: tuple[float, float]) -> None:
+        """Follow the cycles that were found over a parameter, each branch once.
 
         Those that shooting found are followed by it; else harmonic balance follows its own.
+
+        Args:
+            name: of the parameter.
+            limits: lowest and highest value.
         """
         block = self.loop.block
         if block is None or (name != GAIN and any(c.method == SHOOTING for c in self.found)):
-            return self._followed_by_shooting(name, limits)
+            self._follow_orbits(name, limits)
+            return
         family, start = self._family(name, block, limits)
         if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
-        found: list[Branch] = []
+        before = len(self.branches)
         for cycle in self.cycles:
-            if not any(_passes(b, start, cycle.fundamental, lambda p: p.fundamental) for b in found):
-                found.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
-        return found
+            if not any(_passes(b, start, cycle.fundamental, lambda p: p.fundamental) for b in self.branches[before:]):
+                self.branches.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
 
-    def _followed_by_shooting(self, name: str, limits: tuple[float, float]) -> list[Branch]:
-        """Return the branches over a parameter of the system through the closed orbits that shooting found."""
+    def _follow_orbits(self, name: str, limits: tuple[float, float]) -> None:
+        """Follow the closed orbits that shooting found over a parameter of the system."""
         if name == GAIN:
             self.notes.append("gain: it is no parameter of a measured loop; vary one of the system's")
-            return []
-        check_variables(self.system, [name], "parameter", "state", what="vary", number=True)
+            return
         with self.system.open_session(start_time=self.time) as session:
             start = session.values([name])[name]
         if not limits[0] < start < limits[1]:
             raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
-        varied = Varied(self.system, name)
+        varied, span = Varied(self.system, name), limits[1] - limits[0]
         self.keep.callback(varied.close)
+        before = len(self.branches)
+        cycles = [c for c in self.found if c.method == SHOOTING]
+        done, total = self.stage
+        seen = 0.0
 
-        def opened(p: float) -> DescribedModel:
-            return varied.at(limits[0] + (limits[1] - limits[0]) * p)
+        def told(place: Place) -> None:
+            nonlocal seen
+            p = (start - limits[0]) / span
+            far = min(abs(place.p - p) / (1.0 - p if place.p > p else p), 1.0)
+            seen = max(seen, number + far)
+            part = int(0.99 * _PARTS * seen / len(cycles))
+            self.job.done(f"{name} = {limits[0] + span * place.p:.6g}", done + part, total)
 
-        found: list[Branch] = []
-        for cycle in [c for c in self.found if c.method == SHOOTING]:
+        number = 0
+        for number, cycle in enumerate(cycles):  # noqa: B007 - `told` does
             states = cycle.states or {}
-            if any(_passes(b, start, cycle.amplitude, lambda p: p.amplitude) for b in found):
+            if any(_passes(b, start, cycle.amplitude, lambda p: p.amplitude) for b in self.branches[before:]):
                 continue
             sizes = {n: max(abs(x), 1e-6) for n, x in states.items()}
-            orbits = Orbits(opened, tuple(states), sizes, self.loop.point.u, self.loop.ports.v, self.time, varied=True)
+            orbits = Orbits(
+                lambda p: varied.at(limits[0] + span * p), tuple(states), sizes, self.loop.point.u, self.loop.ports.v,
+                self.time, varied=True,
+            )  # fmt: skip
             try:
-                first = orbits.arrive(states, cycle.frequency_hz, (start - limits[0]) / (limits[1] - limits[0]))
+                first = orbits.arrive(states, cycle.frequency_hz, (start - limits[0]) / span)
             except SimulationError as error:
                 self.notes.append(f"{name}: the cycle of {cycle.frequency_hz:.4g} Hz cannot be followed: {error}")
                 continue
-            found.append(follow_orbits(orbits, first, parameter=name, limits=limits, stopped=lambda: self.job.stopped))
-        return found
+            manner = Manner(stopped=lambda: self.job.stopped, told=told)
+            self.branches.append(
+                follow_orbits(orbits, first, parameter=name, limits=limits, manner=manner, begun=self.following.append)
+            )
+            self.following.clear()
 
     def _family(self, name: str, block: Block, limits: tuple[float, float]) -> tuple[Family, float]:
         if name == GAIN:

@@ -10,10 +10,10 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.harmonics import fundamental
-from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+from workbench.analysis.limit_cycle.branch import Bifurcation, Branch, BranchPoint
 from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.passes import half_range, told_mean
-from workbench.analysis.periodic.continuation import Family, Manner, Place, arrive, both_ways
+from workbench.analysis.periodic.continuation import Family, Manner, Place, Track, arrive, both_ways
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap, PeriodMap, differences
 from workbench.errors import InputError, SimulationError
@@ -250,7 +250,13 @@ def _across(jacobian: Floats, flow: Floats) -> tuple[Complex, float]:
 
 
 def follow_orbits(
-    orbits: Orbits, first: Place, *, parameter: str, limits: tuple[float, float], stopped: Callable[[], bool]
+    orbits: Orbits,
+    first: Place,
+    *,
+    parameter: str,
+    limits: tuple[float, float],
+    manner: Manner,
+    begun: Callable[[Callable[[], Branch]], None],
 ) -> Branch:
     """Return the orbits over a parameter through one of them, around folds.
 
@@ -259,7 +265,8 @@ def follow_orbits(
         first: one of them.
         parameter: its name.
         limits: lowest and highest value.
-        stopped: asked between places; true ends it by KeyboardInterrupt.
+        manner: how to follow them.
+        begun: is given what returns the branch as far as it goes.
     """
 
     def point(place: Place) -> BranchPoint:
@@ -274,19 +281,23 @@ def follow_orbits(
             stable=is_stable(found.multipliers, doubt=found.doubt),
         )
 
-    track = both_ways(orbits, first, Manner(stopped=stopped, most=_MOST_ORBITS))
-    folds = [s.place for s in track.special if s.kind == "fold"]
-    points = tuple(map(point, track.places))
-    ends = track.ends if track.ends[0] else ("it closes", "it closes")
-    return Branch(
-        parameter=parameter,
-        points=points,
-        folds=tuple(map(point, folds)),
-        hopf=tuple(
-            h for why, step in zip(ends, (1, -1), strict=True) if why == VANISHES for h in _vanished(points[::step])
-        ),
-        ends=ends,
-    )
+    def branch(track: Track) -> Branch:
+        points = tuple(map(point, track.places))
+        ends = ("it closes", "it closes") if track.closed else track.ends
+        outwards = [points[::step] for why, step in zip(ends, (1, -1), strict=True) if why == VANISHES]
+        return Branch(
+            parameter=parameter,
+            points=points,
+            folds=tuple(point(s.place) for s in track.special if s.kind == "fold"),
+            bifurcations=tuple(
+                Bifurcation(**vars(point(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
+            ),
+            hopf=tuple(h for way in outwards for h in _vanished(way)),
+            ends=ends,
+        )
+
+    manner = replace(manner, most=_MOST_ORBITS, begun=lambda track: begun(lambda: branch(track)))
+    return branch(both_ways(orbits, first, manner))
 
 
 def _vanished(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:

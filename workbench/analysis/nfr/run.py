@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.analysis.branches.request import Branches
-from workbench.analysis.branches.result import BranchesResult
+from workbench.analysis.branches.result import BranchesResult, Fold
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 from workbench.analysis.nfr.jumps import another, disagreements, distorted, may_jump
@@ -82,6 +82,8 @@ class Sweep:
         if asked.step is not None and model.interface == "cs":
             rows_of_step(max(self._frequencies), asked.step)
         self._workers = _with_executor(asked.place, asked.executor)
+        if asked.branches:
+            self._branches(1.0)  # said before anything is measured
         self._redo = check_redo(asked.redo)
         self.notes: list[str] = list(remarks)
         self._points: dict[Key, NfrPoint] = {}
@@ -349,7 +351,8 @@ class Sweep:
             *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
             *filter(None, [warning]),
         ]  # fmt: skip
-        warnings += [text for found in self._followed for text in found.warnings]
+        followed = sorted(self._followed, key=lambda found: found.branches[0].amplitude or 0.0)
+        warnings += [text for found in followed for text in found.warnings]
         return assemble(
             self._model,
             input=self._asked.input,
@@ -359,10 +362,18 @@ class Sweep:
             points=points,
             warnings=warnings,
             zero_input=self._zero_input,
-            branches=tuple(branch for found in self._followed for branch in found.branches),
-            folds=tuple(fold for found in self._followed for fold in found.folds),
+            branches=tuple(branch for found in followed for branch in found.branches),
+            folds=tuple(_folds(followed)),
             operating_point=self._standing,
         )
+
+
+def _folds(followed: Sequence[BranchesResult]) -> Iterator[Fold]:
+    """Yield the folds of several results, with the numbers that their branches have together."""
+    before = 0
+    for found in followed:
+        yield from (replace(fold, branch=fold.branch + before) for fold in found.folds)
+        before += len(found.branches)
 
 
 def _stable_at(found: BranchesResult, frequency: float, amplitude: float) -> Iterator[NfrPoint]:

@@ -27,6 +27,8 @@ _REACHED, _EXACTLY, _NEAR = 1e-5, 1e-7, 1e-2
 _NOISE, _STALLS = 1e-4, 0.2
 
 # There a period closes to this, in units of the motion.
+# A multiplier so near to 1 may be that of an integrator.
+_INTEGRATES = 1e-3
 _CLOSED = 1e-3
 
 # Steps of Newton's method to a place, and how many of them let the next stride be longer.
@@ -85,13 +87,13 @@ class Family(ABC):
             SimulationError: the model cannot be run there.
         """
 
-    @abstractmethod
     def moved_on(self, place: Place) -> str:
-        """Take note that the branch has come to another place; return why it ends there, empty: it goes on.
+        """Hear that the branch has come to another place; return why it ends there, empty: it goes on.
 
         Args:
-            place: the newest.
+            place: the newest; also the first, before anything else is run.
         """
+        return ""
 
     def finer(self) -> bool:
         """Take the slopes at more instants from now on; False: they are as many as there can be."""
@@ -146,12 +148,10 @@ class Special:
     Attributes:
         kind: "fold", "period doubling", "Neimark-Sacker", "branch point".
         place: where.
-        after: number of the place on the branch before it.
     """
 
     kind: str
     place: Place
-    after: int
 
 
 @dataclass(eq=False)
@@ -228,7 +228,7 @@ def _correct(
         before, moved = moved, float(np.max(np.abs(step)))
         away = not -1.0 <= p + float(step[-1]) <= 2.0
         if not math.isfinite(moved) or away or (moved > 2.0 * before and moved > 1e-3):
-            raise SimulationError("Newton's method leaves the branch")
+            raise SimulationError(f"Newton's method leaves the branch{_standing(lap.tangent)}")
         rate = moved / before if math.isfinite(before) else 1.0
         x, p = x + step[:-1] * lap.unit, p + float(step[-1])
         # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are
@@ -242,6 +242,14 @@ def _correct(
             lap = _settled(lap, lap.tangent.rows @ (step[:-1] * lap.unit))
             return Place(x, p, lap, direction, _regular(matrix, direction), count)
     raise SimulationError(f"Newton's method did not converge in {rounds} periods")
+
+
+def _standing(at: Tangent) -> str:
+    """Return what to think of a multiplier near 1; empty: there is none."""
+    found = at.multipliers[np.abs(at.multipliers - 1.0) < _INTEGRATES]
+    if not len(found):
+        return ""
+    return " (a multiplier of 1: an integrator, whose response depends on where it starts? nfr measures such a model)"
 
 
 def _settled(lap: Lap, change: Floats) -> Lap:
@@ -309,6 +317,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else _turned(first)
     track, stride = Track([here]), _FIRST
     manner.begun(track)
+    family.moved_on(here)  # a walk the other way may have been elsewhere before
     while True:
         if manner.stopped():
             raise KeyboardInterrupt
@@ -440,7 +449,7 @@ def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
         if before[kind] * after[kind] < 0.0:
             place = _locate(family, a, b, kind)
             if place is not None:
-                track.special.append(Special(kind, place, len(track.places) - 1))
+                track.special.append(Special(kind, place))
 
 
 def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
@@ -486,7 +495,5 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
         return up
     down = follow(family, first, manner, way=-1.0)
     turned = [_turned(p) for p in reversed(down.places)]
-    n = len(turned)
-    special = [replace(s, after=n - 2 - s.after) for s in reversed(down.special)]
-    special += [replace(s, after=s.after + n - 1) for s in up.special]
+    special = [*reversed(down.special), *up.special]
     return Track(turned[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
