@@ -151,6 +151,8 @@ def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
 def _named(message: str, options: Mapping[str, tuple[Declared, str]]) -> str:
     """Return the option that a message begins with; empty: none."""
     begun = (
-        name for name, (d, _) in options.items() if message.startswith((f"{d.flag}:", f"{d.spoken}:", f"{d.spoken} "))
+        name
+        for name, (d, _) in options.items()
+        if message.startswith((f"{d.flag}:", f"{d.flag.removeprefix('--')}:", f"{d.spoken}:", f"{d.spoken} "))
     )
     return max(begun, key=len, default="")
