@@ -65,7 +65,9 @@ def test_dict_is_json_and_has_the_promised_keys() -> None:
     assert promised <= set(found)
     assert np.shape(found["gain"]) == np.shape(found["averaged"]) == (2, 3)
     assert found["gain"][1][2] is None
-    assert found["failed"] == [{"frequency_hz": 15.42, "amplitude": 2.0, "reason": "y is not finite (at t = 0.1 s)"}]
+    (failed,) = found["failed"]
+    why = {"reason": "y is not finite (at t = 0.1 s)", "kind": "failed"}
+    assert failed == {"frequency_hz": 15.42, "amplitude": 2.0, **why}
     assert found["averaged"][0] == [True, True, True]  # the fake does not show that it samples
 
 

@@ -12,6 +12,7 @@ from workbench.ui.works import Work
 
 __all__ = ["study_of"]
 
+_WITHOUT = {"store", "redo"}  # a study has its own store
 _BARE = re.compile(r"^[A-Za-z0-9_-]+$")
 
 
@@ -34,7 +35,7 @@ def study_of(works: Iterable[Work]) -> str:
             f'command = "{work.command}"',
             f'model = "{model}"',
         ]
-        lines += [f"{_key(work, name)} = {_toml(value)}" for name, value in asked.items()]
+        lines += [f"{_key(work, name)} = {_toml(value)}" for name, value in asked.items() if name not in _WITHOUT]
         analyses.append("\n".join(lines))
     named = "\n".join(f"{name} = {_toml(subject)}" for subject, name in models.items())
     return "\n\n".join(['name = "session"', f"[models]\n{named}".rstrip(), *analyses]) + "\n"
