@@ -17,6 +17,7 @@ from docs.tools.examples import blocks_of, run_page
 from workbench.cli.program import Lazily
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+SERVE = {"ui"}  # until they are ended
 SLOW = {"limit-cycle", "feedback", "feed-forward", "modes", "compare", "check", "identify", "run", "reproduce", "build"}
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
 NOT_RUN = re.compile(r"actuator\.|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml")
@@ -29,7 +30,7 @@ def lines(text: str) -> list[str]:
 
 
 def quick(text: str) -> list[str]:
-    return [line for line in lines(text) if line.split()[1] not in SLOW and not NOT_RUN.search(line)]
+    return [line for line in lines(text) if line.split()[1] not in SLOW | SERVE and not NOT_RUN.search(line)]
 
 
 EXAMPLES = [

@@ -12,6 +12,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import fsolve
 
@@ -237,3 +238,39 @@ def test_settling_can_be_asked_for() -> None:
     assert certificate is not None
     assert certificate.method == "settled"
     assert found.periods[0, 0] >= 3
+
+
+FORCED = """parameter Real d = 0.1; Real x(start = 0, fixed = true); Real v(start = 0, fixed = true);
+    equation der(x) = v; der(v) = u - d * v - x - 0.3 * v^3; o = x;"""
+
+
+def test_what_is_called_stable_is_stable() -> None:
+    """An oscillator that moves by itself, forced: multipliers of its motions by the variational equation.
+
+    Derivatives that did for Newton's method called some of the unstable ones stable.
+    """
+
+    def period(z: np.ndarray, d: float, a: float, f: float) -> np.ndarray:
+        def rhs(t: float, s: np.ndarray) -> np.ndarray:
+            force = a * math.sin(2.0 * math.pi * f * t)
+            A = np.array([[0.0, 1.0], [-1.0, -d - 0.9 * s[1] ** 2]])
+            return np.append([s[1], force - d * s[1] - s[0] - 0.3 * s[1] ** 3], A @ s[2:].reshape(2, 2))
+
+        start = np.append(z, np.eye(2))
+        found: np.ndarray = solve_ivp(rhs, (0.0, 1.0 / f), start, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
+        return found
+
+    judged = 0
+    for d in (-0.05, -0.1, -0.2, -0.3):
+        with wb.load(built(source("Rayleigh", FORCED), "Rayleigh"), "me", tolerance=1e-8, start_values={"d": d}) as m:
+            result = wb.nfr(
+                m, "u", "o", frequencies=[0.36, 0.42, 0.48, 0.5332, 0.6], amplitudes=[1.0, 1.888, 2.6], **HERE
+            )
+        for i, j in np.argwhere(result.stable == 1.0):
+            a, f, z = float(result.amplitude[i]), float(result.frequency_hz[j]), complex(result.response[i, j])
+            start = [a * z.imag, 2.0 * math.pi * f * a * z.real]
+            orbit = fsolve(lambda s, d=d, a=a, f=f: period(s, d, a, f)[:2] - s, start, xtol=1e-9)
+            largest = np.abs(np.linalg.eigvals(period(orbit, d, a, f)[2:].reshape(2, 2))).max()
+            assert largest < 1.0, (d, a, f)
+            judged += 1
+    assert judged >= 5

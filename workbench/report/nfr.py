@@ -123,14 +123,13 @@ def _values(result: NfrResult, i: int) -> Section:
     ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
     offset = bracketed("offset", result.output_unit)
     headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", "error [%]", offset, "THD [%]")
-    columns = (
-        result.gain, result.gain_db, result.phase_deg, 100.0 * result.error, result.offset, 100.0 * result.thd
-    )  # fmt: skip
-    forms = (".5g", ".3f", ".2f", ".2g", ".4g", ".3g")
+    columns = (result.gain, result.gain_db, result.phase_deg, 100.0 * result.error, result.offset)
+    forms = (".5g", ".3f", ".2f", ".2g", ".4g")
     rows = [
         (
             f"{f:.5g}",
             *(number(float(c[i, j]), form) for c, form in zip(columns, forms, strict=True)),
+            _thd(float(result.thd[i, j]), float(result.error[i, j])),
             str(result.periods[i, j]),
             _NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
         )
@@ -139,6 +138,11 @@ def _values(result: NfrResult, i: int) -> Section:
     ]
     table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
     return Section(f"Amplitude {result.amplitude[i]:g}{behind(unit)}", tables=[table])
+
+
+def _thd(thd: float, error: float) -> str:
+    """Return the distortion [%]: what is left of a transient is wrong in it as it is in the response."""
+    return f"<{100.0 * (thd + error):.2g}" if thd <= error else number(100.0 * thd, ".3g")
 
 
 def _is_missing(result: NfrResult, i: int, j: int) -> bool:

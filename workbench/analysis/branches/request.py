@@ -101,6 +101,8 @@ class Branches(AtPoint, Analysis["BranchesResult"]):
             )
         if self.band is not None:
             _check_band(self.band, several(self.frequencies or ()))
+        if self.vary.get("amplitude", (1.0, 1.0))[0] <= 0.0:
+            raise InputError("vary: amplitudes are positive; without a sine there is no response")
         if "amplitude" not in self.vary and not self.amplitudes:
             raise InputError("amplitude: give one or several (--amplitude A,..); the response depends on it")
         if self.onset and self.vary:

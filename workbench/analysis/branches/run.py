@@ -47,6 +47,9 @@ _LOWER = 0.7
 
 _RANDOM = 1
 
+# Multipliers and folds are derivatives of what is integrated: a relative tolerance above this loses branches.
+_COARSE = 2e-8
+
 
 @dataclass
 class _Search:
@@ -248,6 +251,8 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
         point = standing(model, session)
     found: list[tuple[float | None, Forced, Track]] = []
     notes = list(remarks)
+    if model.rtol > _COARSE:
+        notes.append(f"a tolerance of {model.rtol:g} is coarse for following branches; load with tolerance=1e-9")
     onset: Onset | None = None
     amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
     progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()

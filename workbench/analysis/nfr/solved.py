@@ -26,6 +26,9 @@ __all__ = ["NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]
 # Newton's method while it converges.
 _LEVELS = (2, 10, 20, 100)
 
+# Multipliers below this leave no doubt of stability, however coarsely they were taken.
+_HARMLESS = 0.1
+
 # So many periods at most, those of differences not counted.
 _MOST = 16
 
@@ -169,6 +172,7 @@ class Search:
         self._x = None if warm else self._start()
         self._before: tuple[Lap, float] | None = None
         self._quiet = 0
+        self._checking: Solved | None = None  # found, but for its stability
 
     @contextmanager
     def trying(self) -> Iterator[None]:
@@ -221,8 +225,15 @@ class Search:
         good = change <= self._tolerance and distance <= _REACHED and (left <= _LEFT or self._is_small(lap))
         self._quiet = self._quiet + 1 if good else 0
         trusted = at is not self._linear or self._alike(lap)
+        if self._checking is not None:
+            self._check(self._checking, at)
+            return
         if self._quiet > (lap.events > 0) and trusted:
             found = self._solved(lap, at, e)
+            slopes = at is not self._linear and not self._differ and len(lap.x0) > 0
+            if slopes and _largest(at) > _HARMLESS and self._more_instants():
+                self._checking, self._x = found, lap.x0 + e
+                return
             if found.stable is not None or not self._finer():
                 self.found = found
                 return
@@ -233,6 +244,24 @@ class Search:
             return
         # With events the next period shows whether the discrete states repeat, too.
         self._before, self._x = (lap, distance), None if good and lap.events else lap.x0 + e
+
+    def _check(self, found: Solved, finer: Tangent) -> None:
+        """Judge the stability of what was found by the derivative from more instants.
+
+        What does for Newton's method may be wrong in the multipliers: two sets of instants tell by how much.
+        """
+        stable = _is_stable(finer, abs(_largest(finer) - _largest(found.at)))
+        found = replace(found, at=finer, stable=stable, periods=self._count)
+        if stable is None and self._more_instants():
+            self._checking = found
+        else:
+            self.found = found
+
+    def _more_instants(self) -> bool:
+        """Take the slopes at more instants; False: they are as many as there can be."""
+        more = self._level + 1 < len(_LEVELS)
+        self._level += more
+        return more
 
     def _linear_tangent(self) -> Tangent | None:
         twin = self._evidence.twin
@@ -273,8 +302,7 @@ class Search:
 
     def _finer(self) -> bool:
         """Ask for a better derivative; False: there is none."""
-        if self._level + 1 < len(_LEVELS):
-            self._level += 1
+        if self._more_instants():
             return True
         if self._differ or self.periods.session.instance.nx > FEW_STATES:
             return False
@@ -326,9 +354,18 @@ class Search:
         return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 
-def _is_stable(at: Tangent) -> bool | None:
-    """Whether all multipliers lie inside the unit circle; that of an integrator is 1. None: not known."""
-    multipliers, doubt = at.multipliers, at.doubt
+def _largest(at: Tangent) -> float:
+    return float(np.max(np.abs(at.multipliers), initial=0.0))
+
+
+def _is_stable(at: Tangent, doubt: float = 0.0) -> bool | None:
+    """Whether all multipliers lie inside the unit circle; that of an integrator is 1. None: not known.
+
+    Args:
+        at: derivative of the period map.
+        doubt: what the multipliers may be off by at least.
+    """
+    multipliers, doubt = at.multipliers, max(doubt, at.doubt)
     moving = multipliers[np.abs(multipliers - 1.0) > _INTEGRATES]
     largest = float(np.max(np.abs(moving), initial=0.0))
     if largest + doubt < 1.0:

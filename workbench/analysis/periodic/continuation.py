@@ -332,14 +332,12 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
             last = None if here.p == edge else _at_edge(family, here, place, edge)
             if last is not None:
                 _look_between(family, track, here, last)
+                track.places += _marked(family, here, last, manner.marks)
                 track.places.append(last)
                 manner.told(last)
             return _ended(track, "the parameter's bound")
         _look_between(family, track, here, place)
-        between = [p for p in manner.marks if (here.p - p) * (place.p - p) < 0.0]
-        for p in sorted(between, reverse=place.p < here.p):
-            marked = _at_edge(family, here, place, p)
-            track.places += [] if marked is None else [marked]
+        track.places += _marked(family, here, place, manner.marks)
         track.places.append(place)
         manner.told(place)
         if place.at.doubt > _DOUBTED * max(1.0, float(np.max(np.abs(place.multipliers), initial=0.0))):
@@ -348,6 +346,13 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
         if why := "it closes" if track.closed else family.moved_on(place):
             return _ended(track, why)
         here = place
+
+
+def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -> list[Place]:
+    """Return the places at the marks between two places, in the order of the branch."""
+    between = [p for p in marks if (here.p - p) * (there.p - p) < 0.0]
+    found = (_at_edge(family, here, there, p) for p in sorted(between, reverse=there.p < here.p))
+    return [place for place in found if place is not None]
 
 
 def _turned(place: Place) -> Place:
