@@ -83,7 +83,9 @@ def test_the_aircraft_covers_the_exact_response() -> None:
 def test_the_twin_goes_through_the_periods_of_the_closed_form() -> None:
     # A lag from rest under sin ωt: y = |G| sin(ωt + φ) − Im(G)·e^(−t/τ).
     tau, f = 0.7, 1.3
-    part = LinearStart(LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0])), np.zeros(1))
+    part = LinearStart(
+        LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0])), np.zeros(1), np.ones(1)
+    )
     twin = part.twin(f, 2.0)
     assert twin is not None
     omega = 2.0 * math.pi * f
@@ -96,11 +98,13 @@ def test_the_twin_goes_through_the_periods_of_the_closed_form() -> None:
     np.testing.assert_allclose(twin.free(3)[2], twin.free(3)[0] * math.exp(-2.0 / (tau * f)), rtol=1e-9)
     assert twin.end(3)[0] == pytest.approx(2.0 * g.imag * (1.0 - math.exp(-3.0 / (tau * f))))
     assert twin.forced.sensitivity == pytest.approx(abs(tau * g) * f)
+    # A defect d in each period stands as d/(1 − μ), and is d·τ·f of the mean: the periodic motion's share.
+    np.testing.assert_allclose(twin.forced.smallest, 2.0 * f / abs(1j * omega + 1.0 / tau))
 
 
 def test_integrators_in_series_have_a_twin_without_eigenvectors() -> None:
     double = LinearPart(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([0.0, 1.0]), np.array([1.0, 0.0]))
-    part = LinearStart(double, np.zeros(2))
+    part = LinearStart(double, np.zeros(2), np.zeros(2))
     twin = part.twin(0.5, 1.0)
     assert part.modes is None
     assert twin is not None

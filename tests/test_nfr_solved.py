@@ -274,3 +274,25 @@ def test_what_is_called_stable_is_stable() -> None:
             assert largest < 1.0, (d, a, f)
             judged += 1
     assert judged >= 5
+
+
+@pytest.mark.parametrize("nominal", ["", ", nominal = 1"])
+@pytest.mark.parametrize("method", ["auto", "settle"])
+def test_motions_far_below_the_nominal_values_are_not_better_than_they_are_said_to_be(
+    nominal: str, method: str
+) -> None:
+    """The integration judges its errors by nominal values: a small motion was wrong by half, and said to be exact."""
+    text = f"""parameter Real d = 0.1; Real x(start = 0, fixed = true{nominal});
+        Real v(start = 0, fixed = true{nominal}); equation der(x) = v; der(v) = u - d * v - x; o = x;"""
+    with wb.load(built(source("Light", text), "Light"), "me") as model:
+        found = wb.nfr(model, "u", "o", [0.03, 0.159, 0.6, 1.5], [1e-12, 1e-9, 1e-6, 1e-3], method=method, **HERE)
+    omega = 2.0 * math.pi * found.frequency_hz
+    truth = 1.0 / (1.0 - omega**2 + 0.1j * omega)
+    off = np.abs(found.response / truth - 1.0)
+    known = np.isfinite(found.error)
+    assert np.count_nonzero(known) >= 14
+    assert np.all(off[known] <= found.error[known] + 1e-9)
+    assert np.all(found.averaged[found.error > 0.02])
+    if method == "auto":
+        assert np.max(off[1:]) < 1e-3
+        assert found.averaged[0].any() == bool(nominal)

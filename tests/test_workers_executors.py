@@ -129,3 +129,11 @@ def test_an_executor_that_is_used_again_answers_for_the_system_it_is_asked_about
             with wb.connect({"p": lag}, inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
                 found = wb.nfr(model, "u", "y", [1.0], [1.0], executor=executor)
             assert found.response[0, 0] == pytest.approx(1.0 / (1.0 + 2j * np.pi * tau), rel=1e-3)
+
+
+@pytest.mark.parametrize("analysis", ["trim", "lin", "nfr"])
+def test_a_number_of_workers_is_not_where(analysis: str) -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        call = {"nfr": lambda: wb.nfr(model, "u", "y", [1.0], [1.0], workers=2)}.get(analysis)  # type: ignore[arg-type]
+        with pytest.raises(wb.InputError, match=r"workers: 2 does not say where; give wb\.Workers\(timeout=60\)"):
+            call() if call else getattr(wb, analysis)(model, workers=2)

@@ -175,6 +175,7 @@ class PlantPoint(Point):
         self.states, self.inputs, self.outputs, self.memory = plant.states, plant.inputs, plant.outputs, plant.held
         self.x0, self.u0 = np.array([values[n] for n in e.x]), np.array([values[n] for n in e.u])
         self.nominal = np.array([e.nominal.get(n, 1.0) for n in e.x])
+        self.smallest = 1e-3 * self.nominal
         self.calls = Counter()
 
     def move(self, x: Floats, u: Floats) -> None:

@@ -65,7 +65,7 @@ class OracleMeSession(MeSession):
         self._span = 1.0
         self.problem = Problem(self.instance, self.forcing)
         self._turned = Turned(self.problem)
-        self._solver = SOLVERS[self.setup.solver](self.problem, Tolerance(self.setup.rtol, *self._scales()))
+        self._solver = SOLVERS[self.setup.solver](self.problem, Tolerance(self.setup.rtol, *self.scales()))
         self._restart()
 
     @property

@@ -250,6 +250,9 @@ class InWorker(Options):
         return self._place(Worker)
 
     def _place(self, kind: type[_Place]) -> _Place:
+        asked: object = self.workers
+        if not isinstance(asked, Worker | None):
+            raise InputError(f"workers: {asked!r} does not say where; give wb.Workers(timeout=60)")
         elsewhere = isinstance(self.workers, Workers) and (self.workers.scheduler or self.workers.executor)
         if elsewhere and not issubclass(kind, Workers):
             raise InputError("a scheduler or executor: this analysis has no parts to run there; leave it out")

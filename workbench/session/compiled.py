@@ -196,7 +196,7 @@ class CompiledMeSession(CompiledSession, MeSession):
         name = self.setup.solver
         if name == "gear" and why_missing():
             raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
-        self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in self._scales())
+        self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in self.scales())
         self._native = Me(
             system=self._make_loop().system.address,
             solver_name=name.encode(),

@@ -83,7 +83,7 @@ class MeSession(FmuSession):
         words = "FMI allows it to be set only before initialisation, and the FMU does not start at this point's states"
         target.refuse(target.missed(late), words)
 
-    def _scales(self) -> tuple[Floats, Floats]:
+    def scales(self) -> tuple[Floats, Floats]:
         """Return the scale that each state begins with, and its upper bound, shape (n,) each.
 
         Error weights: |error_i| ≤ rtol · (|x_i| + scale_i). The scale of a state is the largest magnitude it has had,

@@ -15,6 +15,7 @@ from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
+from workbench.session.me import MeSession
 from workbench.session.stand import Stand, named_states
 
 __all__ = ["Evaluation", "FmuPoint", "Point"]
@@ -55,6 +56,7 @@ class Point(ABC):
         x0: states of the base point, shape (n,).
         u0: inputs of the base point, shape (m,).
         nominal: nominal values of the states, shape (n,).
+        smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
         memory: discrete real states that the model shows and lets one start elsewhere.
         calls: number of "derivatives" (each with the outputs) and "directional" evaluations so far.
     """
@@ -66,6 +68,7 @@ class Point(ABC):
     x0: Floats
     u0: Floats
     nominal: Floats
+    smallest: Floats
     memory: tuple[Variable, ...]
     calls: Counter[str]
 
@@ -140,7 +143,7 @@ class FmuPoint(Point):
     """
 
     def __init__(self, session: FmuSession) -> None:
-        if session.instance.interface != "me":
+        if not isinstance(session, MeSession):
             raise InputError("a co-simulation FMU provides neither states nor derivatives; use interface me")
         self.session = session
         self.time = session.time
@@ -148,7 +151,7 @@ class FmuPoint(Point):
         self._state: Any = None
         self._bind()
         self._snapshot = session.snapshot()
-        self.nominal = _usable(session.instance.get_nominals())
+        self.nominal, self.smallest = _usable(session.instance.get_nominals()), session.scales()[0]
         self.x0, self.u0 = self._stand.read()
         self._remember()
 

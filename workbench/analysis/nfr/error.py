@@ -18,7 +18,9 @@ __all__ = [
     "BELIEVED",
     "CANCELLED",
     "INTEGRATION",
+    "PER_PERIOD",
     "Evidence",
+    "below_scale",
     "beyond",
     "buried",
     "error_of_limit",
@@ -36,6 +38,9 @@ INTEGRATION = 100.0
 # The integration gets the sum of terms that cancel wrong by less than so many relative tolerances of the terms: the
 # largest of 48 runs at 12 zeros of transmission, with both solvers at 1e-6 and 1e-8, was 17.
 CANCELLED = 20.0
+
+# In a period the integration moves a state by so many times the tolerance of its size at most; see `INTEGRATION`.
+PER_PERIOD = 30.0
 
 # As if the integration were exact to this, what the rounding of such terms leaves of their sum.
 _ROUNDING = 2e-14
@@ -135,8 +140,13 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
         if apart <= _ALIKE:
             slow = 1.0 + evidence.twin.forced.sensitivity
     integration = INTEGRATION * evidence.rtol * slow * max(1.0, largest / size)
-    integration += _cancelled(drive, size, evidence)
+    integration += _cancelled(drive, size, evidence) + below_scale(size, evidence)
     return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence.rows))
+
+
+def below_scale(size: float, evidence: Evidence) -> float:
+    """Return the error of a response of that size where the states move by less than what the solver looks at."""
+    return 0.0 if evidence.twin is None else PER_PERIOD * evidence.rtol * evidence.twin.forced.smallest / size
 
 
 def _cancelled(drive: float, size: float, evidence: Evidence) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
-from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence
+from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
 from workbench.analysis.nfr.step import at_step, checked, refine
@@ -190,6 +190,7 @@ def _factor(task: PointTask) -> float:
         return 1.0
     error = INTEGRATION * task.rtol * (1.0 + forced.sensitivity)
     error += CANCELLED * task.rtol * (forced.terms / abs(forced.response) - 1.0)
+    error += PER_PERIOD * task.rtol * forced.smallest / (task.amplitude * abs(forced.response))
     allowed = _SHARE * task.errcrit / 10.0
     return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))
 

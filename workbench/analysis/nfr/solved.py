@@ -12,7 +12,16 @@ import numpy as np
 
 from workbench.analysis.harmonics import distortion, fundamental
 from workbench.analysis.nfr.certificate import Certificate, finite
-from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, Evidence, quadrature, relative_to_true  # fmt: skip
+from workbench.analysis.nfr.error import (
+    BELIEVED,
+    CANCELLED,
+    INTEGRATION,
+    PER_PERIOD,
+    Evidence,
+    below_scale,
+    quadrature,
+    relative_to_true,
+)
 from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
@@ -48,6 +57,11 @@ _REACHED = 0.02
 # What of a defect may lie in directions that a period leaves as they are.
 _LEFT = 0.05
 
+# Why a point is not called settled: its integration is coarser than its motion.
+_TOO_SMALL = (
+    "the states move by too little of their nominal values for the tolerance: raise the amplitude or tighten it"
+)
+
 # The error is so many times what one more step would have changed.
 _MARGIN = 2.0
 
@@ -56,9 +70,6 @@ _ROUNDING = 2e-14
 
 # A multiplier this near to 1 is that of an integrator.
 _INTEGRATES = 1e-6
-
-# In a period the integration moves a state by so many times the tolerance of its size at most; see `INTEGRATION`.
-_PER_PERIOD = 30.0
 
 
 def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
@@ -86,6 +97,7 @@ class Solved:
         error: of the response, relative to the true one.
         periods: number run.
         stable: whether the motion is; None: that is not known.
+        coarse: whether the states move by too little for the integration.
     """
 
     lap: Lap
@@ -94,6 +106,7 @@ class Solved:
     error: float
     periods: int
     stable: bool | None
+    coarse: bool = False
 
     def point(self, task: PointTask) -> NfrPoint:
         """Return it as a point of the sweep."""
@@ -105,6 +118,7 @@ class Solved:
             response=fundamental(self.harmonics) / drive,
             offset=float(self.harmonics[0]),
             periods=self.periods,
+            averaged=self.coarse,
             error=finite(self.error),
             stable=self.stable,
             resolved=True,
@@ -117,6 +131,7 @@ class Solved:
                 defect=finite(float(np.linalg.norm(self.lap.defect / self.lap.unit))) if len(self.lap.unit) else 0.0,
                 harmonics=tuple(finite(h) for h in harmonics),
                 thd=finite(math.hypot(*known)) if known else None,
+                why=_TOO_SMALL if self.coarse else None,
             ),
         )
 
@@ -335,7 +350,8 @@ class Search:
         error = relative_to_true(
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
-        return Solved(lap, at, harmonics, error, self._count, _is_stable(at))
+        coarse = below_scale(size, self._evidence) > BELIEVED
+        return Solved(lap, at, harmonics, error, self._count, _is_stable(at), coarse)
 
     def _integration(self, lap: Lap, at: Tangent, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
@@ -347,10 +363,11 @@ class Search:
         if twin is not None and self._alike(lap):
             drive, forced = abs(lap.period.drive), twin.forced
             found = INTEGRATION * rtol * (1.0 + forced.sensitivity) * max(1.0, lap.period.size / size)
-            found += CANCELLED * rtol * max(0.0, drive * forced.terms / size - 1.0)
+            found += CANCELLED * rtol * max(0.0, drive * forced.terms / size - 1.0) + below_scale(size, self._evidence)
         if at.through is None:
             return found
-        slip = rtol * _PER_PERIOD * (np.abs(lap.x0) + lap.unit)
+        smallest, _ = self.periods.session.scales()
+        slip = rtol * PER_PERIOD * (np.abs(lap.x0) + np.maximum(lap.unit, smallest))
         return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 

@@ -41,10 +41,12 @@ class LinearStart:
     Attributes:
         part: A, B, C, D; x and u are counted from the point.
         dx0: derivatives at the point itself, shape (n,); 0 at an equilibrium.
+        smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
     """
 
     part: LinearPart
     dx0: Floats
+    smallest: Floats
     _forced: dict[float, Forced] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -123,6 +125,7 @@ class Forced:
         phi: e^(AT), shape (n, n).
         rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
         rest: distance of the operating point from where the linear model rests, shape (n,).
+        smallest: what defects of the size of `LinearStart.smallest` in each period do to the output's fundamental.
     """
 
     response: complex
@@ -133,6 +136,7 @@ class Forced:
     phi: Floats
     rows: Floats
     rest: Floats
+    smallest: float
 
     @classmethod
     def of(cls, start: LinearStart, frequency: float) -> Forced:
@@ -141,17 +145,20 @@ class Forced:
         n, at = len(part.A), part.at_frequency(frequency)
         if n == 0:
             none, flat = np.zeros(0), (np.zeros((0, 0)), np.zeros((3, 0)))
-            return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none)
+            return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
         forced = part.states_at(frequency)[0]
         twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
         response = complex(part.c @ forced) + part.d
         phi, integral = start.transition(period)
         # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
-        first = -2j / period * resolvent(part.A.T, part.C.T, at)[0, :, 0] @ (phi - np.eye(n))
+        reach = resolvent(part.A.T, part.C.T, at)[0, :, 0]
+        first = -2j / period * reach @ (phi - np.eye(n))
         rows = np.array([part.c @ integral / period, first.real, first.imag])
         sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
-        return cls(response, sensitivity, bool(part.vanishes(frequency)[0]), terms, forced, phi, rows, start.rest)
+        smallest = 2.0 / period * float(np.abs(reach) @ start.smallest)
+        vanishes = bool(part.vanishes(frequency)[0])
+        return cls(response, sensitivity, vanishes, terms, forced, phi, rows, start.rest, smallest)
 
 
 @dataclass(eq=False)
@@ -221,14 +228,14 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
             sampled = len(point.ticks(_LOOK, np.inf)) > 0
             many = len(point.states) > _MOST_STATES
             found = None if sampled or many or point.why_not_exact() else _exact(point, input, output)
-            dx0 = point.at(point.x0, point.u0).dx
+            dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
         if sampled or many:
             return Surroundings(rates=sample_rates(model) if sampled else ())
         part = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()
     finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
-    return Surroundings(LinearStart(part, dx0) if finite and len(dx0) == len(part.A) else None)
+    return Surroundings(LinearStart(part, dx0, smallest) if finite and len(dx0) == len(part.A) else None)
 
 
 def _middle(model: Model, input: str) -> dict[str, float]:
