@@ -231,6 +231,30 @@ def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> No
     assert calm.warnings == ()
 
 
+SPRING = """parameter Real d = 0.1; parameter Real c = 0; Real x(start = 0, fixed = true);
+    Real v(start = 0, fixed = true); equation der(x) = v; der(v) = u - d * v - x - c * x^3; o = x;"""
+
+
+@pytest.mark.parametrize(
+    ("damping", "cubic", "amplitude", "points"),
+    [(0.0892, -0.1, 0.1711, 11), (0.02, 0.5, 0.05, 5), (0.02, 2.0, 0.04, 8), (0.05, 1.0, 0.3, 5)],
+)
+def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
+    damping: float, cubic: float, amplitude: float, points: int
+) -> None:
+    """Where there are two responses is what `branches` finds; of the first two sweeps all points look linear."""
+    frequencies = np.geomspace(0.08, 0.4, points)
+    given = {"d": damping, "c": cubic}
+    with wb.load(built(source("Spring", SPRING), "Spring"), "me", tolerance=1e-9, start_values=given) as model:
+        found = wb.nfr(model, "u", "o", frequencies, [amplitude], **HERE)
+        branches = wb.branches(
+            model, "u", "o", [amplitude], band=(0.08, 0.4), frequencies=frequencies, order=1, in_process=True
+        )
+    several = [f for f in frequencies if sum(place.stable for place in branches.at(float(f))) > 1]
+    assert several
+    assert [words for words in found.warnings if "another stable response" in words and f"{several[0]:.6g}" in words]
+
+
 def test_settling_can_be_asked_for() -> None:
     with wb.load("fmu:Rudder") as model:
         found = wb.nfr(model, "delC", "del", frequencies=[2.0], amplitudes=[1.0], method="settle", **HERE)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+
+import numpy as np
 
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.surroundings import LinearStart
 
-__all__ = ["another", "disagreements", "distorted", "jumps", "may_jump"]
+__all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "unseen_peaks"]
 
 # A change between neighbouring frequencies this large, and this many times the changes beside it, is a jump.
 _LARGE, _STEEPER = 0.5, 4.0
@@ -21,7 +24,7 @@ _DISTORTED = 0.005
 _APART, _ERRORS = 0.05, 3.0
 
 # A response may fold back where it departs from the linear one by more than this, and is distorted by so much.
-_BENT, _BENDS = 0.1, 3e-4
+_BENT, _BENDS = 0.03, 3e-4
 _MEMORY = 0.5
 
 
@@ -89,14 +92,34 @@ def _distortion(point: NfrPoint) -> float:
     return (point.certificate.thd or 0.0) if point.certificate is not None else 0.0
 
 
-def distorted(row: Sequence[NfrPoint]) -> bool:
-    """Return whether responses of one amplitude were solved for, and are those of a nonlinear model.
+def solved(row: Sequence[NfrPoint]) -> bool:
+    """Return whether responses of one amplitude were solved for, so that others can be.
 
     Args:
         row: points of one amplitude.
     """
-    solved = sum(p.certificate is not None and p.certificate.method == "solved" for p in row)
-    return solved >= _FEWEST and max(map(_distortion, row)) >= _BENDS
+    return sum(p.certificate is not None and p.certificate.method == "solved" for p in row) >= _FEWEST
+
+
+def unseen_peaks(frequencies: Sequence[float], linear: LinearStart | None) -> list[float]:
+    """Return resonances of the linear model that a sweep steps over [Hz]: the states move more there than elsewhere.
+
+    Args:
+        frequencies: of the sweep [Hz].
+        linear: the linear model where its points start.
+    """
+    if linear is None or len(linear.dx0) == 0:
+        return []
+    poles = np.linalg.eigvals(linear.part.A)
+    light = poles[(poles.imag > 0.0) & (np.abs(poles.real) < _LIGHT * np.abs(poles))]
+    peaks: dict[float, float] = {}
+    for f in (np.abs(light) / (2.0 * math.pi)).tolist():
+        away = np.abs(np.log(np.array(frequencies) / f))
+        there, here = linear.forced(f), linear.forced(frequencies[int(np.argmin(away))])
+        if away.min() < math.log(_NEAR) and there is not None and here is not None:
+            moves = np.abs(here.states)
+            peaks[f] = float(np.max(np.abs(there.states)[moves > 0.0] / moves[moves > 0.0], initial=0.0))
+    return sorted(f for f, higher in peaks.items() if higher > _HIGHER)[:_MOST_PEAKS]
 
 
 def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
@@ -106,16 +129,22 @@ def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
         row: points of one amplitude.
         linear: the linear model where they start.
     """
-    return linear is not None and distorted(row) and any(_bent(p, linear) > _BENT and _remembers(p) for p in row)
+    if linear is None or max(map(_distortion, row), default=0.0) < _BENDS:
+        return False
+    return any(_bent(p, linear) > _BENT and _remembers(p) for p in row)
 
 
 _FEWEST = 3  # points
 
+# A resonance is light below this damping ratio, and beside the sweep up to this factor of frequency. It has been
+# stepped over where the states move more than so many times as far as at the next point; so many are looked at.
+_LIGHT, _NEAR, _HIGHER, _MOST_PEAKS = 0.25, 2.0, 1.1, 4
+
 
 def _remembers(point: NfrPoint) -> bool:
-    """Whether a deviation outlives a period: without that, every period leads to the same response."""
+    """Whether a deviation may outlive a period: without that, every period leads to the same response."""
     known = () if point.certificate is None else point.certificate.multipliers
-    return max(map(abs, known), default=0.0) > _MEMORY
+    return not known or max(map(abs, known)) > _MEMORY
 
 
 def _bent(point: NfrPoint, linear: LinearStart) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -19,7 +19,7 @@ from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr.jumps import another, disagreements, distorted, may_jump
+from workbench.analysis.nfr.jumps import another, disagreements, may_jump, solved, unseen_peaks
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
@@ -186,27 +186,37 @@ class Sweep:
             self._look(runner)
             jobs: deque[Job] = deque(self._jobs())
             if isinstance(runner, InProcess):
-                jobs = deque(self._stoppable(job) for job in jobs)
+                jobs = deque(map(self._stoppable, jobs))
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
             yield chain(points, self._afterwards(runner))
             self._told_of += runner.afterwards
 
     def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""
-        jobs: deque[Job] = deque()
-        for amplitude in self._amplitudes:
-            row = self._row(amplitude)
-            if self._asked.branches:
-                jobs.append(BranchesJob(asked=self._branches(amplitude)))
-            elif amplitude not in self._second and may_jump(row, self._surroundings.linear):
-                jobs.append(BranchesJob(asked=replace(self._branches(amplitude), order=1, seeds=0)))
-            elif amplitude not in self._second and distorted(row):
-                self._keep_second(amplitude, ())
-        if isinstance(runner, InProcess):
-            jobs = deque(self._stoppable(job) for job in jobs)
-        for event in runner.run(perform, jobs):
+        if self._asked.branches:
+            jobs = [BranchesJob(asked=self._branches(a)) for a in self._amplitudes]
+        else:
+            unseen = [a for a in self._amplitudes if a not in self._second and solved(self._row(a))]
+            peaks = self._at_peaks(runner, unseen)
+            linear = self._surroundings.linear
+            bent = [a for a in unseen if may_jump([*self._row(a), *(p for p in peaks if p.amplitude == a)], linear)]
+            jobs = [BranchesJob(asked=replace(self._branches(a), order=1, seeds=0)) for a in bent]
+            for a in unseen:
+                if a not in bent:
+                    self._keep_second(a, ())
+        for event in self._run(runner, jobs):
             self._take_found(event)
         yield from ()
+
+    def _at_peaks(self, runner: Runner, amplitudes: Sequence[float]) -> list[NfrPoint]:
+        """Return the responses at resonances that the sweep has stepped over."""
+        peaks = unseen_peaks(self._frequencies, self._surroundings.linear) if len(self._frequencies) > 1 else []
+        jobs = [self._points_job([self._task(f, a)]) for a in amplitudes for f in peaks]
+        return [e.value for e in self._run(runner, jobs) if not isinstance(e, Lost) and isinstance(e.value, NfrPoint)]
+
+    def _run(self, runner: Runner, jobs: Iterable[Job]) -> Iterator[Reply | Lost]:
+        """Run jobs; those in this process can be stopped."""
+        return runner.run(perform, deque(map(self._stoppable, jobs) if isinstance(runner, InProcess) else jobs))
 
     def _take_found(self, event: Reply | Lost) -> None:
         if isinstance(event, Lost):
@@ -224,7 +234,7 @@ class Sweep:
     def _afterwards_wanted(self) -> bool:
         """Whether something is to be done when all points are known."""
         seen = self._second
-        return self._asked.branches or any(distorted(self._row(a)) for a in self._amplitudes if a not in seen)
+        return self._asked.branches or any(solved(self._row(a)) for a in self._amplitudes if a not in seen)
 
     def _keep_second(self, amplitude: float, found: Sequence[NfrPoint]) -> None:
         self._second[amplitude] = tuple(found)
