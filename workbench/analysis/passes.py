@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.session.base import Floats
 
-__all__ = ["half_range", "pass_rate", "rising_passes", "told_mean"]
+__all__ = ["half_range", "highest", "pass_rate", "rising_passes", "told_mean"]
 
 
 def rising_passes(time: Floats, x: Floats, *, least: float = 0.0) -> Floats:
@@ -38,6 +38,8 @@ def pass_rate(passes: Floats, guess: float | None = None) -> float:
 
 # -- peaks -------------------------------------------------------------------------------------
 
+_ALIKE = 4.0  # parabolas through neighbouring samples of a smooth peak bend within this factor of each other
+
 SAMPLES = 4096  # of a period, at most, over which answers of blocks and orbits are summed
 
 
@@ -47,16 +49,38 @@ def half_range(v: Floats) -> float:
     Args:
         v: equidistant samples of one period or more, shape (n,).
     """
-    return 0.5 * (_highest(v) + _highest(-v))
+    t = np.arange(len(v), dtype=np.float64)
+    return 0.5 * (highest(t, v)[0] + highest(t, -v)[0])
 
 
-def _highest(v: Floats) -> float:
-    inner = int(np.argmax(v))
-    if not 0 < inner < len(v) - 1:
-        return float(v[inner])
-    before, top, after = (float(x) for x in v[inner - 1 : inner + 2])
-    bend = before - 2.0 * top + after
-    return top - (after - before) ** 2 / (8.0 * bend) if bend < 0.0 else top
+def highest(t: Floats, x: Floats) -> tuple[float, float]:
+    """Return the largest value and its time; between samples by the parabola through the highest and its neighbours.
+
+    Beside a jump or a kink there is no such parabola: where those through the samples beside it bend otherwise, the
+    largest sample is returned.
+
+    Args:
+        t: times, rising, shape (n,) [s].
+        x: values, shape (n,).
+
+    Example:
+        >>> highest(np.arange(5.0), np.array([0.0, 3.0, 4.0, 3.0, 0.0]))
+        (4.0, 2.0)
+    """
+    k = int(np.argmax(x))
+    sample = float(x[k]), float(t[k])
+    if not 0 < k < len(x) - 1 or not (t[k - 1] < t[k] < t[k + 1]):
+        return sample
+    around = slice(max(k - 2, 0), k + 3)
+    with np.errstate(all="ignore"):  # rows at an event have the same time
+        bends = np.diff(np.diff(x[around]) / np.diff(t[around])) / (t[around][2:] - t[around][:-2])
+    if not (np.isfinite(bends).all() and bends.max() < 0.0 and bends.min() >= _ALIKE * bends.max()):
+        return sample
+    left, right = float(t[k - 1] - t[k]), float(t[k + 1] - t[k])
+    up, bend = float(x[k + 1] - x[k]), float(bends[k - 1 - around.start])
+    slope = up / right - bend * right
+    shift = float(np.clip(-0.5 * slope / bend, left, right))
+    return float(x[k]) + slope * shift + bend * shift * shift, float(t[k]) + shift
 
 
 def told_mean(mean: float, *, amplitude: float, residual: float) -> float:

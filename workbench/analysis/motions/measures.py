@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.analysis.passes import highest
 from workbench.core.record import Part
 from workbench.session.base import Floats
 
@@ -43,7 +44,7 @@ def measure(time: Floats, value: Floats, window: tuple[float, float]) -> Measure
     if len(inside) < 2 or not time[inside[-1]] > time[inside[0]]:
         return None
     t, x = time[inside], value[inside]
-    largest, smallest = _top(t, x), _top(t, -x)
+    largest, smallest = highest(t, x), highest(t, -x)
     peak = max(largest, smallest)
     return Measure(
         peak=peak[0],
@@ -57,18 +58,3 @@ def measure(time: Floats, value: Floats, window: tuple[float, float]) -> Measure
 def _mean(t: Floats, x: Floats) -> float:
     """Return the mean over time, rows at any distance (trapezoidal rule)."""
     return float(np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(t)) / (t[-1] - t[0]))
-
-
-def _top(t: Floats, x: Floats) -> tuple[float, float]:
-    """Return the largest value and its time; between rows by the parabola through the highest and its neighbours."""
-    k = int(np.argmax(x))
-    if not 0 < k < len(x) - 1 or not (t[k - 1] < t[k] < t[k + 1]):
-        return float(x[k]), float(t[k])
-    left, right = float(t[k - 1] - t[k]), float(t[k + 1] - t[k])
-    down, up = float(x[k - 1] - x[k]), float(x[k + 1] - x[k])
-    bend = (up / right - down / left) / (right - left)
-    if bend >= 0.0:
-        return float(x[k]), float(t[k])
-    slope = up / right - bend * right
-    shift = float(np.clip(-0.5 * slope / bend, left, right))
-    return float(x[k]) + slope * shift + bend * shift * shift, float(t[k]) + shift

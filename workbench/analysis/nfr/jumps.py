@@ -143,8 +143,9 @@ _LIGHT, _NEAR, _HIGHER, _MOST_PEAKS = 0.25, 2.0, 1.1, 4
 
 def _remembers(point: NfrPoint) -> bool:
     """Whether a deviation may outlive a period: without that, every period leads to the same response."""
-    known = () if point.certificate is None else point.certificate.multipliers
-    return not known or max(map(abs, known)) > _MEMORY
+    if point.certificate is None or point.certificate.method != "solved":
+        return True
+    return max(map(abs, point.certificate.multipliers), default=0.0) > _MEMORY
 
 
 def _bent(point: NfrPoint, linear: LinearStart) -> float:

@@ -31,7 +31,7 @@ from workbench.core import job as telling
 from workbench.core.forms import several
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import with_options
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.placing import start_at
@@ -204,8 +204,13 @@ class Sweep:
             for a in unseen:
                 if a not in bent:
                     self._keep_second(a, ())
-        for event in self._run(runner, jobs):
-            self._take_found(event)
+        try:
+            for event in self._run(runner, jobs):
+                self._take_found(event)
+        except WorkbenchError as error:  # what was measured is not lost for it
+            if self._asked.branches:
+                raise
+            self._told_of.append(f"second responses could not be looked for: {error}")
         yield from ()
 
     def _at_peaks(self, runner: Runner, amplitudes: Sequence[float]) -> list[NfrPoint]:
