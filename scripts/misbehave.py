@@ -5,7 +5,7 @@ written down for each case (`expected`): the kinds of error that may be told, an
 there is one, its numbers must be those of the same FMU that behaves, done in the same way; what differs in silence is
 a defect. Commands that only read descriptions, or data (build, identify, reproduce), have no row here.
 
-    scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--program] [--out x.md]
+    scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--interface cs] [--program] [--out x.md]
 """
 
 from __future__ import annotations
@@ -334,7 +334,7 @@ class Seen:
 def cases(asked: argparse.Namespace) -> Iterator[Case]:
     """Yield the cases that are asked for."""
     for interface, calls in CALLS.items():
-        for call in (*calls, *OUTSIDE):
+        for call in (*calls, *OUTSIDE) if interface in asked.interface or not asked.interface else ():
             for way in WAYS:
                 if (way in asked.ways or not asked.ways) and (call in asked.calls or not asked.calls):
                     every = (Case(way, call, interface, what) for what in asked.what or DEEDS)
@@ -457,7 +457,7 @@ def truth_of(folder: Path, case: Case, *, program: bool) -> Any:
 def main() -> None:
     """Run the cases and write the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    for name in ("ways", "calls", "what"):
+    for name in ("ways", "calls", "what", "interface"):
         parser.add_argument(f"--{name}", type=lambda text: text.split(","), default=[])
     parser.add_argument("--program", action="store_true", help="on the command line in place of in Python")
     parser.add_argument("--out", type=Path, help="page to write, Markdown")

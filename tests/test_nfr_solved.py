@@ -255,6 +255,19 @@ def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
     assert [words for words in found.warnings if "another stable response" in words and f"{several[0]:.6g}" in words]
 
 
+def test_a_jump_is_guessed_only_where_nobody_looked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A narrow resonance between two frequencies looks like a jump."""
+    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _: ["it may jump"])
+    found = {}
+    for method in ("auto", "settle"):
+        with wb.load("fmu:Duffing") as model:
+            found[method] = wb.nfr(
+                model, "u", "y", amplitudes=[0.1], band=(0.1, 0.4), method=method, max_periods=8, **HERE
+            )
+    assert "it may jump" in found["settle"].warnings
+    assert "it may jump" not in found["auto"].warnings
+
+
 def test_settling_can_be_asked_for() -> None:
     with wb.load("fmu:Rudder") as model:
         found = wb.nfr(model, "delC", "del", frequencies=[2.0], amplitudes=[1.0], method="settle", **HERE)

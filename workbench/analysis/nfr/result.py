@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from workbench.analysis.branches.result import Fold, ResponseBranch
 from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.jumps import jumps
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
 from workbench.analysis.nfr.zero_input import ZeroInput
@@ -316,7 +315,6 @@ def assemble(
         warnings=(
             *_unsettled(grid, f"{input} on {output}"),
             *dict.fromkeys(p.warning for row in grid for p in row if p.warning),
-            *(text for row in grid for text in jumps(row)),
             *warnings,
         ),
         certificates=tuple(tuple(p.certificate for p in row) for row in grid),

@@ -19,7 +19,7 @@ from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr.jumps import another, disagreements, may_jump, solved, unseen_peaks
+from workbench.analysis.nfr.jumps import another, disagreements, jumps, may_jump, solved, unseen_peaks
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
@@ -234,7 +234,7 @@ class Sweep:
             self._keep_second(amplitude, [p for f in self._frequencies for p in _stable_at(event.value, f, amplitude)])
 
     def _row(self, amplitude: float) -> list[NfrPoint]:
-        return [self._points[amplitude, f] for f in sorted(self._frequencies)]
+        return [self._points[amplitude, f] for f in sorted(self._frequencies) if (amplitude, f) in self._points]
 
     def _afterwards_wanted(self) -> bool:
         """Whether something is to be done when all points are known."""
@@ -361,7 +361,9 @@ class Sweep:
         """Return what was measured so far."""
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
+        looked = {*self._second, *(b.amplitude for found in self._followed for b in found.branches)}
         warnings = [
+            *(words for a in self._amplitudes if a not in looked for words in jumps(self._row(a))),
             *disagreements(self._points, self._before), *self._told_of,
             *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
             *filter(None, [warning]),
