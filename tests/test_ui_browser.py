@@ -194,8 +194,11 @@ def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
 
 def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
     measure(page, ui)
-    page.click("text=Pin")
+    api.expect(page.locator(".legend li")).to_have_count(2)
+    page.get_by_role("button", name="Pin", exact=True).click()
+    api.expect(page.locator(".legend li")).to_have_count(4)
     page.click("text=Compare")
+    api.expect(page.locator(".legend li").first).to_contain_text("fmu:Rudder, nfr")
     api.expect(page.locator("main")).to_contain_text("dB at")
     api.expect(page.locator("main canvas")).to_have_count(4)
     picture(page, "compare")

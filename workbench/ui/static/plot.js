@@ -418,7 +418,7 @@ export class Plot {
 /** What a curve's line and marks mean. */
 export function legend(curves, { onremove = null } = {}) {
   return h("ul", { class: "legend" }, curves.map((c) => h("li", {},
-    h("span", { class: "swatch", style: `--own: ${c.colour}` }), c.label,
+    h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: ${c.colour}` }), c.label,
     onremove && c.removable ? h("button", { type: "button", class: "quiet", "aria-label": `remove ${c.label}`, onclick: () => onremove(c) }, "×") : null)));
 }
 

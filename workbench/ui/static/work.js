@@ -192,7 +192,9 @@ export class Bode {
   }
 
   keep() {
-    for (const curve of this.own) pin({ ...curve, label: `${this.number ?? ""} ${curve.label}`.trim(), points: null });
+    const of = server.works.get(this.number);
+    const named = (curve) => (of ? `${of.subject.join(", ")}, ${of.command} ${of.number}: ${curve.label}` : curve.label);
+    for (const curve of this.own) pin({ ...curve, label: named(curve), points: null });
     say(`${this.own.length} curves pinned; they stay in every picture, and under Compare.`);
     this.redraw();
   }
