@@ -318,8 +318,9 @@ class Case:
 
     @property
     def timeout(self) -> float:
-        """What a result may cost [s]: little, where it hangs; noise in all descriptors is slow, but comes to an end."""
-        return PATIENT if self.way in {"stdout", "descriptors"} else self.deed.timeout
+        """What a result may cost [s]: little, where it hangs before it is there; noise is slow, but comes to an end."""
+        slow = self.way in {"stdout", "descriptors", "memory"} or self.call in {"terminate", "freeInstance"}
+        return PATIENT if slow else self.deed.timeout
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,14 @@ def page(browser: Browser, ui: Ui) -> Iterator[Page]:
 
 def look(page: Page, ui: Ui, where: str) -> None:
     page.goto(f"{ui.base}/#/{where}")
+    api.expect(page.locator("main")).to_have_attribute("data-shown", f"#/{where}")
     api.expect(page.locator("h1")).to_be_visible()
+
+
+def go(page: Page, link: str, title: str) -> None:
+    """Follow a link; until the other page is there, this one is still shown."""
+    page.get_by_role("link", name=link, exact=True).click()
+    api.expect(page.locator("h1")).to_have_text(title)
 
 
 def picture(page: Page, name: str) -> None:
@@ -77,12 +84,21 @@ def picture(page: Page, name: str) -> None:
         page.screenshot(path=Path(PICTURES) / f"{name}.png")
 
 
+def run_nfr(page: Page) -> None:
+    """Run what the form says, to its end; what ran before is shown until then."""
+    runs = page.locator("a[data-work]", has_text="nfr")
+    before = runs.count()
+    page.click("text=Run nfr")
+    api.expect(runs).to_have_count(before + 1)
+    api.expect(runs.first).to_contain_text("done")
+    api.expect(page.locator("strong", has_text=re.compile("^done$"))).to_be_visible()
+
+
 def measure(page: Page, ui: Ui, model: str = "fmu:Rudder", band: str = "0.5:20", amplitudes: str = "1,4") -> None:
     look(page, ui, f"open/{model}/measure/nfr")
     page.fill("#field-amplitudes", amplitudes)
     page.fill("#field-band", band)
-    page.click("text=Run nfr")
-    api.expect(page.locator("strong", has_text=re.compile("^done$"))).to_be_visible()
+    run_nfr(page)
 
 
 def test_the_token_leaves_the_address(page: Page, ui: Ui) -> None:
@@ -197,7 +213,7 @@ def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
     api.expect(page.locator(".legend li")).to_have_count(2)
     page.get_by_role("button", name="Pin", exact=True).click()
     api.expect(page.locator(".legend li")).to_have_count(4)
-    page.click("text=Compare")
+    go(page, "Compare", "Compare")
     api.expect(page.locator(".legend li").first).to_contain_text("fmu:Rudder, nfr")
     api.expect(page.locator("main")).to_contain_text("dB at")
     api.expect(page.locator("main canvas")).to_have_count(4)
@@ -210,8 +226,7 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
     page.fill("#field-band", "1:4")
     page.click("summary:has-text('More')")
     page.fill("#field-store", "runs")
-    page.click("text=Run nfr")
-    api.expect(page.locator("strong", has_text=re.compile("^done$"))).to_be_visible()
+    run_nfr(page)
     page.reload()
     page.click("a[data-name='runs']")
     api.expect(page.locator("h1")).to_have_text("Store runs")
@@ -221,7 +236,7 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
 
 def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:
     measure(page, ui)
-    page.click("text=Keep")
+    go(page, "Keep", "This session as a study")
     api.expect(page.locator("textarea")).to_have_value(re.compile(r'command = "nfr"'))
     page.click("text=Write into the folder")
     api.expect(page.locator("#said")).to_contain_text("Wrote session.toml")
@@ -310,7 +325,8 @@ def test_axe_finds_nothing_serious(page: Page, ui: Ui, theme: str) -> None:
     page.evaluate("theme => localStorage.setItem('theme', theme)", theme)
     page.reload()
     measure(page, ui)
-    page.click("text=Pin")
+    api.expect(page.locator(".legend li")).to_have_count(2)
+    page.get_by_role("button", name="Pin", exact=True).click()
     for where in [None, *PAGES.values()]:
         if where is not None:
             look(page, ui, where)

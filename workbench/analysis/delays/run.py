@@ -64,7 +64,7 @@ def _report(
         stop=stop,
         interface=model.interface,
         solver=model.solver,
-        notes=(*remarks, *unknown),
+        notes=(*remarks, *model.remarks(), *unknown),
         operating_point=standing(model),
     )
 

@@ -31,9 +31,12 @@ async function show() {
     }
     leave = page.leave ?? null;
     fill(main, page.element);
+    main.dataset.shown = asked;
     document.title = `${page.title} – FMI workbench`;
   } catch (error) {
+    if (location.hash !== asked) return;
     fill(main, h("h1", {}, "This cannot be shown"), h("p", { class: "bad" }, error.message));
+    main.dataset.shown = asked;
   }
   mark();
 }

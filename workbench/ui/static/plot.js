@@ -118,6 +118,7 @@ export class Plot {
     this.curves = curves;
     this.lines = lines;
     if (!keep) this.view = null;
+    if (this.here) this.show(this.here.index < (curves[this.here.curve]?.x.length ?? 0) ? this.here : null);
     this.later();
   }
 
