@@ -45,7 +45,7 @@ export async function whole(number) {
   if (work?.full && work.full.state === work.state) return work.full;
   const full = await get(`/api/works/${number}`);
   const merged = known(full);
-  merged.points = full.points;
+  full.points.forEach((point, i) => { merged.points[i] = point ?? merged.points[i]; });
   if (!["waiting", "running"].includes(full.state)) merged.full = full;
   return full;
 }
@@ -68,10 +68,17 @@ export function ended(number) {
   });
 }
 
+/** How far a work is: waiting, running, ended. */
+function stage(work) {
+  return ["waiting", "running"].indexOf(work.state) + 1 || 3;
+}
+
+/** An answer may be older than the events that overtook it: a work that is known to have ended stays ended. */
 function known(facts) {
   const work = server.works.get(facts.number) ?? { points: [] };
   const { points: _, record: __, curves: ___, signals: ____, ...told } = facts;
-  Object.assign(work, told);
+  const overtaken = told.state && work.state && stage(told) < stage(work);
+  Object.assign(work, overtaken ? { ...told, ...work } : told);
   server.works.set(work.number, work);
   return work;
 }
