@@ -30,6 +30,7 @@ __all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
+_PAUSE = 0.005
 
 # When all its results are there, an FMU ends its run and is freed within this time [s].
 AFTERWARDS = 30.0
@@ -105,7 +106,7 @@ class WorkerProcess:
     @property
     def alive(self) -> bool:
         """Whether it still runs, and is this process's own: in a copy made by fork it is not."""
-        return self.surroundings[0] == os.getpid() and self._process.poll() is None
+        return self.surroundings[0] == os.getpid() and not self._has_ended()
 
     @property
     def usable(self) -> bool:
@@ -164,19 +165,25 @@ class WorkerProcess:
 
     def reap(self) -> int | None:
         """Wait for a process that is dying; return its exit code, None where it went on."""
-        try:
-            self._process.wait(_DYING)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            return None
-        return self.kill()
+        until = time.monotonic() + _DYING
+        while not (ended := self._has_ended()) and time.monotonic() < until:
+            time.sleep(_PAUSE)
+        code = self.kill()
+        return code if ended else None
+
+    def _has_ended(self) -> bool:
+        """Whether the process is at its end; where the system can, its number stays its own until `kill`."""
+        if self._process.returncode is None and hasattr(os, "waitid"):  # not on macOS and Windows
+            with suppress(ChildProcessError):  # somebody else took its exit code
+                return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        return self._process.poll() is not None
 
     def kill(self) -> int | None:
-        """End the process by force if it still runs; return its exit code. At most once."""
+        """End the process by force, with what the FMU has started; return its exit code. At most once."""
         with _lock:
             _alive.discard(self)
-        if self._process.poll() is None:  # with the processes that the FMU has started; of one that is gone, its
-            _kill_all(self._process)  # number may be another's by now
+        if not self._has_ended() or self._process.returncode is None:  # else its number may be another's by now
+            _kill_all(self._process)
         code = self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
