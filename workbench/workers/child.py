@@ -81,7 +81,6 @@ _MODELS = 4
 _ENDED = 16
 
 _STANDARD_INPUT = 0
-_PARENT_DEATH_SIGNAL = 1  # of prctl
 
 # No file that it writes is longer [byte].
 _FILE = 4 << 30
@@ -150,7 +149,6 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     """
     end = socket.socket(fileno=link) if link is not None else socket.fromshare(sys.stdin.buffer.read())  # type: ignore[attr-defined]
     end.set_inheritable(False)
-    _go_on_when_orphaned()
     _behave()
     _end_at_once()
     end_later(_ENDED)
@@ -248,16 +246,6 @@ def _model(packed: bytes) -> Model | None:
 
 
 # -- the process -------------------------------------------------------------------------------
-
-
-def _go_on_when_orphaned() -> None:
-    """Let the system continue this process when its parent dies (Linux): one that is stopped could not see that.
-
-    Not a signal that ends it: what watches the parent also removes files and ends the processes that the FMU has started.
-    One that comes too soon, as at the end of the thread that began this process, changes nothing.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, ctypes.c_ulong(signal.SIGCONT))
 
 
 def _behave() -> None:

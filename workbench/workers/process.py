@@ -43,7 +43,17 @@ _LAST_WORDS = 1 << 16
 _LOG = 1 << 26
 
 _START = (
-    "import sys; sys.path[:] = {path!r}; {first}from workbench.workers.child import main; main({link!r}, *{rest!r})"
+    "import sys; sys.path[:] = {path!r}; {orphaned}{first}from workbench.workers.child import main; "
+    "main({link!r}, *{rest!r})"
+)
+
+# When its parent dies, the system continues a worker (Linux): one that is stopped could not see that. Not a signal that
+# ends it, for what watches the parent also removes files and ends the processes that the FMU has started; and the
+# system also sends it when the thread that began the worker ends, which then changes nothing. PR_SET_PDEATHSIG is 1.
+_ORPHANED = (
+    f"import ctypes; ctypes.CDLL(None).prctl(1, ctypes.c_ulong({int(signal.SIGCONT)})); "
+    if sys.platform == "linux"
+    else ""
 )
 _CONFINED = "from workbench.core.confine import confine; confine({folder!r}); "  # before a library begins a thread
 
@@ -216,7 +226,9 @@ def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int,
         first: code that runs before all else.
     """
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100 - of text
-    code = _START.format(path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
+    code = _START.format(
+        orphaned=_ORPHANED, path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest
+    )
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as multiprocessing
     process = subprocess.Popen(
         [sys.executable, *flags, "-c", code],
