@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import pickle
 import secrets
@@ -31,6 +32,9 @@ __all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
 _PAUSE = 0.005
+
+# So long a worker may take to import what a task needs, whatever the time limit of the FMU [s].
+_IMPORTS = 60.0
 
 # When all its results are there, an FMU ends its run and is freed within this time [s].
 AFTERWARDS = 30.0
@@ -128,7 +132,7 @@ class WorkerProcess:
         self.seasoned, self.opened = self.opened, False
         self.index, self.ready, self.error, self._limits = index, False, None, limits
         self.most = self._beyond = None
-        self.restart_clock()
+        self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
         order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
@@ -142,13 +146,19 @@ class WorkerProcess:
         latest = time.monotonic() + AFTERWARDS
         self.deadline = latest if self.deadline is None else min(self.deadline, latest)
 
-    def restart_clock(self) -> None:
-        """Give the present task its full time again."""
-        self.deadline = None if self._limits.timeout is None else time.monotonic() + self._limits.timeout
+    def restart_clock(self, *, least: float = 0.0) -> None:
+        """Give the present task its full time again, or the least that it may have."""
+        given = self._limits.timeout
+        self.deadline = None if given is None else time.monotonic() + max(given, least)
+
+    @property
+    def left(self) -> float:
+        """Time that the present task still has [s], at least 0."""
+        return math.inf if self.deadline is None else max(0.0, self.deadline - time.monotonic())
 
     def is_late(self) -> bool:
         """Whether the present task has had its time."""
-        return self.deadline is not None and time.monotonic() > self.deadline
+        return self.left == 0.0
 
     def is_beyond_memory(self) -> bool:
         """Whether the present task went beyond its memory, and either has had its time or did not say so in a while.
