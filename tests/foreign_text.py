@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -29,11 +30,13 @@ def _quoted(text: str) -> str:
     return quoteattr(text, {"\n": "&#10;", "\x85": "&#133;", "\u2028": "&#8232;"})
 
 
-def build_commanding(folder: Path) -> Path:
+def build_commanding(
+    folder: Path, names: Mapping[str, str] = NAMES, unit_name: str = UNIT, description: str = DESCRIPTION
+) -> Path:
     """Write ``folder/commanding.fmu``: dx/dt = u − x, y = x, clock = time."""
     (host,) = host_only()
-    name = {key: _quoted(text) for key, text in NAMES.items()}
-    unit, says = _quoted(UNIT), _quoted(DESCRIPTION)
+    name = {key: _quoted(text) for key, text in names.items()}
+    unit, says = _quoted(unit_name), _quoted(description)
     flags = 'modelIdentifier="foreign"'
     xml = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName={says} guid="{{foreign-plain}}" numberOfEventIndicators="0"

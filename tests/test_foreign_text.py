@@ -100,6 +100,37 @@ def test_nothing_that_a_file_says_commands_anything(
         assert cell[:1] not in tuple("=@+-") or _is_number(cell), cell
 
 
+LONG = {key: f"{key} {key * 50_000}" for key in NAMES}  # with a blank, and a word without one
+
+
+@pytest.mark.parametrize("line", ["info", "simulate", "nfr", "lin", "wrong name", "wrong file"])
+def test_endless_names_are_shortened_where_a_person_reads(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not where a program does: the JSON has them in full."""
+    fmu = str(build_commanding(tmp_path, LONG, "m" * 100_000, "said " * 20_000))
+    data, page, picture = (tmp_path / f"out.{suffix}" for suffix in ("json", "html", "svg"))
+    u, y = LONG["u"], LONG["y"]
+    words, code = {
+        "info": (["info", fmu, "--json", str(data), "--report", str(page)], 0),
+        "simulate": (["simulate", fmu, "--stop", "1", "--input", f"{u}=2", "--plot", str(picture), "--json", str(data),
+                      "--report", str(page)], 0),
+        "nfr": (["nfr", fmu, "--input", u, "--output", y, "--freq", "1", "--amplitude", "1", "--json", str(data)], 0),
+        "lin": (["lin", fmu, "--json", str(data), "--plot", str(picture)], 0),
+        "wrong name": (["nfr", fmu, "--input", y + "z", "--output", y, "--freq", "1", "--amplitude", "1"], 2),
+        "wrong file": (["info", "m" * 100_000], 2),
+    }[line]  # fmt: skip
+    assert run(words) == code
+    shown = capsys.readouterr()
+    assert len(shown.out) < 30_000
+    assert len(shown.err) < 10_000
+    assert "more)…" in shown.out + shown.err
+    if code == 0:
+        assert y in json.dumps(json.loads(data.read_text(encoding="utf-8")))
+    if picture.exists():
+        assert picture.stat().st_size < 500_000
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)

@@ -28,6 +28,7 @@ __all__ = [
     "article",
     "close_names",
     "one_line",
+    "shortened",
     "suggest",
     "unbroken",
     "visible",
@@ -138,8 +139,36 @@ class EndedError(SimulationError):
 
 
 def one_line(text: str) -> str:
-    """Return `text` with every run of white space, line breaks included, as one blank, and nothing in it unseen."""
-    return visible(" ".join(str(text).split()))
+    """Return `text` with every run of white space, line breaks included, as one blank; nothing unseen or endless."""
+    return shortened(visible(" ".join(str(text).split())))
+
+
+_WORD, _LINE = 300, 4000  # no file's name is longer, and no message that somebody reads [characters]
+
+
+def shortened(text: str, word: int = _WORD, line: int = _LINE) -> str:
+    """Return a text in which the middle of what is too long to be shown is left out, and how much of it.
+
+    Names and messages come from files that somebody else wrote; files of results have them in full.
+
+    Args:
+        text: in one line.
+        word: longest word that is shown as it is [characters]; at least 60.
+        line: longest text.
+
+    Examples:
+        >>> from workbench.errors import shortened
+        >>> print(shortened("u" * 100_000, word=60))
+        uuuuuuuuuuuuuuuuuuuu…(99960 more)…uuuuuuuuuuuuuuuuuuuu
+    """
+    if len(text) > word:
+        text = re.sub(rf"\S{{{word + 1},}}", lambda found: _without_middle(found[0], word), text)
+    return _without_middle(text, line) if len(text) > line else text
+
+
+def _without_middle(text: str, most: int) -> str:
+    kept = most // 3
+    return f"{text[:kept]}…({len(text) - 2 * kept} more)…{text[-kept:]}"
 
 
 # Control characters but tabulator and line feed, line separators, and what changes the direction of writing.
@@ -160,8 +189,8 @@ def visible(text: str) -> str:
 
 
 def unbroken(text: str) -> str:
-    """Return the same with line breaks and tabulators spelt out as well: what is to stand in one line, or one cell."""
-    return visible(text).replace("\n", "\\n").replace("\t", "\\t")
+    """Return the same with line breaks and tabulators spelt out as well, shortened: for one line, or one cell."""
+    return shortened(visible(text).replace("\n", "\\n").replace("\t", "\\t"))
 
 
 def article(noun: str) -> str:

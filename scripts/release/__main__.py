@@ -68,7 +68,9 @@ def release(folder: Path, out: Path) -> None:
         )
     changes = _git("status", "--porcelain")
     if changes:
-        raise ReleaseError(f"not committed: {', '.join(line[3:] for line in changes.splitlines())}; commit or remove")
+        raise ReleaseError(
+            f"not committed: {', '.join(line.split(maxsplit=1)[-1] for line in changes.splitlines())}; commit or remove"
+        )
     commit, epoch = _git("log", "-1", "--format=%H %ct").split()
     say(f"building commit {commit[:10]} twice, times as of {epoch} (SOURCE_DATE_EPOCH)")
     files = build(folder / "one", commit, epoch, TZ="UTC")

@@ -11,11 +11,12 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from workbench.errors import one_line
+from workbench.errors import one_line, shortened
 
 __all__ = ["Bar", "in_notebook"]
 
 _PATIENCE = 1.0
+_WORD, _LINE = 60, 200  # longest word and text beside the bar [characters]
 
 
 def in_notebook() -> bool:
@@ -49,9 +50,13 @@ class Bar:
             columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
             self._progress = Progress(*columns, console=self._console, transient=True)
             self._progress.start()
-            self._task = self._progress.add_task(one_line(text), total=self._total)
+            self._task = self._progress.add_task(self._words(text), total=self._total)
         if self._progress is not None:
-            self._progress.update(self._task, completed=done, description=one_line(text))
+            self._progress.update(self._task, completed=done, description=self._words(text))
+
+    @staticmethod
+    def _words(text: str) -> str:
+        return shortened(one_line(text), _WORD, _LINE)
 
     def __enter__(self) -> Self:
         return self

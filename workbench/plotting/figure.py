@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, Formatter, FuncFormatter
 
 from workbench.core.files import replacing
-from workbench.errors import InputError, suggest, visible
+from workbench.errors import InputError, shortened, suggest, visible
 
 __all__ = ["ABOVE", "COLOURS", "LEGEND", "LINE", "label", "literal", "panels", "rows", "save", "written"]
 
@@ -32,6 +32,7 @@ ABOVE: dict[str, Any] = {
 }  # fmt: skip
 
 _POWER = r"$\mathdefault{"
+_WORD, _LINE = 90, 240  # longest word and line of a text in a picture [characters]
 _SUFFIXES = (".png", ".svg", ".pdf")
 
 _STYLE: dict[Any, Any] = {
@@ -130,7 +131,7 @@ def literal(figure: Any) -> Any:  # noqa: ANN401 - a figure, or what was drawn a
     for text in figure.findobj(Text):
         assert isinstance(text, Text)  # noqa: S101 - as asked for
         if id(text) not in written_by_axis and not text.get_text().startswith(_POWER):
-            text.set_text(visible(text.get_text()))
+            text.set_text("\n".join(shortened(line, _WORD, _LINE) for line in visible(text.get_text()).split("\n")))
             text.set_parse_math("$" not in text.get_text())
     return figure
 
@@ -143,7 +144,7 @@ class _Literal(Formatter):
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         text = self._names(x, pos)
-        return text if text.startswith(_POWER) else visible(text).replace("$", r"\$")
+        return text if text.startswith(_POWER) else shortened(visible(text), _WORD, _LINE).replace("$", r"\$")
 
     def set_locs(self, locs: Any) -> None:  # noqa: ANN401 - as matplotlib has it
         self._names.set_locs(locs)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from workbench.core.files import replacing
 from workbench.core.record import plain
-from workbench.errors import InputError, visible
+from workbench.errors import InputError, shortened, visible
 from workbench.report.svg import svg_of
 from workbench.report.tones import Verdict, counted, tone, worst_first
 
@@ -139,7 +139,9 @@ def _render(page: Page) -> str:
     import jinja2  # noqa: PLC0415  only reports need it
 
     loader = jinja2.PackageLoader("workbench.report", "templates")
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_shown
+    )
     environment.filters["tone"] = tone
     return environment.get_template("page.html").render(
         page=page,
@@ -149,6 +151,10 @@ def _render(page: Page) -> str:
         contents=len(page.sections) >= _LONG,
         data=_embedded(page.data),
     )
+
+
+def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template shows; pictures and data are marked as safe
+    return shortened(value) if type(value) is str else value
 
 
 def _filled(section: Section, name: str) -> dict[str, Any]:

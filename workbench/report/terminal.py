@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, zip_longest
 
-from workbench.errors import unbroken
+from workbench.errors import shortened, unbroken
 from workbench.report.page import Page, Section, Table
 from workbench.report.tones import worst_first
 
@@ -15,6 +15,7 @@ __all__ = ["section_text", "text_of"]
 _GAP = "  "
 _MOST_WORDS = 60  # of a column in a pipe: sentences go on below
 _LEAST_WORDS = 30  # a column of sentences is made no narrower
+_MOST_IN_CELL = 1000  # [characters]
 _MOST_ROWS = 60  # of a table; more belong into a file
 
 
@@ -82,8 +83,8 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
         return
     if table.title:
         yield from _folded(table.title, None)
-    headings = [unbroken(text) for text in table.headings]
-    rows = [[unbroken(text) for text in row] for row in table.rows[:_MOST_ROWS]]
+    headings = [_cell(text) for text in table.headings]
+    rows = [[_cell(text) for text in row] for row in table.rows[:_MOST_ROWS]]
     sizes = _sizes(table, [headings, *rows], width)
     for columns in _blocks(sizes, width):
         yield from _row(headings, columns, sizes, table.at_right)
@@ -93,6 +94,10 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
         yield ""
     if len(table.rows) > len(rows):
         yield f"{len(table.rows) - len(rows)} more rows: --json writes all"
+
+
+def _cell(text: str) -> str:
+    return shortened(unbroken(text), line=_MOST_IN_CELL)
 
 
 def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
