@@ -61,7 +61,7 @@ def listen(ui: Ui, heard: list[float]) -> None:
             event = json.loads(line[5:])
             if event.get("event") == "progress" and event.get("point"):
                 heard.append(1e3 * time.time())
-            if event.get("event") == "state" and event.get("state") == "done":
+            if event.get("command") == "nfr" and event.get("state") == "done":
                 return
 
 

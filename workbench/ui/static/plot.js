@@ -133,7 +133,9 @@ export class Plot {
   /** Limits of both axes: those that were chosen, or all that there is. */
   limits() {
     const natural = {};
-    for (const [axis, lists] of [["x", this.curves.map((c) => c.x)], ["y", this.curves.flatMap((c) => [c.y])]]) {
+    const [from, to] = this.x.range ?? [-Infinity, Infinity];
+    const seen = (c) => (this.x.range ? c.y.filter((_, i) => c.x[i] >= from && c.x[i] <= to) : c.y);
+    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : this.curves.map((c) => c.x)], ["y", this.curves.map(seen)]]) {
       let [low, high] = extent(lists) ?? (this[axis].log ? [0.1, 10] : [-1, 1]);
       if (this[axis].log && low > 0) {
         const more = Math.max(1.05, (high / low) ** 0.03);
@@ -210,9 +212,10 @@ export class Plot {
     const { limits } = scale;
     const [ink, grid, dim] = [this.ink(), this.ink("--grid"), this.ink("--dim")];
     const [bottom, right] = [this.height - BOTTOM, this.width - RIGHT];
+    const none = !this.curves.some((c) => c.x.length);
     const place = { x: (v) => [["M", v, TOP], ["L", v, bottom]], y: (v) => [["M", LEFT, v], ["L", right, v]] };
     for (const axis of ["x", "y"]) {
-      for (const tick of ticks(...limits[axis], this[axis].log, axis === "x" ? this.width / 90 : this.height / 42)) {
+      for (const tick of none ? [] : ticks(...limits[axis], this[axis].log, axis === "x" ? this.width / 90 : this.height / 42)) {
         const at = scale[axis].at(tick.value);
         pen.path(place[axis](at), { stroke: grid, width: tick.minor ? 0.5 : 1 });
         if (!tick.label) continue;
@@ -220,7 +223,8 @@ export class Plot {
         else pen.text(tick.label, LEFT - 7, at, { colour: ink, align: "right" });
       }
     }
-    for (const { axis, value } of this.lines) pen.path(place[axis](scale[axis].at(value)), { stroke: dim, width: 1, dash: [6, 4] });
+    if (none) pen.text("nothing yet", (LEFT + right) / 2, (TOP + bottom) / 2, { colour: dim });
+    for (const { axis, value } of none ? [] : this.lines) pen.path(place[axis](scale[axis].at(value)), { stroke: dim, width: 1, dash: [6, 4] });
     pen.path([["M", LEFT, TOP], ["L", LEFT, bottom], ["L", right, bottom], ["L", right, TOP], ["Z"]], { stroke: dim, width: 1 });
     pen.text(this.x.label, (LEFT + right) / 2, this.height - 9, { colour: ink });
     pen.text(this.y.label, 14, (TOP + bottom) / 2, { colour: ink, turned: true });
@@ -310,8 +314,8 @@ export class Plot {
     } else {
       const c = this.curves[where.curve];
       this.cursor = c.x[where.index];
-      this.readout.textContent = `${c.label}: ${this.x.label.replace(/ *\[.*/, "")} ${shown(c.x[where.index])}, ` +
-        `${this.y.label.replace(/ *\[.*/, "")} ${shown(c.y[where.index])}${c.says?.[where.index] ? `, ${c.says[where.index]}` : ""}`;
+      this.readout.textContent = `${c.label}: ${said(this.x.label, c.x[where.index])}, ${said(this.y.label, c.y[where.index])}` +
+        `${c.says?.[where.index] ? `, ${c.says[where.index]}` : ""}`;
     }
     this.here = where;
     this.onmove?.(this.cursor);
@@ -414,6 +418,12 @@ export class Plot {
     this.later();
     this.onpick?.(where ? this.curves[where.curve].points?.[where.index] ?? null : null, where);
   }
+}
+
+/** A value with the name and the unit of its axis: "gain [dB]", 1 → "gain 1 dB". */
+function said(label, value) {
+  const [, name, unit] = label.match(/^(.*?) *(?:\[(.*)\])?$/);
+  return `${name} ${shown(value)}${unit && unit !== "1" && unit !== "–" ? ` ${unit}` : ""}`;
 }
 
 /** What a curve's line and marks mean. */
