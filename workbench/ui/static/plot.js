@@ -132,6 +132,7 @@ export class Plot {
 
   /** Limits of both axes: those that were chosen, or all that there is. */
   limits() {
+    if (this.view?.x && this.view.y) return { x: this.view.x, y: this.view.y };
     const natural = {};
     const [from, to] = this.x.range ?? [-Infinity, Infinity];
     const seen = (c) => (this.x.range ? c.y.filter((_, i) => c.x[i] >= from && c.x[i] <= to) : c.y);
@@ -249,19 +250,21 @@ export class Plot {
     const xs = curve.x.map((v) => scale.x.at(v));
     const ys = curve.y.map((v) => (v === null || !Number.isFinite(v) ? null : scale.y.at(v)));
     if (curve.line !== false) {
-      for (const dashed of [false, true]) {
+      for (const dashed of curve.dashed ? [false, true] : [false]) {
         const steps = [];
-        let last = null;
+        let last = null; // point before, and the one that the line has come to
+        let at = null;
         ys.forEach((y, i) => {
           if (y === null) return;
           const mine = Boolean(curve.dashed?.[i]) || Boolean(last !== null && curve.dashed?.[last]);
-          if (last !== null && mine === dashed && !(curve.gaps && last !== i - 1)) {
-            steps.push(["M", xs[last], ys[last]], ["L", xs[i], y]);
+          if (last !== null && mine === dashed) {
+            if (at !== last) steps.push(["M", xs[last], ys[last]]);
+            steps.push(["L", xs[i], y]);
+            at = i;
           }
           last = i;
         });
-        const joined = steps.filter((s, i) => i === 0 || s[0] !== "M" || s[1] !== steps[i - 1][1] || s[2] !== steps[i - 1][2]);
-        if (joined.length) pen.path(joined, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
+        if (steps.length) pen.path(steps, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
       }
     }
     if (curve.low && curve.high) {
@@ -275,12 +278,18 @@ export class Plot {
     }
     if (!curve.marks) return;
     const shapes = { dot: [], triangle: [], cross: [], square: [] };
-    const size = ys.length > 400 ? 2 : 3.5;
+    const many = ys.length > 400;
+    const size = many ? 2 : 3.5;
+    let [lastX, lastY] = [-1, -1];
     ys.forEach((y, i) => {
       const kind = curve.marks[i];
       const at = y ?? (kind === "cross" ? this.height - BOTTOM - 8 : null);
       if (!kind || at === null) return;
       const x = xs[i];
+      if (many && kind === "dot") { // one beside another cannot be told from it
+        if (Math.abs(x - lastX) < 1.5 && Math.abs(at - lastY) < 1.5) return;
+        [lastX, lastY] = [x, at];
+      }
       if (kind === "dot") shapes.dot.push(["O", x, at, size]);
       else if (kind === "triangle") shapes.triangle.push(["M", x, at - size - 1], ["L", x + size + 1, at + size], ["L", x - size - 1, at + size], ["Z"]);
       else if (kind === "square") shapes.square.push(["M", x - size, at - size], ["L", x + size, at - size], ["L", x + size, at + size], ["L", x - size, at + size], ["Z"]);
