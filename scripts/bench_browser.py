@@ -30,7 +30,7 @@ import workbench as wb  # noqa: E402
 from tests.ui_server import Ui, browser_workbench  # noqa: E402
 
 POINTS = 5000
-NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "sniffio", "idna")
+NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "idna")
 
 # Each picture begins with an empty canvas.
 WATCH = """
@@ -61,7 +61,7 @@ def listen(ui: Ui, heard: list[float]) -> None:
             event = json.loads(line[5:])
             if event.get("event") == "progress" and event.get("point"):
                 heard.append(1e3 * time.time())
-            if event.get("event") == "state" and event.get("state") == "done":
+            if event.get("command") == "nfr" and event.get("state") == "done":
                 return
 
 

@@ -66,14 +66,19 @@ class _Server:
             }
         )
 
+    def files(self, request: Request) -> Response:
+        """Answer with what can be opened."""
+        return JSONResponse({"files": self.desk.root.listing()})
+
     # -- work ---------------------------------------------------------------------------------
 
     async def begin(self, request: Request) -> Response:
         asked = await _sent(request)
         try:
             work = self.desk.begin(
-                str(asked.get("command")), list(asked.get("subject") or []), dict(asked.get("values") or {})
-            )
+                str(asked.get("command")), list(asked.get("subject") or []), dict(asked.get("values") or {}),
+                aside=bool(asked.get("aside")),
+            )  # fmt: skip
         except FormError as error:
             return JSONResponse({"fields": error.fields}, 422)
         return JSONResponse(work.to_dict(), 201)
@@ -201,10 +206,11 @@ class _Server:
         path = self.desk.root.path(name, new=True)
         with replacing(path) as new:
             new.write_text(json.dumps({"command": work.command, **plain(record.to_dict())}, indent=2), encoding="utf-8")
+        work.keep()
         return JSONResponse({"name": self.desk.root.name_of(path)})
 
     def study(self, request: Request) -> Response:
-        works = [w for w in list(self.desk.works.values()) if w.record is not None]
+        works = [w for w in list(self.desk.works.values()) if w.record is not None and not w.aside]
         return PlainTextResponse(study_of(works))
 
     # -- parts --------------------------------------------------------------------------------------
@@ -257,6 +263,7 @@ def app_of(desk: Desk) -> Starlette:
     routes = [
         Route("/", server.index),
         Route("/api/start", server.start),
+        Route("/api/files", server.files),
         Route("/api/events", server.events),
         Route("/api/works", server.begin, methods=["POST"]),
         Route("/api/works/{number:int}", server.work),

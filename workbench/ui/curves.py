@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.analysis.branches.result import BranchesResult, ResponseBranch
-from workbench.analysis.feedback.result import FeedbackResult
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinGrid
-from workbench.analysis.loop.result import LoopResult
-from workbench.analysis.nfr.point import NfrPoint
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.core.linear import Linear
 from workbench.core.record import plain
 from workbench.core.response import Response
 from workbench.store import contents
+
+# The server names what a record is, and imports no analysis for it: the page is there before python-control is.
+if TYPE_CHECKING:
+    from workbench.analysis.branches.result import BranchesResult, ResponseBranch
+    from workbench.analysis.feedback.result import FeedbackResult
+    from workbench.analysis.lin.result import LinResult
+    from workbench.analysis.lin.sweep import LinGrid
+    from workbench.analysis.loop.result import LoopResult
+    from workbench.analysis.nfr.result import NfrResult
+    from workbench.core.linear import Linear
 
 __all__ = ["curves_of", "loop_at", "signals_of", "stored_curves"]
 
@@ -38,10 +39,8 @@ def curves_of(record: object) -> list[dict[str, Any]]:
     Args:
         record: any.
     """
-    for kind, curves in _CURVES_OF.items():
-        if isinstance(record, kind):
-            return [plain(curve) for curve in curves(record)]
-    return []
+    curves = _CURVES_OF.get(type(record).__name__)
+    return [] if curves is None else [plain(curve) for curve in curves(record)]
 
 
 def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -127,9 +126,9 @@ def _feedback(record: FeedbackResult) -> Iterator[dict[str, Any]]:
     yield _of_response(response, f"plant: {record.source} by {record.target}", "linear")
 
 
-_CURVES_OF: Mapping[type, Callable[[Any], Iterator[dict[str, Any]]]] = {
-    NfrResult: _nfr, BranchesResult: _branches, LinResult: _lin, LinGrid: _grid, LoopResult: _loop,
-    FeedbackResult: _feedback,
+_CURVES_OF: Mapping[str, Callable[[Any], Iterator[dict[str, Any]]]] = {
+    "NfrResult": _nfr, "BranchesResult": _branches, "LinResult": _lin, "LinGrid": _grid, "LoopResult": _loop,
+    "FeedbackResult": _feedback,
 }  # fmt: skip
 
 
@@ -142,6 +141,8 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: it is no store, or damaged.
     """
+    from workbench.analysis.nfr.point import NfrPoint  # noqa: PLC0415 - as above
+
     found = []
     for number, stored in enumerate(contents(folder), 1):
         rows = [value["point"] for value in stored.values.values() if isinstance(value, dict) and "point" in value]
@@ -154,7 +155,7 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
             response = Response(
                 np.array([p.frequency for p in own]), value, error, input=names["input"], output=names["output"]
             )
-            label = f"set {number}: {names['output']} by {names['input']}, {amplitude:g}"
+            label = f"set {number}: {names['output']} by {names['input']}, amplitude {amplitude:g}"
             more = {"amplitude": amplitude, "status": [p.status for p in own], "stable": [p.stable for p in own]}
             curve = _of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
             found.append({**curve, "settings": {**stored.subject, **stored.effort}})
@@ -163,6 +164,8 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
 
 def signals_of(record: object) -> dict[str, Any] | None:
     """Return the time histories of a record, ready for JSON; None: it has none."""
+    from workbench.analysis.simulate.result import SimulationResult  # noqa: PLC0415 - as above
+
     if not isinstance(record, SimulationResult):
         return None
     found: dict[str, Any] = plain({"time": record.time, "signals": record.signals, "units": record.units})
@@ -176,6 +179,8 @@ def loop_at(record: object, gain: float) -> dict[str, Any] | None:
         record: any.
         gain: by which the loop transfer is multiplied.
     """
+    from workbench.analysis.loop.result import LoopResult  # noqa: PLC0415 - as above
+
     if not isinstance(record, LoopResult) or record.linear is None:
         return None
     transfer = record.linear.transfer.scaled(gain)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +21,9 @@ _DEEPEST = 6  # folders below folders
 _DESCRIPTION = "modelDescription.xml"
 _SKIPPED = {"node_modules", "__pycache__", "site-packages"}
 _TEXTS = {"system": "systems", "study": "studies"}
+_BEGINNING = 4096  # of a record's file, where its command and its model stand [byte]
+_TRIM = re.compile(r'^\s*\{\s*"command": "trim"')
+_MODEL = re.compile(r'"model": ("(?:[^"\\\x00-\x1f]|\\["\\/bfnrt])*")')
 _PREFIXES = ("fmu:", "system:", "study:")
 
 
@@ -86,8 +91,11 @@ class Root:
         return path.relative_to(self.folder).as_posix()
 
     def listing(self) -> list[dict[str, str]]:
-        """Return what can be opened: its name, and its kind ("fmu", "system", "study", "store")."""
+        """Return what can be opened: name and kind ("fmu", "system", "study", "store", "point"; this with `model`)."""
         found = [{"name": name, "kind": kind} for name, kind in self._inside()]
+        for entry in found:
+            if entry["kind"] == "point":
+                entry["model"] = _model_of_point(self.folder / entry["name"])
         for kind, folder, suffix in (
             ("fmu", "fmus/fmi2", ".fmu"),
             ("system", "systems", ".toml"),
@@ -114,6 +122,17 @@ class Root:
                 return
 
 
+def _model_of_point(file: Path) -> str:
+    """Return the name of the model whose operating point a file holds, as its beginning says it; empty: it is none."""
+    try:
+        with file.open("rb") as stream:
+            begin = stream.read(_BEGINNING).decode("utf-8", "replace")
+    except OSError:
+        return ""
+    found = _MODEL.search(begin)
+    return str(json.loads(found[1])) if found and _TRIM.search(begin) else ""
+
+
 def _kind(file: Path) -> str:
     """Return what a file is to the workbench; empty: nothing."""
     if file.name == FILE_NAME:
@@ -121,6 +140,8 @@ def _kind(file: Path) -> str:
     suffix = file.suffix.lower()
     if suffix in {".fmu", ".ssp"}:
         return "fmu" if suffix == ".fmu" else "system"
+    if suffix == ".json":
+        return "point" if _model_of_point(file) else ""
     if suffix != ".toml":
         return ""
     try:

@@ -18,7 +18,6 @@ from workbench.core.option import asked_in_json, options_of, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.origin import Origin
-from workbench.origin.call import origin_of_call
 from workbench.ui.forms import OFFERED, request_of_form
 from workbench.ui.root import Root
 
@@ -39,6 +38,7 @@ class Work:
         number: by which the browser knows it.
         asked: the request.
         subject: what it is run on, as the browser names it.
+        aside: whether a page asked it beside what a person measures: no list shows it, and no study has it.
         line: the command that does the same.
         state: "waiting", "running", "done", "stopped" or "failed".
         done, total: how far it is.
@@ -52,9 +52,11 @@ class Work:
     """
 
     def __init__(
-        self, number: int, asked: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str]
-    ) -> None:
+        self, number: int, asked: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str], *,
+        aside: bool = False,
+    ) -> None:  # fmt: skip
         self.number, self.asked, self.subject = number, asked, tuple(subject)
+        self.aside = aside
         self.state, self.done, self.total = WAITING, 0, 0
         self.points: list[dict[str, Any]] = []
         self.notes: list[str] = []
@@ -84,6 +86,11 @@ class Work:
         """Let a function hear what happens: a kind of event, and its facts by name."""
         self._tell = tell
 
+    def keep(self) -> None:
+        """Let it be something that a person measured: its record was kept."""
+        self.aside = False
+        self._change(self.state)
+
     def stop(self) -> None:
         """Let it end soon, with what there is."""
         if self.state == WAITING:
@@ -98,6 +105,8 @@ class Work:
         """Do it, and tell how it ended."""
         if self.state != WAITING:
             return
+        from workbench.origin.call import origin_of_call  # noqa: PLC0415 - opens FMUs, which the first page does not
+
         begin = time.monotonic()
         self._change(RUNNING)
         kind = type(self.asked)
@@ -152,6 +161,7 @@ class Work:
             "number": self.number,
             "command": self.command,
             "subject": list(self.subject),
+            "aside": self.aside,
             "asked": asked_in_json(self.asked),
             "line": self.line,
             "call": "" if self.origin is None else self.origin.call,
@@ -168,6 +178,8 @@ class Work:
 
 
 def _same(value: object, default: object) -> bool:
+    if default is None and isinstance(value, dict):
+        default = {}
     return value is default or (isinstance(value, str | int | float | tuple | dict) and value == default)
 
 
@@ -181,19 +193,21 @@ class Desk:
     def __init__(self, root: Root) -> None:
         self.root = root
         self.works: dict[int, Work] = {}
-        self._threads = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="work")
+        # What a page asks does not wait for what a person measures.
+        self._threads = {a: ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="work") for a in (False, True)}
         self._lock = threading.Lock()
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT)
         self._last = 0
         self._listeners: set[Callable[[], None]] = set()
 
-    def begin(self, command: str, subject: Sequence[str], given: Mapping[str, Any]) -> Work:
+    def begin(self, command: str, subject: Sequence[str], given: Mapping[str, Any], *, aside: bool = False) -> Work:
         """Begin a request.
 
         Args:
             command: its name.
             subject: models and files, as the browser names them.
             given: what was filled in, see `request_of_form`.
+            aside: see `Work`.
 
         Raises:
             FormError: fields that cannot be used.
@@ -209,10 +223,10 @@ class Desk:
         asked, loading = request_of_form(command, given, self.root)
         with self._lock:
             number = len(self.works) + 1
-            work = self.works[number] = Work(number, asked, loading, subject, paths)
+            work = self.works[number] = Work(number, asked, loading, subject, paths, aside=aside)
         work.listen(lambda event, **facts: self._tell(number, event, facts))
         self._tell(number, "state", work.to_dict())
-        self._threads.submit(work.run)
+        self._threads[aside].submit(work.run)
         return work
 
     def _tell(self, number: int, event: str, facts: Mapping[str, Any]) -> None:
@@ -250,7 +264,8 @@ class Desk:
         running = [work for work in self.works.values() if work.open]
         for work in running:
             work.stop()
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        for threads in self._threads.values():
+            threads.shutdown(wait=False, cancel_futures=True)
         until = time.monotonic() + _PATIENCE
         while any(work.state == RUNNING for work in running) and time.monotonic() < until:
             time.sleep(0.02)

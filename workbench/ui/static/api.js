@@ -29,9 +29,12 @@ export async function post(path, body = {}) {
   return answered(await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
 }
 
-/** Begin a request; an error has `fields` where fields of its form are wrong. */
-export async function begin(command, subject, values) {
-  const work = await post("/api/works", { command, subject: [].concat(subject), values });
+/**
+ * Begin a request; an error has `fields` where fields of its form are wrong. What a page asks beside what a person
+ * measures (a card, a trial of an operating point) is `aside`: no list shows it, and no study has it.
+ */
+export async function begin(command, subject, values, { aside = false } = {}) {
+  const work = await post("/api/works", { command, subject: [].concat(subject), values, aside });
   return known(work);
 }
 
@@ -51,8 +54,41 @@ export async function whole(number) {
 }
 
 /** Do a request and return all about it when it has ended. */
-export function done(command, subject, values) {
-  return begin(command, subject, values).then((work) => ended(work.number));
+export function done(command, subject, values, how = {}) {
+  return begin(command, subject, values, how).then((work) => ended(work.number));
+}
+
+const facts = new Map();
+
+/** What `info` says of a model; it is asked once. */
+export async function factsOf(name) {
+  if (!facts.has(name)) {
+    const asked = done("info", name, {}, { aside: true }).then((work) => {
+      if (!work.record) throw new Error(work.failure.message ?? "there is no description");
+      return { ...work.record, call: work };
+    });
+    facts.set(name, asked);
+    asked.catch(() => facts.delete(name));
+  }
+  return facts.get(name);
+}
+
+/** Forget what is known of a model whose file was written. */
+export function forget(name) {
+  facts.delete(name);
+}
+
+/** Look again at what can be opened. */
+export async function lookAgain() {
+  server.files = (await get("/api/files")).files;
+  for (const listener of [...fileListeners]) listener();
+}
+
+const fileListeners = new Set();
+
+/** Let a function hear when what can be opened was looked at again. */
+export function onFiles(listener) {
+  fileListeners.add(listener);
 }
 
 export function ended(number) {

@@ -1,6 +1,6 @@
 // Curves that were pinned, and by how much two differ; a session as a study file.
 
-import { get, post, server } from "./api.js";
+import { get, lookAgain, post, server } from "./api.js";
 import { code, fill, h, save, say, table } from "./dom.js";
 import { difference, shown } from "./numbers.js";
 import { Plot, colour } from "./plot.js";
@@ -85,7 +85,7 @@ export async function keepPage([name]) {
     element: h("div", {}, h("h1", {}, "This session as a study"),
       h("p", {}, "Everything that was measured here, to be run again with workbench run, in CI or elsewhere; add requirements as the page of study files says."), area,
       h("div", { class: "row" }, file, h("button", { type: "button", onclick: () => write(file.value, area.value) }, "Write into the folder"), h("button", { type: "button", class: "quiet", onclick: () => save(area.value, file.value) }, "Save elsewhere")),
-      code(`workbench run ${file.value}`, "Run it"), h("h2", {}, "Commands"), [...server.works.values()].filter((w) => w.line && w.command !== "info").map((w) => code(w.line, `${w.number} ${w.state}`))),
+      code(`workbench run ${file.value}`, "Run it"), h("h2", {}, "Commands"), [...server.works.values()].filter((w) => w.line && !w.aside).map((w) => code(w.line, `${w.number} ${w.state}`))),
   };
 }
 
@@ -109,6 +109,7 @@ export async function write(name, text) {
     if (!confirm(`${name} exists. Replace it?`)) return false;
     await post("/api/text", { name, text, replace: true });
   }
+  await lookAgain();
   say(`Wrote ${name}.`);
   return true;
 }

@@ -1,8 +1,7 @@
 // A system as boxes and wires, from and to its file: what is drawn is what the file says, nothing is hidden.
 
-import { get, server } from "./api.js";
+import { factsOf, forget, get } from "./api.js";
 import { fill, h, say } from "./dom.js";
-import { factsOf, forget } from "./model.js";
 import { write } from "./compare.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -30,8 +29,19 @@ export async function diagramPage([name, plant]) {
   const file = h("input", { type: "text", id: "file", value: name === "new" || name.includes(":") ? "loop.toml" : name, spellcheck: false });
   const place = h("div");
   const where = h("div");
+  const known = new Map(); // component's model → what `info` says of it
   const draw = () => {
     const system = read(area.value);
+    for (const what of Object.values(system.components)) {
+      const model = modelOf(what, name.includes(":") ? "" : file.value);
+      if (!model || known.has(model)) continue;
+      known.set(model, null);
+      factsOf(model).then((facts) => { // what cannot be opened is told when the file is written
+        known.set(model, facts);
+        draw();
+      }, () => {});
+    }
+    system.facts = Object.fromEntries(Object.entries(system.components).map(([n, what]) => [n, known.get(modelOf(what, name.includes(":") ? "" : file.value))]));
     fill(place, picture(system, (from, to) => connect(area, from, to, draw)));
     fill(where, wires(system, (wire) => {
       area.value = area.value.split("\n").filter((l) => !l.includes(wire.line)).join("\n");
@@ -54,8 +64,6 @@ export async function diagramPage([name, plant]) {
     forget(file.value);
     try {
       await factsOf(file.value);
-      const found = (await get("/api/start")).files;
-      server.files = found;
       location.hash = `#/open/${encodeURIComponent(file.value)}/measure/loop`;
     } catch (error) {
       say(error.message, true);
@@ -119,7 +127,8 @@ export function read(text) {
     if (section === "components") system.components[key] = value;
     else if (section === "connections") {
       const source = value.match(/^"([^"]+)"|from\s*=\s*"([^"]+)"/);
-      if (source) system.connections.push({ to: key, from: source[1] ?? source[2], line: pair[0] });
+      const more = value.startsWith("{") ? value.replace(/^\{|\}$/g, "").replace(/from\s*=\s*"[^"]*"\s*,?/, "").replace(/,\s*$/, "").trim() : "";
+      if (source) system.connections.push({ to: key, from: source[1] ?? source[2], more, line: pair[0] });
     } else if (section === "inputs" || section === "outputs") {
       for (const name of value.matchAll(/"([^"]+)"/g)) system[section][key] = [...(system[section][key] ?? []), name[1]];
     }
@@ -127,12 +136,19 @@ export function read(text) {
   return system;
 }
 
-/** Ports of each component, as far as wires, inputs and outputs name them, and those of known blocks. */
+/** The model of a component as the server names it, relative to the system's file; empty: a block. */
+function modelOf(what, file) {
+  const model = what.match(/^"([^"]+)"|model\s*=\s*"([^"]+)"/);
+  const name = model?.[1] ?? model?.[2] ?? "";
+  return !name || name.includes(":") ? name : [...file.split("/").slice(0, -1), name].join("/");
+}
+
+/** Ports of each component: those that wires, inputs and outputs name, those of blocks, and of models that have few. */
 function ports(system) {
   const found = Object.fromEntries(Object.entries(system.components).map(([name, what]) => {
     const sum = what.match(/sum\s*=\s*"([^"]*)"/);
     const own = sum ? { in: [...sum[1]].map((_, i) => `u${i + 1}`), out: ["y"] } : /^[\d.+-]|gain\s*=|numerator|fmu:Saturation/.test(what) ? { in: ["u"], out: ["y"] } : { in: [], out: [] };
-    return [name, { in: new Set(own.in), out: new Set(own.out) }];
+    return [name, { in: new Set(own.in), out: new Set(own.out), more: [] }];
   }));
   const put = (full, way) => {
     const [name, ...rest] = full.split(".");
@@ -144,9 +160,17 @@ function ports(system) {
   }
   for (const list of Object.values(system.inputs)) list.forEach((full) => put(full, "in"));
   for (const list of Object.values(system.outputs)) list.forEach((full) => put(full, "out"));
+  for (const [name, facts] of Object.entries(system.facts ?? {})) {
+    for (const [way, kind] of [["in", "inputs"], ["out", "outputs"]]) {
+      const others = (facts?.[kind] ?? []).map((v) => v.name).filter((n) => !found[name][way].has(n));
+      if (others.length <= FEW) others.forEach((n) => found[name][way].add(n));
+      else found[name].more.push(`${others.length} other ${kind}`);
+    }
+  }
   return found;
 }
 
+const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
 
 function picture(system, onconnect) {
@@ -162,7 +186,7 @@ function picture(system, onconnect) {
     const wide = Math.max(...(column ?? []).map((name) => width(name, all[name])), 0);
     let y = 30;
     for (const name of column ?? []) {
-      const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1);
+      const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
       at[name] = { x, y, w: wide, h: size };
       y += size + 26;
     }
@@ -178,21 +202,24 @@ function picture(system, onconnect) {
   };
   const whole = x - GAP + SIDE;
   const back = height + 10;
-  const paths = system.connections.map(({ from, to }, i) => {
+  const notes = [];
+  const paths = system.connections.map(({ from, to, more }, i) => {
     const [a, b] = [where(from, "out"), where(to, "in")];
     if (!a || !b) return null;
     const d = b.x > a.x ? `M${a.x} ${a.y}C${a.x + GAP / 2} ${a.y} ${b.x - GAP / 2} ${b.y} ${b.x} ${b.y}`
       : `M${a.x} ${a.y}h${18 + 4 * i}V${back + 8 * i}H${b.x - 18 - 4 * i}V${b.y}H${b.x}`;
     const path = s("path", { class: "wire", d });
-    path.append(s("title", {}, `${from} → ${to}`));
+    path.append(s("title", {}, `${from} → ${to} ${more}`.trim()));
+    if (more) notes.push(s("text", { class: "edge", x: (a.x + b.x) / 2, y: (b.x > a.x ? (a.y + b.y) / 2 : back + 8 * i) - 6, "text-anchor": "middle" }, more));
     return path;
   }).filter(Boolean);
   let chosen = null;
-  const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths);
+  const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths, ...notes);
   for (const name of names) {
     const box = at[name];
     const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name));
     group.firstChild.append(s("title", {}, `${name} = ${system.components[name]}`));
+    if (all[name].more.length) group.append(s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + box.h - 8, "text-anchor": "middle" }, all[name].more.join(", ")));
     for (const way of ["in", "out"]) {
       for (const port of all[name][way]) {
         const full = `${name}.${port}`;
@@ -218,7 +245,7 @@ function picture(system, onconnect) {
       for (const full of targets) {
         const p = where(full, way);
         const same = full.endsWith(`.${label}`);
-        if (p) svg.append(s("text", { x: p.x + (way === "in" ? -10 : 10), y: p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
+        if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -12 : 10), y: way === "in" ? p.y + 4 : p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
       }
     }
   }
@@ -232,7 +259,7 @@ function brief(port) {
 /** How wide a box is, so that the names at its two sides do not meet. */
 function width(name, ports) {
   const longest = (names) => Math.max(0, ...[...names].map((n) => brief(n).length));
-  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), 20 + 7.4 * name.length);
+  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), 20 + 7.4 * name.length, 20 + 7.4 * ports.more.join(", ").length);
 }
 
 /** Columns: a component stands to the right of those that feed it, but for the wires that close a loop. */
@@ -266,5 +293,5 @@ function connect(area, from, to, draw) {
 
 function wires(system, onremove) {
   return h("details", {}, h("summary", {}, `${system.connections.length} wires`), h("ul", { class: "list" }, system.connections.map((wire) => h("li", { class: "row" },
-    `${wire.from} → ${wire.to}`, h("button", { type: "button", class: "quiet", "aria-label": `remove the wire to ${wire.to}`, onclick: () => onremove(wire) }, "×")))));
+    `${wire.from} → ${wire.to}`, wire.more ? h("code", {}, wire.more) : null, h("button", { type: "button", class: "quiet", "aria-label": `remove the wire to ${wire.to}`, onclick: () => onremove(wire) }, "×")))));
 }

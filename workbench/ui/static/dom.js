@@ -26,7 +26,7 @@ export function table(headings, rows, { caption = "" } = {}) {
       caption ? h("caption", {}, caption) : null,
       h("thead", {}, h("tr", {}, headings.map((t) => h("th", { scope: "col" }, t)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell, i) =>
-        i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
+        i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
 }
 
 let says = null;
@@ -38,6 +38,11 @@ export function say(text, bad = false) {
   place.append(line);
   clearTimeout(says);
   says = setTimeout(() => place.replaceChildren(), bad ? 12000 : 5000);
+}
+
+/** What went wrong, in a line: a message, or those of the fields of a form. */
+export function wrongs(error) {
+  return Object.values(error.fields ?? { "": error.message }).join("; ");
 }
 
 /** A button that copies a text. */

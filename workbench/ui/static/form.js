@@ -30,7 +30,7 @@ export class Form {
 
   field(field, value) {
     const id = `field-${field.name}`;
-    const help = h("p", { class: "help", id: `${id}-help` }, field.help);
+    const help = h("p", { class: "help", id: `${id}-help`, title: field.flag }, field.kind === "list" ? `${field.help} One a line.` : field.help);
     const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
     const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
     const start = value ?? (field.required ? this.names[NAMES[field.name]]?.[0] : null);
@@ -71,6 +71,13 @@ export class Form {
   set(name, value) {
     const entry = this.inputs.get(name);
     if (entry) entry.input.value = value;
+  }
+
+  /** Show every field, the first of the settings first. */
+  open() {
+    const closed = [...this.element.querySelectorAll("details")];
+    for (const details of closed) details.open = true;
+    (closed[0]?.querySelector("input, select, textarea") ?? this.element.querySelector("input"))?.focus();
   }
 
   wrong(fields) {

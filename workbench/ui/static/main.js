@@ -1,6 +1,6 @@
 // The pages by their addresses, the list of files and of work at the side, the theme.
 
-import { connect, get, onChange, server } from "./api.js";
+import { connect, lookAgain, onChange, onFiles, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
 import { comparePage, keepPage } from "./compare.js";
 import { diagramPage } from "./diagram.js";
@@ -42,7 +42,7 @@ async function show() {
 }
 
 function welcome() {
-  const local = server.files.filter((f) => !f.name.includes(":"));
+  const local = server.files.filter((f) => f.kind !== "point" && !f.name.includes(":"));
   return {
     title: server.folder,
     element: h("div", {},
@@ -56,17 +56,18 @@ function welcome() {
 // -- at the side ------------------------------------------------------------------------------------
 
 const found = h("ul", { class: "list" });
-const working = h("ul", { class: "list" });
+const shipped = h("ul", { class: "list" });
+const working = h("ul", { class: "list short" });
 const search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search files", oninput: list });
 
 function list() {
   const text = search.value.toLowerCase();
-  const shown = server.files.filter((f) => f.name.toLowerCase().includes(text));
+  const shown = server.files.filter((f) => f.kind !== "point" && f.name.toLowerCase().includes(text));
   const line = (f) => h("li", {}, h("a", { href: address(f), "data-name": f.name }, f.name.replace(/^\w+:/, ""), " ", h("span", { class: "dim" }, f.kind)));
   const own = shown.filter((f) => !/^(fmu|system|study):/.test(f.name));
   const bundled = shown.filter((f) => /^(fmu|system|study):/.test(f.name));
-  fill(found, own.length ? own.map(line) : h("li", { class: "dim" }, "Nothing of that name in this folder."),
-    bundled.length ? h("li", {}, h("h2", {}, "Bundled")) : null, bundled.map(line));
+  fill(found, own.length ? own.map(line) : h("li", { class: "dim" }, text ? "Nothing of that name in this folder." : "Nothing to open in this folder."));
+  fill(shipped, bundled.length ? bundled.map(line) : h("li", { class: "dim" }, "None of that name."));
   mark();
 }
 
@@ -75,7 +76,7 @@ function address(file) {
 }
 
 function works() {
-  const all = [...server.works.values()].filter((w) => w.command !== "info").reverse();
+  const all = [...server.works.values()].filter((w) => !w.aside).reverse();
   fill(working, all.length ? all.slice(0, 200).map((w) => h("li", {}, h("a", { href: `#/work/${w.number}`, "data-work": w.number },
     `${w.number} ${w.command} `, h("span", { class: "dim" }, w.subject.join(", ")),
     h("br"), h("span", { class: { failed: "bad", stopped: "watch", done: "dim" }[w.state] ?? "good" }, far(w))))) : h("li", { class: "dim" }, "None yet."));
@@ -129,11 +130,13 @@ async function begin() {
     return;
   }
   document.getElementById("folder").textContent = server.folder;
-  fill(side, search, h("h2", {}, server.folder), found, h("h2", {}, "Work"), working);
+  fill(side, search, h("h2", {}, server.folder), found, h("h2", {}, "Work"), working, h("h2", {}, "Bundled"), shipped);
+  onFiles(list);
   list();
   works();
   let waits = 0;
   onChange((work, event) => {
+    if (event.event === "state" && work.has_record && !work.aside) lookAgain().catch(() => {}); // a store may be new
     if (event.event === "state" && work.state === "failed") say(`${work.command}: ${work.failure?.message ?? "failed"}`, true);
     waits ||= requestAnimationFrame(() => {
       waits = 0;
@@ -144,12 +147,7 @@ async function begin() {
     show();
     main.focus({ preventScroll: true });
   });
-  window.addEventListener("focus", async () => {
-    try {
-      server.files = (await get("/api/start")).files;
-      list();
-    } catch { /* said by the stream of events */ }
-  });
+  window.addEventListener("focus", () => lookAgain().catch(() => {})); // what fails is said by the stream of events
   await show();
 }
 

@@ -1,13 +1,11 @@
 // A model: its card, its operating point, its measurements.
 
-import { begin, done, onChange, post, server } from "./api.js";
-import { code, fill, h, say, table } from "./dom.js";
+import { begin, done, factsOf, get, lookAgain, onChange, post, server, whole } from "./api.js";
+import { code, fill, h, say, table, wrongs } from "./dom.js";
 import { Form, words } from "./form.js";
 import { shown } from "./numbers.js";
 import { live } from "./work.js";
 
-const facts = new Map();
-const points = new Map(); // model → kept operating points, by name
 
 const TABS = [["card", "Card"], ["point", "Operating point"], ["measure", "Measure"]];
 
@@ -28,24 +26,6 @@ export async function modelPage([name, tab = "card", ...rest]) {
   };
 }
 
-/** What `info` says of a model; it is asked once. */
-export async function factsOf(name) {
-  if (!facts.has(name)) {
-    const asked = done("info", name, {}).then((work) => {
-      if (!work.record) throw new Error(work.failure.message ?? "there is no description");
-      return { ...work.record, call: work };
-    });
-    facts.set(name, asked);
-    asked.catch(() => facts.delete(name));
-  }
-  return facts.get(name);
-}
-
-/** Forget what is known of a model whose file was written. */
-export function forget(name) {
-  facts.delete(name);
-}
-
 // -- card --------------------------------------------------------------------------------------------
 
 async function card(name, known, content) {
@@ -62,7 +42,7 @@ async function card(name, known, content) {
     code(known.call.line, "The same in a terminal"));
   if (known.runnable && !known.components) {
     const earlier = [...server.works.values()].find((w) => w.command === "check" && w.subject[0] === name && w.state !== "failed");
-    const work = earlier ?? (await begin("check", name, {}));
+    const work = earlier ?? (await begin("check", name, {}, { aside: true }));
     const look = () => healthOf(work.number, health);
     const end = onChange((w) => w.number === work.number && look());
     look();
@@ -78,7 +58,6 @@ async function healthOf(number, place) {
     fill(place, h("p", { class: "dim" }, `Checked in the background: ${work.done} of ${work.total || "…"}`), h("progress", { max: work.total || 1, value: work.done, "aria-label": "check" }));
     return;
   }
-  const { whole } = await import("./api.js");
   const full = await whole(number);
   if (!full.record) {
     fill(place, h("p", { class: "bad" }, full.failure.message ?? work.state));
@@ -108,7 +87,7 @@ export function variableTable(all) {
       h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", {}, shown(v.start)), h("span", { class: "dim" }, v.unit ?? ""), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
   };
   const search = h("input", {
-    type: "search", placeholder: "Search name, description, unit", "aria-label": "Search variables",
+    type: "search", class: "wide", placeholder: "Search name, description, unit", "aria-label": "Search variables",
     oninput: () => {
       const text = search.value.toLowerCase();
       rows = all.filter((v) => `${v.name} ${v.description ?? ""} ${v.unit ?? ""} ${v.kind}`.toLowerCase().includes(text));
@@ -120,7 +99,7 @@ export function variableTable(all) {
   box.addEventListener("scroll", draw);
   draw();
   return h("div", {}, h("div", { class: "row" }, search, count),
-    h("div", { class: "window-head line dim" }, "name, kind, start value, unit, description"), box);
+    h("div", { class: "window-head line dim", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
 }
 
 // -- operating point --------------------------------------------------------------------------------------
@@ -147,10 +126,10 @@ function point(name, known, content, _rest) {
     const mine = (runs = Symbol("trim"));
     fill(result, h("p", { class: "dim" }, "Trimming …"));
     try {
-      const work = await done("trim", name, Object.fromEntries(Object.entries(asked).filter(([, v]) => v?.length)));
-      if (mine === runs) showPoint(work, result, name);
+      const work = await done("trim", name, Object.fromEntries(Object.entries(asked).filter(([, v]) => v?.length)), { aside: true });
+      if (mine === runs) showPoint(work, result, known);
     } catch (error) {
-      if (mine === runs) fill(result, h("p", { class: "bad" }, Object.values(error.fields ?? { e: error.message }).join("; ")));
+      if (mine === runs) fill(result, h("p", { class: "bad" }, wrongs(error)));
     }
   }
   const free = h("input", { id: "free", type: "text", placeholder: "inputs, by commas", onchange: changed, spellcheck: false });
@@ -159,7 +138,7 @@ function point(name, known, content, _rest) {
     h("section", {}, h("h2", {}, "Inputs"), knobs(known.inputs, "u"),
       h("details", {}, h("summary", {}, `Parameters (${known.parameters.length})`), knobs(known.parameters, "p")),
       h("details", {}, h("summary", {}, "Find inputs for wanted values"), h("div", { class: "field" }, h("label", { for: "free" }, "Free inputs"), free), h("div", { class: "field" }, h("label", { for: "fix" }, "Wanted values"), fix))),
-    h("section", {}, h("h2", {}, "Equilibrium"), result, h("div", { id: "kept" }, keptList(name)))));
+    h("section", {}, h("h2", {}, "Equilibrium"), result, h("div", { id: "kept" }, keptList(known)))));
   trim();
   return null;
 }
@@ -187,27 +166,25 @@ function knob(variable, onvalue) {
   return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? "" }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, variable.unit ?? ""));
 }
 
-function showPoint(work, place, name) {
+function showPoint(work, place, known) {
   if (!work.record) {
     fill(place, h("p", { class: "bad" }, work.failure.message ?? work.state));
     return;
   }
   const { operating_point: at, converged } = work.record;
-  const unit = (n) => at.units[n] ?? "";
-  const rows = (values) => Object.entries(values).map(([n, v]) => [n, shown(v), unit(n)]);
-  const label = h("input", { type: "text", "aria-label": "Name of the point", value: `point-${(points.get(name)?.size ?? 0) + 1}` });
+  const label = h("input", { type: "text", "aria-label": "Name of the point", value: freeName() });
   fill(place,
     h("p", { class: converged ? "good" : "bad" }, converged ? "At rest." : "No equilibrium was found; this is where the search ended."),
     (work.notes ?? []).map((n) => h("p", { class: "dim" }, n)),
-    h("div", { class: "cards" }, table(["state", "value", "unit"], rows(at.x), { caption: "States" }), table(["signal", "value", "unit"], [...rows(at.u), ...rows(at.y)], { caption: "Inputs and outputs" })),
+    valuesOf(at),
     table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), r.unit ?? ""]), { caption: "Residuals" }),
     h("div", { class: "row" }, label, h("button", {
       type: "button", onclick: async () => {
         try {
           const file = (await post(`/api/works/${work.number}/keep`, { name: `${label.value || "point"}.json` })).name;
-          const kept = points.get(name) ?? points.set(name, new Map()).get(name);
-          kept.set(label.value || "point", { file, work: work.number, at });
-          fill(document.getElementById("kept"), keptList(name));
+          await lookAgain();
+          fill(document.getElementById("kept"), keptList(known));
+          label.value = freeName();
           say(`Kept as ${file}; analyses take it under "At".`);
         } catch (error) {
           say(error.message, true);
@@ -217,10 +194,41 @@ function showPoint(work, place, name) {
     code(work.line, "The same in a terminal"), work.call ? code(work.call, "in Python") : null);
 }
 
-function keptList(name) {
-  const kept = points.get(name);
-  if (!kept?.size) return null;
-  return [h("h3", {}, "Kept points"), h("ul", {}, [...kept].map(([, p]) => h("li", {}, h("a", { href: `#/work/${p.work}` }, p.file), ` ${Object.entries(p.at.u).map(([k, v]) => `${k} = ${shown(v, 4)}`).join(", ")}`)))];
+/** States, inputs and outputs of an operating point. */
+function valuesOf(at) {
+  const rows = (values) => Object.entries(values).map(([n, v]) => [n, shown(v), at.units[n] ?? ""]);
+  return h("div", { class: "cards" }, table(["state", "value", "unit"], rows(at.x), { caption: "States" }),
+    table(["signal", "value", "unit"], [...rows(at.u), ...rows(at.y)], { caption: "Inputs and outputs" }));
+}
+
+/** A name under which no point is kept. */
+function freeName() {
+  const taken = server.files.map((f) => f.name);
+  let k = 1;
+  while (taken.includes(`point-${k}.json`)) k += 1;
+  return `point-${k}`;
+}
+
+/** Files of the folder that hold operating points of a model. */
+function keptPoints(known) {
+  return server.files.filter((f) => f.kind === "point" && f.model === known.model).map((f) => f.name);
+}
+
+function keptList(known) {
+  const kept = keptPoints(known);
+  if (!kept.length) return null;
+  return [h("h3", {}, "Kept points"), kept.map((file) => {
+    const inside = h("div");
+    const open = async (event) => {
+      if (!event.target.open) return;
+      try {
+        fill(inside, valuesOf(JSON.parse((await get(`/api/text?name=${encodeURIComponent(file)}`)).text).operating_point));
+      } catch (error) {
+        fill(inside, h("p", { class: "bad" }, error.message));
+      }
+    };
+    return h("details", { ontoggle: open }, h("summary", {}, file), inside);
+  })];
 }
 
 // -- measure ---------------------------------------------------------------------------------------------
@@ -231,7 +239,7 @@ async function measure(name, known, content, [command = "nfr"]) {
   const form = server.forms[command];
   const key = `${name} ${command}`;
   const place = h("section", { "aria-label": "Result" });
-  const fields = new Form(form, known, { values: asking.get(key) ?? {}, files: [...(points.get(name)?.values() ?? [])].map((p) => p.file) });
+  const fields = new Form(form, known, { values: asking.get(key) ?? {}, files: keptPoints(known) });
   const line = h("div");
   let shownWork = null;
   const run = h("button", { type: "submit" }, `Run ${command}`);
@@ -240,9 +248,13 @@ async function measure(name, known, content, [command = "nfr"]) {
     shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again });
     fill(place, shownWork.element);
   };
-  function again(values) {
+  function again(values, now = true) {
     for (const [n, v] of Object.entries(values)) fields.set(n, v);
-    submit();
+    if (now) submit();
+    else {
+      fields.open();
+      say("The form holds this point; change what you want, and run.");
+    }
   }
   async function submit() {
     const values = fields.values();

@@ -132,8 +132,11 @@ export class Plot {
 
   /** Limits of both axes: those that were chosen, or all that there is. */
   limits() {
+    if (this.view?.x && this.view.y) return { x: this.view.x, y: this.view.y };
     const natural = {};
-    for (const [axis, lists] of [["x", this.curves.map((c) => c.x)], ["y", this.curves.flatMap((c) => [c.y])]]) {
+    const [from, to] = this.x.range ?? [-Infinity, Infinity];
+    const seen = (c) => (this.x.range ? c.y.filter((_, i) => c.x[i] >= from && c.x[i] <= to) : c.y);
+    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : this.curves.map((c) => c.x)], ["y", this.curves.map(seen)]]) {
       let [low, high] = extent(lists) ?? (this[axis].log ? [0.1, 10] : [-1, 1]);
       if (this[axis].log && low > 0) {
         const more = Math.max(1.05, (high / low) ** 0.03);
@@ -210,9 +213,10 @@ export class Plot {
     const { limits } = scale;
     const [ink, grid, dim] = [this.ink(), this.ink("--grid"), this.ink("--dim")];
     const [bottom, right] = [this.height - BOTTOM, this.width - RIGHT];
+    const none = !this.curves.some((c) => c.x.length);
     const place = { x: (v) => [["M", v, TOP], ["L", v, bottom]], y: (v) => [["M", LEFT, v], ["L", right, v]] };
     for (const axis of ["x", "y"]) {
-      for (const tick of ticks(...limits[axis], this[axis].log, axis === "x" ? this.width / 90 : this.height / 42)) {
+      for (const tick of none ? [] : ticks(...limits[axis], this[axis].log, axis === "x" ? this.width / 90 : this.height / 42)) {
         const at = scale[axis].at(tick.value);
         pen.path(place[axis](at), { stroke: grid, width: tick.minor ? 0.5 : 1 });
         if (!tick.label) continue;
@@ -220,7 +224,8 @@ export class Plot {
         else pen.text(tick.label, LEFT - 7, at, { colour: ink, align: "right" });
       }
     }
-    for (const { axis, value } of this.lines) pen.path(place[axis](scale[axis].at(value)), { stroke: dim, width: 1, dash: [6, 4] });
+    if (none) pen.text("nothing yet", (LEFT + right) / 2, (TOP + bottom) / 2, { colour: dim });
+    for (const { axis, value } of none ? [] : this.lines) pen.path(place[axis](scale[axis].at(value)), { stroke: dim, width: 1, dash: [6, 4] });
     pen.path([["M", LEFT, TOP], ["L", LEFT, bottom], ["L", right, bottom], ["L", right, TOP], ["Z"]], { stroke: dim, width: 1 });
     pen.text(this.x.label, (LEFT + right) / 2, this.height - 9, { colour: ink });
     pen.text(this.y.label, 14, (TOP + bottom) / 2, { colour: ink, turned: true });
@@ -245,19 +250,21 @@ export class Plot {
     const xs = curve.x.map((v) => scale.x.at(v));
     const ys = curve.y.map((v) => (v === null || !Number.isFinite(v) ? null : scale.y.at(v)));
     if (curve.line !== false) {
-      for (const dashed of [false, true]) {
+      for (const dashed of curve.dashed ? [false, true] : [false]) {
         const steps = [];
-        let last = null;
+        let last = null; // point before, and the one that the line has come to
+        let at = null;
         ys.forEach((y, i) => {
           if (y === null) return;
           const mine = Boolean(curve.dashed?.[i]) || Boolean(last !== null && curve.dashed?.[last]);
-          if (last !== null && mine === dashed && !(curve.gaps && last !== i - 1)) {
-            steps.push(["M", xs[last], ys[last]], ["L", xs[i], y]);
+          if (last !== null && mine === dashed) {
+            if (at !== last) steps.push(["M", xs[last], ys[last]]);
+            steps.push(["L", xs[i], y]);
+            at = i;
           }
           last = i;
         });
-        const joined = steps.filter((s, i) => i === 0 || s[0] !== "M" || s[1] !== steps[i - 1][1] || s[2] !== steps[i - 1][2]);
-        if (joined.length) pen.path(joined, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
+        if (steps.length) pen.path(steps, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
       }
     }
     if (curve.low && curve.high) {
@@ -271,12 +278,18 @@ export class Plot {
     }
     if (!curve.marks) return;
     const shapes = { dot: [], triangle: [], cross: [], square: [] };
-    const size = ys.length > 400 ? 2 : 3.5;
+    const many = ys.length > 400;
+    const size = many ? 2 : 3.5;
+    let [lastX, lastY] = [-1, -1];
     ys.forEach((y, i) => {
       const kind = curve.marks[i];
       const at = y ?? (kind === "cross" ? this.height - BOTTOM - 8 : null);
       if (!kind || at === null) return;
       const x = xs[i];
+      if (many && kind === "dot") { // one beside another cannot be told from it
+        if (Math.abs(x - lastX) < 1.5 && Math.abs(at - lastY) < 1.5) return;
+        [lastX, lastY] = [x, at];
+      }
       if (kind === "dot") shapes.dot.push(["O", x, at, size]);
       else if (kind === "triangle") shapes.triangle.push(["M", x, at - size - 1], ["L", x + size + 1, at + size], ["L", x - size - 1, at + size], ["Z"]);
       else if (kind === "square") shapes.square.push(["M", x - size, at - size], ["L", x + size, at - size], ["L", x + size, at + size], ["L", x - size, at + size], ["Z"]);
@@ -310,8 +323,8 @@ export class Plot {
     } else {
       const c = this.curves[where.curve];
       this.cursor = c.x[where.index];
-      this.readout.textContent = `${c.label}: ${this.x.label.replace(/ *\[.*/, "")} ${shown(c.x[where.index])}, ` +
-        `${this.y.label.replace(/ *\[.*/, "")} ${shown(c.y[where.index])}${c.says?.[where.index] ? `, ${c.says[where.index]}` : ""}`;
+      this.readout.textContent = `${c.label}: ${said(this.x.label, c.x[where.index])}, ${said(this.y.label, c.y[where.index])}` +
+        `${c.says?.[where.index] ? `, ${c.says[where.index]}` : ""}`;
     }
     this.here = where;
     this.onmove?.(this.cursor);
@@ -414,6 +427,12 @@ export class Plot {
     this.later();
     this.onpick?.(where ? this.curves[where.curve].points?.[where.index] ?? null : null, where);
   }
+}
+
+/** A value with the name and the unit of its axis: "gain [dB]", 1 → "gain 1 dB". */
+function said(label, value) {
+  const [, name, unit] = label.match(/^(.*?) *(?:\[(.*)\])?$/);
+  return `${name} ${shown(value)}${unit && unit !== "1" && unit !== "–" ? ` ${unit}` : ""}`;
 }
 
 /** What a curve's line and marks mean. */

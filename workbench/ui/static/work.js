@@ -1,8 +1,8 @@
 // One work: its picture while it runs, its report when it has ended, and what a point of it knows.
 
-import { begin, ended, get, onChange, server, stop, whole } from "./api.js";
-import { code, fill, h, save, say, table } from "./dom.js";
-import { bode, decibels, shown, wrapped } from "./numbers.js";
+import { done, factsOf, get, onChange, server, stop, whole } from "./api.js";
+import { code, fill, h, save, say, table, wrongs } from "./dom.js";
+import { bode, decibels, extent, shown, wrapped } from "./numbers.js";
 import { Plot, colour, legend } from "./plot.js";
 import { pin, pinned } from "./compare.js";
 
@@ -24,6 +24,13 @@ export function live(number, { onband = null, onagain = null }) {
   const tail = h("div");
   let picture = null;
   let waits = 0;
+  let units = {}; // of inputs and outputs by name, as far as they are known
+  const subject = server.works.get(number)?.subject ?? [];
+  if (subject.length === 1) {
+    factsOf(subject[0]).then((facts) => {
+      units = Object.fromEntries([...facts.inputs, ...facts.outputs, ...facts.states].map((v) => [v.name, v.unit ?? ""]));
+    }, () => {}); // its failure is told where the work itself fails
+  }
   const update = async () => {
     const work = server.works.get(number);
     if (!work) return;
@@ -38,7 +45,7 @@ export function live(number, { onband = null, onagain = null }) {
     if (work.points.length && work.points.some((p) => p && "response" in p)) {
       picture ??= new Bode({ onband, number, onagain });
       if (!picture.element.isConnected) fill(body, picture.element);
-      if (running) picture.show(ofPoints(work.points.filter(Boolean)));
+      if (running) picture.show(ofPoints(work.points.filter(Boolean), { input: units[work.asked.input] ?? "", output: units[work.asked.output] ?? "" }));
     }
     if (!running) await finished();
   };
@@ -63,11 +70,11 @@ export function live(number, { onband = null, onagain = null }) {
 }
 
 /** Curves of the points that there are so far, one an amplitude. */
-function ofPoints(points) {
+function ofPoints(points, units) {
   const curves = new Map();
   for (const p of points) {
-    const label = shown(p.amplitude, 4);
-    if (!curves.has(label)) curves.set(label, { label, kind: "measured", amplitude: p.amplitude, frequency_hz: [], re: [], im: [], error: [], status: [], stable: [], points: [] });
+    const label = `${shown(p.amplitude, 6)} ${units.input}`.trim();
+    if (!curves.has(label)) curves.set(label, { label, kind: "measured", input_unit: units.input, output_unit: units.output, amplitude: p.amplitude, frequency_hz: [], re: [], im: [], error: [], status: [], stable: [], points: [] });
     const c = curves.get(label);
     c.frequency_hz.push(p.frequency);
     c.re.push(p.response?.[0] ?? null);
@@ -141,7 +148,9 @@ export class Bode {
     this.gain.x.label = this.phase.x.label = radians ? "frequency [rad/s]" : "frequency [Hz]";
     const unit = this.own[0]?.output_unit && this.own[0]?.input_unit ? `${this.own[0].output_unit}/${this.own[0].input_unit}` : "1";
     this.gain.y.label = linear ? `gain [${unit}]` : "gain [dB]";
-    this.all().forEach((curve, i) => {
+    const all = this.all();
+    this.gain.x.range = this.phase.x.range = worth(all, radians ? 2 * Math.PI : 1);
+    all.forEach((curve, i) => {
       const b = bode(curve, this.settings);
       const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
@@ -163,14 +172,14 @@ export class Bode {
     button.disabled = true;
     try {
       const same = Object.fromEntries(["at", "interface", "start_values", "bias"].filter((n) => asked[n] !== undefined).map((n) => [n, asked[n]]));
-      const full = await ended((await begin("lin", subject, { ...same, inputs: [asked.input], outputs: [asked.output] })).number);
+      const full = await done("lin", subject, { ...same, inputs: [asked.input], outputs: [asked.output] }, { aside: true });
       if (!full.curves.length) throw new Error(full.failure?.message ?? "there is no linear model");
       const seen = this.own.flatMap((c) => c.frequency_hz);
       const [low, high] = [Math.min(...seen), Math.max(...seen)];
       this.extras = full.curves.map((c) => cut(c, low, high));
       this.redraw();
     } catch (error) {
-      say(Object.values(error.fields ?? { e: error.message }).join("; "), true);
+      say(wrongs(error), true);
       button.disabled = false;
     }
   }
@@ -220,6 +229,17 @@ export class Bode {
   }
 }
 
+const DEPTH = 1e-4; // of the largest gain: below, a linear model's curve says nothing that a person would look for
+
+/** Frequencies that a picture of curves begins and ends with; null: those of its points. */
+function worth(curves, by) {
+  const gains = curves.map((c) => c.re.map((re, i) => (re === null ? null : Math.hypot(re, c.im[i]))));
+  const top = extent(gains)?.[1];
+  if (!top) return null;
+  const seen = extent(curves.map((c, k) => c.frequency_hz.filter((f, i) => f > 0 && (c.kind !== "linear" || gains[k][i] >= top * DEPTH))));
+  return seen && seen[1] > seen[0] ? seen.map((f) => f * by) : null;
+}
+
 /** The part of a curve between two frequencies. */
 function cut(curve, low, high) {
   const inside = curve.frequency_hz.map((f, i) => [f, i]).filter(([f]) => f >= low * 0.95 && f <= high * 1.05).map(([, i]) => i);
@@ -255,8 +275,9 @@ function pointOf({ curve, index }, picture) {
       certificate?.multipliers?.length ? table(["multiplier", "magnitude"], certificate.multipliers.map(([a, b]) => [`${shown(a, 4)}${b ? ` ${b < 0 ? "−" : "+"} ${shown(Math.abs(b), 4)}j` : ""}`, shown(Math.hypot(a, b), 4)]), { caption: "Floquet multipliers" }) : null,
       beside.length ? table(["neighbour [Hz]", "gain, relative [dB]", "phase, relative [deg]"], beside, { caption: "Neighbours" }) : null),
     picture.number && curve.kind === "measured" && curve.amplitude !== undefined ? h("div", { class: "row" },
-      h("button", { type: "button", onclick: () => lastPeriod(picture.number, curve.amplitude, f, run) }, "Input and output over a period"),
-      picture.onagain ? h("button", { type: "button", class: "quiet", onclick: () => picture.onagain({ band: "", frequencies: String(f), amplitudes: String(curve.amplitude), errcrit: "0.001", max_periods: "200" }) }, "Measure again, more exactly") : null) : null,
+      h("button", { type: "button", onclick: () => lastPeriod(picture.number, curve.amplitude, f, told?.periods, run) }, "Input and output over a period"),
+      picture.onagain ? h("button", { type: "button", class: "quiet", onclick: () => picture.onagain({ band: "", frequencies: String(f), amplitudes: String(curve.amplitude), errcrit: "0.001", max_periods: "200" }) }, "Measure again, more exactly") : null,
+      picture.onagain ? h("button", { type: "button", class: "quiet", onclick: () => picture.onagain({ band: "", frequencies: String(f), amplitudes: String(curve.amplitude) }, false) }, "Measure again with other settings") : null) : null,
     run);
 }
 
@@ -271,24 +292,32 @@ function neighbours(curve, index) {
   });
 }
 
-const PERIODS = 12;
+const PERIODS = 12; // at least so many are run before the one that is shown
 
-/** Run the model with the sine of a point, and show its last period. */
-async function lastPeriod(number, amplitude, f, place) {
-  const work = server.works.get(number);
-  const { input, output } = work.asked;
-  const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values", "bias"].filter((n) => work.asked[n] !== undefined).map((n) => [n, work.asked[n]]));
+/** Run the model with the sine of a point, about where the input stood, and show its last period. */
+async function lastPeriod(number, amplitude, f, ran, place) {
+  const { asked, subject } = server.works.get(number);
+  const { input, output } = asked;
   fill(place, h("p", { class: "dim" }, "Running …"));
   try {
-    const asked = { ...kept, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f}`], outputs: [output], stop: PERIODS / f, step: 1 / (200 * f) };
-    const full = await ended((await begin("simulate", work.subject, asked)).number);
+    const { record } = await whole(number);
+    const held = record?.operating_point?.u?.[input];
+    if (held === undefined) throw new Error("where the input stood is known when the measurement has ended");
+    const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values"].filter((n) => asked[n] !== undefined).map((n) => [n, asked[n]]));
+    const bias = [asked.bias ?? []].flat().filter((b) => !b.startsWith(`${input}=`)); // its own is in `held`
+    const periods = Math.max(PERIODS, Math.ceil(ran ?? 0));
+    const full = await done("simulate", subject, {
+      ...kept, bias, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f},offset=${held}`], outputs: [input, output],
+      stop: periods / f, step: 1 / (200 * f),
+    }, { aside: true });
     if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
-    const last = full.signals.time.findIndex((t) => t >= (PERIODS - 1) / f - 1e-12);
-    const signals = { ...full.signals, time: full.signals.time.slice(last), signals: Object.fromEntries(Object.entries(full.signals.signals).map(([n, v]) => [n, v.slice(last)])) };
-    signals.signals[input] ??= signals.time.map((t) => amplitude * Math.sin(2 * Math.PI * f * t));
-    fill(place, h("p", { class: "dim" }, `The last of ${PERIODS} periods of a run from the operating point.`), histories(signals));
+    const { time, signals, units } = full.signals;
+    const last = time.findIndex((t) => t >= (periods - 1) / f - 1e-12);
+    const cut = { time: time.slice(last), units, signals: Object.fromEntries(Object.entries(signals).map(([n, v]) => [n, v.slice(last)])) };
+    fill(place, h("p", { class: "dim" }, `The last of ${periods} periods of a run from the operating point.`), histories(cut),
+      code(full.line, "The same run in a terminal"));
   } catch (error) {
-    fill(place, h("p", { class: "bad" }, Object.values(error.fields ?? { e: error.message }).join("; ")));
+    fill(place, h("p", { class: "bad" }, wrongs(error)));
   }
 }
 
@@ -326,7 +355,10 @@ function csv(curves) {
 /** What a work that has ended gives: remarks, files, report, the command and the Python. */
 function afterwards(full) {
   const at = `/api/works/${full.number}`;
-  const reported = () => h("iframe", { src: `${at}/report.html`, title: "Report" });
+  const reported = () => {
+    const waits = h("p", { class: "dim" }, "The report is being written …");
+    return [waits, h("iframe", { src: `${at}/report.html`, title: "Report", onload: () => waits.remove() })];
+  };
   const report = h("div", {}, full.has_record && !full.curves.length && !full.signals ? reported() : null);
   const remarks = [...(full.record?.warnings ?? []), ...full.notes];
   return [
