@@ -17,11 +17,12 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.limit_cycle_loops import LAG, around, chain
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.confirm import confirm
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
+from workbench.analysis.limit_cycle.floquet import multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
 from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.analysis.periodic.stability import is_stable
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.session.base import Floats

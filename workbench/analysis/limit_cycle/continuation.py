@@ -10,8 +10,9 @@ from scipy.optimize import brentq
 
 from workbench.analysis.describing.base import Block, Floats
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
+from workbench.analysis.limit_cycle.floquet import multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, HarmonicBalance
+from workbench.analysis.periodic.stability import is_stable
 from workbench.core.linear import LinearPart
 
 __all__ = ["Family", "follow"]

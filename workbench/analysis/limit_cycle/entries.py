@@ -9,11 +9,11 @@ import numpy as np
 
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.limit_cycle.confirm import Simulated
-from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
 from workbench.analysis.limit_cycle.request import DESCRIBING_FUNCTION, SHOOTING, SIMULATION
 from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbit
+from workbench.analysis.periodic.stability import is_stable
 from workbench.model.described import DescribedModel
 
 __all__ = [

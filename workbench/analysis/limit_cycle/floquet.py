@@ -10,16 +10,14 @@ from workbench.analysis.describing.fourier import series
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
 from workbench.core.linear import LinearPart
 
-__all__ = ["is_stable", "multipliers", "others"]
+__all__ = ["multipliers", "others"]
 
 _STEPS = 512
 _STEPS_SPLIT = 1024
 _TRUE_ENOUGH = 1e-3
 _LARGE = 20  # states
-_MARGIN = 1e-6
 _SEEN = 1e-10  # of the largest multiplier: smaller ones are rounding
 _FOUND = 0.2  # by which the multiplier of the motion along the orbit may be off from 1
-_EXACT = 1e-3  # by which it may be off where others at 1 (a family of orbits) count as stable
 
 
 def multipliers(part: LinearPart, block: Block, cycle: Cycle) -> Complex:
@@ -113,19 +111,3 @@ def others(found: Complex) -> tuple[Complex | None, float]:
     if not np.isfinite(found).all() or not off.min(initial=np.inf) < _FOUND:
         return None, np.inf
     return np.delete(found, int(np.argmin(off))), float(off.min())
-
-
-def is_stable(across: Complex | None, *, doubt: float = 0.0) -> bool | None:
-    """Whether all multipliers besides the one at 1 lie inside the unit circle; None: not known.
-
-    Args:
-        across: these; None: not known.
-        doubt: what they may be off by.
-    """
-    if across is None:
-        return None
-    size = np.abs(across)
-    if (size > 1.0 + max(_MARGIN, doubt)).any():
-        return False
-    sure = (size < 1.0 + _MARGIN).all() if doubt <= _EXACT else (size < 1.0 - doubt).all()
-    return True if sure else None

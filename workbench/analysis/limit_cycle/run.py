@@ -24,7 +24,7 @@ from workbench.analysis.limit_cycle.entries import (
     simulated_cycle,
 )
 from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
+from workbench.analysis.limit_cycle.floquet import multipliers, others
 from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
 from workbench.analysis.limit_cycle.measure import measured_crossings
@@ -42,6 +42,7 @@ from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits, shoot
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.analysis.periodic.continuation import Manner, Place
+from workbench.analysis.periodic.stability import is_stable
 from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
