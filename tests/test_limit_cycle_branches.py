@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from workbench.analysis.limit_cycle.continuation import follow
+from workbench.analysis.limit_cycle.family import gain_family
 
 from tests.limit_cycle_loops import LAG, chain
 from workbench.analysis.describing.describe import standard_block
-from workbench.analysis.limit_cycle.continuation import follow
-from workbench.analysis.limit_cycle.family import gain_family
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
@@ -34,7 +34,7 @@ def test_the_fold_of_a_relay_with_a_dead_zone() -> None:
         LinearPart(plant.A, plant.B[:, 0], plant.C[0]),
         standard_block("relay", {"level": 2.0, "dead_zone": 0.1}),
     )
-    cycle = balance(part, block, frequency=0.27, amplitude=0.31, count=1)
+    cycle = balance(part, (block,), frequency=0.27, amplitude=0.31, count=1)
     assert cycle is not None
     branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.3, 2.0), cycle=cycle)
     (fold,) = branch.folds
@@ -54,7 +54,7 @@ def test_the_lower_branch_of_a_fold_is_unstable() -> None:
     plant = control.ss(LAG)
     part = LinearPart(plant.A, plant.B[:, 0], plant.C[0])
     block = standard_block("relay", {"level": 2.0, "dead_zone": 0.1})
-    cycle = balance(part, block, frequency=0.27, amplitude=0.31)
+    cycle = balance(part, (block,), frequency=0.27, amplitude=0.31)
     assert cycle is not None
     branch = follow(lambda g: gain_family(part, block, g), parameter="gain", start=1.0, limits=(0.5, 1.1), cycle=cycle)
     (fold,) = branch.folds
@@ -116,14 +116,14 @@ def test_splitting_gives_the_same_multipliers() -> None:
     """Large systems are split into the linear part and the block; here both ways on the same cycle."""
     plant = control.ss(10.0 * LAG)
     part, block = LinearPart(plant.A, plant.B[:, 0], plant.C[0]), standard_block("saturation")
-    cycle = balance(part, block, frequency=0.2757, amplitude=1.4555)
+    cycle = balance(part, (block,), frequency=0.2757, amplitude=1.4555)
     assert cycle is not None
     padded = LinearPart(
         np.block([[part.A, np.zeros((3, 30))], [np.zeros((30, 3)), -np.eye(30)]]),
         np.append(part.b, np.zeros(30)),
         np.append(part.c, np.zeros(30)),
     )
-    small, large = multipliers(part, block, cycle), multipliers(padded, block, cycle)
+    small, large = multipliers(part, (block,), cycle), multipliers(padded, (block,), cycle)
     assert np.abs(large[:2]) == pytest.approx(np.abs(small[:2]), rel=1e-4)
 
 
