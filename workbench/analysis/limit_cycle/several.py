@@ -22,7 +22,7 @@ _SAME = 1e-9
 
 
 def tabulated(block: Block) -> Gain:
-    """Return N(A) of a static block, interpolated over log A.
+    """Return N(A) of a static block, interpolated over log A; NaN outside 1e-6 … 1e6.
 
     Args:
         block: its N does not depend on the frequency.
@@ -32,8 +32,9 @@ def tabulated(block: Block) -> Gain:
 
     def gain(amplitudes: Floats, _: Floats) -> Complex:
         at = np.log(np.maximum(amplitudes, 1e-300))
-        found = np.interp(at, np.log(a), known.real) + 1j * np.interp(at, np.log(a), known.imag)
-        return np.asarray(found, dtype=np.complex128)
+        parts = (np.interp(at, np.log(a), x, left=np.nan, right=np.nan) for x in (known.real, known.imag))
+        real, imaginary = parts
+        return np.asarray(real + 1j * imaginary, dtype=np.complex128)
 
     return gain
 
