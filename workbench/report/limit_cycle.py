@@ -113,11 +113,8 @@ def _cycles(result: LimitCycleResult) -> Section:
             (*row, *(number(c.amplitudes.get(n), ".5g") for n in further))
             for row, c in zip(rows, result.limit_cycles, strict=True)
         ]
-    return Section(
-        "Limit cycles by method",
-        paragraphs=[words],
-        tables=[Table(headings, rows, right=(0, *range(2, 8), *range(9, len(headings))))],
-    )
+    right = (0, *range(2, 8), *range(9, len(headings)))
+    return Section("Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=right)])
 
 
 def _simulated(cycle: SimulatedCycle) -> Section:
