@@ -17,11 +17,12 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.limit_cycle_loops import LAG, around, chain
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.confirm import confirm
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
+from workbench.analysis.limit_cycle.floquet import multipliers, others
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
 from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.analysis.periodic.stability import is_stable
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -110,7 +111,7 @@ def test_more_harmonics_come_closer() -> None:
     part, block = LinearPart(plant.A, plant.B[:, 0], plant.C[0]), standard_block("relay")
     errors = []
     for count in (1, 3, 7, 15, 31):
-        cycle = balance(part, block, frequency=0.2757, amplitude=0.159, count=count)
+        cycle = balance(part, (block,), frequency=0.2757, amplitude=0.159, count=count)
         assert cycle is not None
         errors.append(abs(cycle.frequency / frequency - 1.0))
     assert errors == sorted(errors, reverse=True)
@@ -122,7 +123,7 @@ def test_a_relay_with_hysteresis_is_balanced_too() -> None:
     part = LinearPart(plant.A, plant.B[:, 0], plant.C[0])
     frequency, peak = relay_cycle(part.A, part.b, part.c, 0.05)
     block = standard_block("relay_with_hysteresis", {"half_width": 0.05})
-    cycle = balance(part, block, frequency=0.24, amplitude=0.2, count=15)
+    cycle = balance(part, (block,), frequency=0.24, amplitude=0.2, count=15)
     assert cycle is not None
     assert cycle.frequency == pytest.approx(frequency, rel=2e-4)
     assert cycle.amplitude == pytest.approx(peak, rel=2e-3)
@@ -198,7 +199,7 @@ def test_harmonic_balance_drives_a_block_that_can_only_be_measured() -> None:
     table = {(c.crossing, c.method): c for c in result.limit_cycles}
     for number, stable in ((0, False), (1, True)):
         first, found = table[number, "describing function"], table[number, "harmonic balance"]
-        exact = balance(part, block, frequency=first.frequency_hz, amplitude=first.amplitude)
+        exact = balance(part, (block,), frequency=first.frequency_hz, amplitude=first.amplitude)
         assert exact is not None
         # The FMU's cut-off of 5000 rad/s is what they differ in.
         assert found.frequency_hz == pytest.approx(exact.frequency, rel=2e-4)
@@ -261,9 +262,9 @@ def test_multipliers_of_a_linear_motion_are_exponentials() -> None:
     a[0, 1], a[1, 0] = 1.0, -1.0
     part = LinearPart(a, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
     block = standard_block("saturation")
-    cycle = balance(part, block, frequency=0.16, amplitude=0.5)
+    cycle = balance(part, (block,), frequency=0.16, amplitude=0.5)
     if cycle is not None:
-        found = multipliers(part, block, cycle)
+        found = multipliers(part, (block,), cycle)
         assert np.abs(found) == pytest.approx([1.0, 1.0, math.exp(-math.pi)], rel=1e-4)
         across, doubt = others(found)
         assert is_stable(across, doubt=doubt)

@@ -112,9 +112,9 @@ def test_the_mean_of_harmonic_balance_is_that_of_the_switchings(
     with around(relay, plant, levels) as system, ExitStack() as keep:
         loop = cut(system, "relay", at=None, time=0.0, keep=keep)
         alone = keep.enter_context(driven_block(system, loop.ports, 7, centre=loop.centre))
-        block = DrivenBlock(alone, count=7, name="relay", time=0.0, centre=loop.centre, rest=loop.output)
+        block = DrivenBlock(alone, count=7, name="relay", time=0.0, centre=loop.centre, rest=loop.outputs[0])
         keep.callback(block.close)
-        cycle = balance(loop.part, block, frequency=PLANTS[plant][2], amplitude=PLANTS[plant][3])
+        cycle = balance(loop.part, (block,), frequency=PLANTS[plant][2], amplitude=PLANTS[plant][3])
     assert cycle is not None
     found = loop.centre + float(cycle.v[0].real)
     assert cycle.frequency == pytest.approx(frequency, rel=0.02)

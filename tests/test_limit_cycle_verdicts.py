@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def test_the_mean_of_a_symmetrical_cycle_is_0_not_rounding() -> None:
     """A relay and 1/(s + 1)³: the cycle is odd, so its mean is 0 on every processor."""
     plant = control.ss(THIRD)
     loop = LinearPart(plant.A, plant.B[:, 0], plant.C[0], 0.0)
-    found = balance(loop, standard_block("relay"), frequency=math.sqrt(3.0) / (2.0 * math.pi), amplitude=0.16)
+    found = balance(loop, (standard_block("relay"),), frequency=math.sqrt(3.0) / (2.0 * math.pi), amplitude=0.16)
     assert found is not None
     assert found.v[0] == 0.0
 
@@ -151,8 +152,16 @@ def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: py
     """At 4e-15 Hz the equations hold as well, near the point of rest: that is not the cycle at 0.2757 Hz."""
     module = importlib.import_module("workbench.analysis.limit_cycle.run")
 
-    def slow(part: LinearPart, block: Block, *, frequency: float, amplitude: float, count: int) -> Cycle | None:
-        found = balance(part, block, frequency=frequency, amplitude=amplitude, count=count)
+    def slow(
+        part: LinearPart,
+        blocks: tuple[Block, ...],
+        *,
+        frequency: float,
+        amplitude: float,
+        others: Sequence[complex],
+        count: int,
+    ) -> Cycle | None:
+        found = balance(part, blocks, frequency=frequency, amplitude=amplitude, others=others, count=count)
         return None if found is None else replace(found, frequency=4e-15)
 
     monkeypatch.setattr(module, "balance", slow)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 
-__all__ = ["Varied", "with_parameters"]
+__all__ = ["Varied", "opened_with", "with_parameters"]
 
 _KEPT = 4  # opened models
 
@@ -27,10 +27,11 @@ def with_parameters(model: Model, parameters: Mapping[str, Value]) -> AbstractCo
         return nullcontext(model)
     if not isinstance(model, DescribedModel):
         raise InputError(f"{model.name}: its parameters cannot be set, for it is not a file")
-    return _opened(model, parameters)
+    return opened_with(model, parameters)
 
 
-def _opened(model: DescribedModel, parameters: Mapping[str, Value]) -> DescribedModel:
+def opened_with(model: DescribedModel, parameters: Mapping[str, Value]) -> DescribedModel:
+    """Return a model with other parameters, newly opened; the caller closes it."""
     return replace(model.recipe, start_values={**model.recipe.start_values, **parameters}).open()
 
 
@@ -38,19 +39,18 @@ class Varied:
     """A model at values of one of its parameters, the newest of them kept open.
 
     Args:
-        model: stays open.
-        name: of the parameter.
+        opened: value → the model there, newly opened.
     """
 
-    def __init__(self, model: DescribedModel, name: str) -> None:
-        self._model, self._name = model, name
+    def __init__(self, opened: Callable[[float], DescribedModel]) -> None:
+        self._opened = opened
         self._open: OrderedDict[float, DescribedModel] = OrderedDict()
 
     def at(self, value: float) -> DescribedModel:
         """Return the model at a value; it is closed when other values are asked for, or by `close`."""
         if value not in self._open:
             self._rest(_KEPT - 1)
-            self._open[value] = _opened(self._model, {self._name: value})
+            self._open[value] = self._opened(value)
         self._open.move_to_end(value)
         return self._open[value]
 

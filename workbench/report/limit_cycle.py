@@ -27,6 +27,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
         lead=_lead(result),
         facts={
             "nonlinear block": f"{result.block}: {bracketed(result.input, result.input_unit)} → {result.output}",
+            **({"balanced with": ", ".join(result.blocks[1:])} if result.blocks[1:] else {}),
             "open loop": f"{counted(result.nyquist.unstable_open, 'pole')} of the linear part in the right half-plane",
         },
         sections=[
@@ -105,9 +106,15 @@ def _cycles(result: LimitCycleResult) -> Section:
         for c in result.limit_cycles
     ]  # fmt: skip
     words = f"Amplitude: half the peak-to-peak value of {result.input}; mean: its mean value."
-    return Section(
-        "Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=(0, *range(2, 8)))]
-    )
+    further = list(dict.fromkeys(n for c in result.limit_cycles for n in c.amplitudes if n != result.input))
+    if further:
+        headings += tuple(f"amplitude of {n}" for n in further)
+        rows = [
+            (*row, *(number(c.amplitudes.get(n), ".5g") for n in further))
+            for row, c in zip(rows, result.limit_cycles, strict=True)
+        ]
+    right = (0, *range(2, 8), *range(9, len(headings)))
+    return Section("Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=right)])
 
 
 def _simulated(cycle: SimulatedCycle) -> Section:

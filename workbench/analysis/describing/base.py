@@ -74,6 +74,11 @@ class Block(ABC):
         found = complex(self.harmonics(amplitude, frequency, 1)[1] / (-1j * amplitude))
         return complex(found.real) if self.real else found
 
+    def gains(self, amplitudes: Floats, frequencies: Floats) -> Complex:
+        """Return N at amplitudes and frequencies [Hz] that are broadcast against each other."""
+        both = np.broadcast(amplitudes, frequencies)
+        return np.array([self.gain(float(a), float(f)) for a, f in both], dtype=np.complex128).reshape(both.shape)
+
     def negated(self) -> Block:
         """Return the block with the other sign at its output."""
         return Negated(self)

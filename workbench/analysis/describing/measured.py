@@ -55,8 +55,13 @@ class MeasuredBlock(Block):
         return RegularGridInterpolator(axes, values, bounds_error=False, fill_value=np.nan)
 
     def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
-        size, phase = (float(t((np.log(amplitude), np.log(frequency)))) for t in self._tables)
-        return complex((np.exp(size) if self._logarithmic else size) * np.exp(1j * phase))
+        return complex(self.gains(np.array([amplitude]), np.array([frequency]))[0])
+
+    def gains(self, amplitudes: Floats, frequencies: Floats) -> Complex:
+        with np.errstate(divide="ignore"):
+            where = np.stack(np.broadcast_arrays(np.log(amplitudes), np.log(frequencies)), axis=-1)
+        size, phase = (t(where) for t in self._tables)
+        return np.asarray((np.exp(size) if self._logarithmic else size) * np.exp(1j * phase), dtype=np.complex128)
 
     def harmonic_sizes(self, amplitude: float, frequency: float) -> Floats:
         """Return the sizes of harmonics 0 … 7 of the output over that of its fundamental, shape (8,); NaN: not known.

@@ -96,7 +96,7 @@ def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], fl
             "(pulse, start_after)"
         )
     first = max(found, key=lambda c: c.amplitude or 0.0)
-    cycle = balance(two.part(0.0), block, frequency=first.frequency_hz, amplitude=first.amplitude or 0.0)
+    cycle = balance(two.part(0.0), (block,), frequency=first.frequency_hz, amplitude=first.amplitude or 0.0)
     if cycle is None:
         raise InputError(
             f"{name}: harmonic balance finds no cycle near {first.frequency_hz:.4g} Hz; excite one (pulse)"

@@ -1,8 +1,8 @@
-"""A system cut at one component: the block, and the linear part between its output and its input."""
+"""A system cut at its nonlinear components: the blocks, and the linear part between their outputs and inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -14,9 +14,8 @@ from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.opened import Ports, find_ports, linear_between, recipe_of, without_block
 from workbench.analysis.rest import rest_of
-from workbench.core.linear import LinearPart
+from workbench.core.linear import Linear, LinearPart
 from workbench.core.operating_point import OperatingPoint
-from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.session.point import Point
 from workbench.signals import Table
@@ -28,7 +27,7 @@ from workbench.system.description import (
     SystemDescription,
 )
 
-__all__ = ["SplitLoop", "cut", "driven_block", "only_block", "reblock", "recut"]
+__all__ = ["SplitLoop", "cut", "driven_block", "only_block"]
 
 _OPENED, _RETURNED = "opened", "returned"
 _PROBES = (0.1, 1.0, 10.0)  # amplitudes that tell the sign of N
@@ -41,71 +40,110 @@ _SWEEP = 1e-5  # [s], or of the session time if that is longer: events must not 
 
 @dataclass(frozen=True, eq=False)
 class SplitLoop:
-    """A loop 1 + N·L = 0.
+    """A loop V + L W = 0 of a linear part and blocks, 1 + N·L = 0 where there is one.
 
     Attributes:
-        ports: where it was cut.
-        part: L; signs are shared out so that N is positive where the block's gain has one sign throughout.
-        block: static block about the operating point; None: it has a memory of its own.
-        turned: whether both have another sign than in the system.
+        every: where it was cut, for each block.
+        whole: L, from the outputs of the blocks to their inputs; that of one block is a `LinearPart`, its sign chosen
+            so that N is positive where the block's gain has one sign throughout.
+        blocks: static blocks about the operating point; None: it has a memory of its own.
+        turned: whether L and the one block have another sign than in the system.
         rest: the linear part as it was linearised.
         point: operating point of the whole system.
-        centre: of the block's input at that point.
-        output: of the block there; where it jumps, between the values on both sides.
+        centres: of the blocks' inputs at that point.
+        outputs: of the blocks there; where one jumps, between the values on both sides.
+        moving: whether the linear part moves at that point, so that nothing can be predicted about it.
         notes: what the user should know.
     """
 
-    ports: Ports
-    part: LinearPart
-    block: Block | None
+    every: tuple[Ports, ...]
+    whole: Linear
+    blocks: tuple[Block | None, ...]
     turned: bool
     rest: LinResult
     point: OperatingPoint
-    centre: float
-    output: float
+    centres: tuple[float, ...]
+    outputs: tuple[float, ...]
+    moving: bool
     notes: tuple[str, ...]
 
+    @property
+    def ports(self) -> Ports:
+        """Where it was cut at the first block."""
+        return self.every[0]
 
-def cut(model: DescribedModel, component: str, *, at: OperatingPoint | None, time: float, keep: ExitStack) -> SplitLoop:
-    """Return the loop of a system through one of its components.
+    @property
+    def block(self) -> Block | None:
+        """The first block; None: it has a memory of its own."""
+        return self.blocks[0]
+
+    @property
+    def centre(self) -> float:
+        """Input of the first block at the operating point."""
+        return self.centres[0]
+
+    @property
+    def part(self) -> LinearPart:
+        """L of a loop with one block."""
+        return self.whole if isinstance(self.whole, LinearPart) else self.whole.part()
+
+
+def cut(
+    model: DescribedModel,
+    component: str,
+    *further: str,
+    at: OperatingPoint | None,
+    time: float,
+    keep: ExitStack,
+) -> SplitLoop:
+    """Return the loop of a system through one or several of its components.
 
     Args:
         model: a system; it stays open.
         component: the block.
+        further: more blocks.
         at: operating point; None: the start where that is at rest, else what trim finds.
         time: session time [s]; connections that close later are open.
-        keep: closes the models that the block needs for its evaluation.
+        keep: closes the models that the blocks need for their evaluation.
 
     Raises:
         InputError: see `find_ports`; a linear part that cannot be linearised.
         FmuError, SimulationError: the model cannot be opened or evaluated.
     """
-    ports = find_ports(model, component)
+    every = tuple(find_ports(model, name) for name in (component, *further))
     point, notes = (at, []) if at is not None else rest_of(model, time=time, what=_WHAT)
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
-        here = session.values([ports.v, ports.w])
-    rest = _linear_rest(model, ports, point, time, here[ports.w])
-    function = _static(model, ports, time, keep)
-    centre, output = here[ports.v], here[ports.w]
-    characteristic = function
-    if is_moving(rest) and function is None:
-        characteristic = _middle_line(model, ports, time, keep)
-    if is_moving(rest) and characteristic is not None:
-        middle, rest = _middle(model, ports, rest, characteristic, (point, centre, output), time)
-        if middle is not None:
-            centre, output = middle.v, middle.w
-            place = f"{ports.v} = {centre:.4g}, {ports.w} = {output:.4g}"
-            line = "characteristic, its jumps filled in," if function is not None else "hysteresis, its middle line,"
-            why = f"where the rest of the loop is at rest and the block's {line} is met"
-            notes = [f"the start is not at rest; {_WHAT} {place}, {why}"]
-    block = None if function is None else _block(function, ports, centre, output)
-    part = LinearPart.from_lin(rest, sign=-1.0)
-    turned = block is not None and all(block.gain(a).real <= 0.0 for a in _PROBES)
-    if turned and block is not None:
-        part, block = part.negated(), block.negated()
+        here = session.values([name for p in every for name in (p.v, p.w)])
+    rest = _linear_rest(model, every, point, time, [here[p.w] for p in every])
+    functions = [_static(model, p, time, keep) for p in every]
+    centres, outputs, moving = [here[p.v] for p in every], [here[p.w] for p in every], is_moving(rest)
+    if moving and not further:
+        ports, function = every[0], functions[0]
+        characteristic = function or _middle_line(model, ports, time, keep)
+        if characteristic is not None:
+            middle, rest = _middle(model, ports, rest, characteristic, (point, centres[0], outputs[0]), time)
+            if middle is not None:
+                centres, outputs, moving = [middle.v], [middle.w], False
+                place = f"{ports.v} = {middle.v:.4g}, {ports.w} = {middle.w:.4g}"
+                line = (
+                    "characteristic, its jumps filled in," if function is not None else "hysteresis, its middle line,"
+                )
+                why = f"where the rest of the loop is at rest and the block's {line} is met"
+                notes = [f"the start is not at rest; {_WHAT} {place}, {why}"]
+    blocks = tuple(
+        None if f is None else _block(f, p, v, w) for f, p, v, w in zip(functions, every, centres, outputs, strict=True)
+    )
+    whole: Linear = Linear(rest.A, -rest.B, rest.C, -rest.D, state_names=rest.state_names)
+    turned = False
+    if not further:
+        whole = part = LinearPart.from_lin(rest, sign=-1.0)
+        block = blocks[0]
+        turned = block is not None and all(block.gain(a).real <= 0.0 for a in _PROBES)
+        if turned and block is not None:
+            whole, blocks = part.negated(), (block.negated(),)
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
-    return SplitLoop(ports, part, block, turned, rest, point, centre, output, tuple(notes))
+    return SplitLoop(every, whole, blocks, turned, rest, point, tuple(centres), tuple(outputs), moving, tuple(notes))
 
 
 def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
@@ -128,70 +166,31 @@ def _middle(  # noqa: PLR0917
         if middle is None:
             return None, rest
         x = dict(zip(moved.state_names, middle.x.tolist(), strict=True))
-        moved = _linear_rest(model, ports, replace(point, x={**point.x, **x}), time, middle.w)
+        moved = _linear_rest(model, [ports], replace(point, x={**point.x, **x}), time, [middle.w])
         found, v, w = middle, float(moved.operating_point.y[_RETURNED]), middle.w
         if not is_moving(moved, rest):
             return found, moved
     return None, rest
 
 
-def recut(model: DescribedModel, base: SplitLoop, *, own: bool, time: float, keep: ExitStack) -> SplitLoop:
-    """Return the loop of a system that differs by one parameter from one that was cut; what did not change is kept.
-
-    Args:
-        model: the system; it stays open as long as `keep`.
-        base: the loop before.
-        own: the parameter is the block's, else that of another component.
-        time: session time [s].
-        keep: closes the models that the block needs for its evaluation.
-
-    Raises:
-        InputError, FmuError, SimulationError: see `cut`.
-    """
-    point, _ = rest_of(model, time=time, what=_WHAT)
-    with model.open_at(time=time, values={**point.x, **point.u}) as session:
-        here = session.values([base.ports.v, base.ports.w])
-    centre, part, block, rest = here[base.ports.v], base.part, base.block, base.rest
-    if not own:
-        rest = _linear_rest(model, base.ports, point, time, here[base.ports.w])
-        part = LinearPart.from_lin(rest, sign=1.0 if base.turned else -1.0)
-    if own or centre != base.centre:
-        function = _static(model, base.ports, time, keep)
-        fresh = None if function is None else _block(function, base.ports, centre, here[base.ports.w])
-        block = fresh.negated() if fresh is not None and base.turned else fresh
-    return replace(base, part=part, block=block, rest=rest, point=point, centre=centre, output=here[base.ports.w])
-
-
-def reblock(
-    model: DescribedModel, base: SplitLoop, starts: Mapping[str, Value], *, time: float, keep: ExitStack
-) -> SplitLoop | None:
-    """Return the loop with other parameters of its block, nothing else opened; None: the operating point may move.
-
-    Args:
-        model: the system as it was cut.
-        base: its loop.
-        starts: parameters of the block, by full name.
-        time: session time [s].
-        keep: closes the model of the block.
-    """
-    if base.block is None or base.centre != 0.0:
-        return None
-    function = _static(model, base.ports, time, keep, starts)
-    fresh = None if function is None else _block(function, base.ports, 0.0, base.output)
-    zero = np.zeros(1)
-    block = fresh.negated() if fresh is not None and base.turned else fresh
-    same = block is not None and block.static(zero)[0] == base.block.static(zero)[0]
-    return replace(base, block=block) if same else None
-
-
 # -- the linear part --------------------------------------------------------------------------
 
 
-def _linear_rest(model: DescribedModel, ports: Ports, point: OperatingPoint, time: float, w: float) -> LinResult:
+def _linear_rest(
+    model: DescribedModel, every: Sequence[Ports], point: OperatingPoint, time: float, outputs: Sequence[float]
+) -> LinResult:
+    """Return the linear model from the outputs of the blocks to their inputs, about given outputs."""
     recipe = recipe_of(model)
-    system = without_block(model, recipe.system, ports, _OPENED, {_RETURNED: ports.v})
+    system, returned = recipe.system, {_numbered(_RETURNED, i): p.v for i, p in enumerate(every)}
+    for i, ports in enumerate(every):
+        system = without_block(model, system, ports, _numbered(_OPENED, i), returned)
+    inputs = {_numbered(_OPENED, i): w for i, w in enumerate(outputs)}
     with recipe.changed(system).open() as rest:
-        return linear_between(rest, {_OPENED: w}, [_RETURNED], x=point.x, u=point.u, time=time)
+        return linear_between(rest, inputs, list(returned), x=point.x, u=point.u, time=time)
+
+
+def _numbered(name: str, index: int) -> str:
+    return f"{name}{index + 1}" if index else name
 
 
 # -- the block --------------------------------------------------------------------------------
@@ -201,15 +200,12 @@ def _component(system: SystemDescription, name: str) -> Component:
     return next(c for c in system.components if c.name == name)
 
 
-def only_block(
-    model: DescribedModel, ports: Ports, starts: Mapping[str, Value] | None = None, *, centre: float = 0.0
-) -> DescribedModel:
+def only_block(model: DescribedModel, ports: Ports, *, centre: float = 0.0) -> DescribedModel:
     """Return the block alone as a model with the input `v` and the output `w`; the caller closes it.
 
     Args:
         model: the system.
         ports: of the block.
-        starts: parameters of the block in place of the system's, by full name.
         centre: from which `v` is counted.
     """
     system = recipe_of(model).system
@@ -220,7 +216,7 @@ def only_block(
         inputs={"v": (ports.v,)},
         outputs={"w": ports.w},
     )
-    return _open_block(model, alone, starts or {}, bias={"v": centre})
+    return _open_block(model, alone, bias={"v": centre})
 
 
 def driven_block(model: DescribedModel, ports: Ports, count: int, *, centre: float) -> DescribedModel:
@@ -244,28 +240,23 @@ def driven_block(model: DescribedModel, ports: Ports, count: int, *, centre: flo
         inputs={f"v{k}": (f"{name}.u{k + 1}",) for k in range(count + 1)},
         outputs={"w": ports.w},
     )
-    return _open_block(model, alone, {}, bias={"v0": centre})
+    return _open_block(model, alone, bias={"v0": centre})
 
 
-def _open_block(
-    model: DescribedModel, system: SystemDescription, starts: Mapping[str, Value], *, bias: Mapping[str, float]
-) -> DescribedModel:
+def _open_block(model: DescribedModel, system: SystemDescription, *, bias: Mapping[str, float]) -> DescribedModel:
     recipe = recipe_of(model).changed(system)
     return replace(
         recipe,
-        start_values={**recipe.start_values, **starts},
         bias={**recipe.bias, **{n: b for n, b in bias.items() if b}},
     ).open()
 
 
-def _static(
-    model: DescribedModel, ports: Ports, time: float, keep: ExitStack, starts: Mapping[str, Value] | None = None
-) -> Callable[[Floats], Floats] | None:
+def _static(model: DescribedModel, ports: Ports, time: float, keep: ExitStack) -> Callable[[Floats], Floats] | None:
     """Return the block as a function where it has no memory."""
     component = _component(recipe_of(model).system, ports.component)
     if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
         return pointwise(component.function)
-    alone = keep.enter_context(only_block(model, ports, starts))
+    alone = keep.enter_context(only_block(model, ports))
     if any(v.variability == "discrete" for v in alone.outputs):
         return None
     point = keep.enter_context(alone.open_point(time=time))

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
 
 from workbench.analysis.describing.base import Complex
 from workbench.analysis.limit_cycle.confirm import Simulated
-from workbench.analysis.limit_cycle.floquet import is_stable
+from workbench.analysis.limit_cycle.cut import SplitLoop
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle
-from workbench.analysis.limit_cycle.request import DESCRIBING_FUNCTION, SHOOTING, SIMULATION
+from workbench.analysis.limit_cycle.request import DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION
 from workbench.analysis.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbit
+from workbench.analysis.periodic.stability import is_stable
 from workbench.model.described import DescribedModel
 
-__all__ = [
-    "contradictions", "from_orbit", "from_run", "largest_multiplier", "same_cycle", "simulated_cycle",
-]  # fmt: skip
+__all__ = ["contradictions", "from_balance", "from_orbit", "from_run", "same_cycle", "simulated_cycle"]
 
 _SAME = 1e-4  # relative difference of two cycles that are one
 _ROUGH = 0.1  # relative error that a describing function may have
@@ -36,13 +35,37 @@ def same_cycle(other: LimitCycle, cycle: Cycle) -> bool:
     return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
 
 
-def largest_multiplier(across: Complex | None) -> float | None:
-    """Return the size of the largest multiplier besides the one at 1; None: there is none, or it is not known.
+def _largest(across: Complex | None) -> float | None:
+    """Return the size of the largest multiplier besides the one at 1; None: there is none, or it is not known."""
+    return float(np.abs(across).max()) if across is not None and len(across) else None
+
+
+def from_balance(
+    number: int, cycle: Cycle, loop: SplitLoop, across: Complex | None, *, doubt: float, states: Mapping[str, float]
+) -> LimitCycle:
+    """Return the entry of a motion by harmonic balance.
 
     Args:
-        across: these multipliers.
+        number: of its crossing.
+        cycle: the motion.
+        loop: whose.
+        across: multipliers besides the one at 1; None: not known.
+        doubt: what they may be off by.
+        states: at phase 0.
     """
-    return float(np.abs(across).max()) if across is not None and len(across) else None
+    return LimitCycle(
+        method=HARMONIC_BALANCE,
+        crossing=number,
+        frequency_hz=cycle.frequency,
+        amplitude=cycle.amplitude,
+        fundamental=cycle.fundamental,
+        mean=loop.centre + float(cycle.v[0, 0].real),
+        amplitudes=dict(zip((p.v for p in loop.every), cycle.amplitudes.tolist(), strict=True)),
+        stable=is_stable(across, doubt=doubt),
+        multiplier=_largest(across),
+        residual=cycle.residual,
+        states=states,
+    )
 
 
 def from_orbit(number: int | None, orbit: Orbit) -> LimitCycle:
@@ -59,28 +82,31 @@ def from_orbit(number: int | None, orbit: Orbit) -> LimitCycle:
         amplitude=orbit.amplitude,
         fundamental=orbit.fundamental,
         mean=orbit.mean,
+        amplitudes=orbit.amplitudes,
         stable=is_stable(orbit.multipliers, doubt=orbit.doubt),
-        multiplier=largest_multiplier(orbit.multipliers),
+        multiplier=_largest(orbit.multipliers),
         residual=orbit.residual,
         states=orbit.states,
     )
 
 
-def from_run(number: int | None, run: Simulated, watch: str) -> LimitCycle:
+def from_run(number: int | None, run: Simulated, watch: Sequence[str]) -> LimitCycle:
     """Return the entry of a simulation.
 
     Args:
         number: of its crossing; None: no crossing predicted it.
         run: what it showed.
-        watch: the block's input.
+        watch: the blocks' inputs.
     """
+    first = watch[0]
     return LimitCycle(
         method=SIMULATION,
         crossing=number,
         frequency_hz=run.frequency,
-        amplitude=run.amplitude[watch],
-        fundamental=run.fundamental[watch],
-        mean=run.mean[watch],
+        amplitude=run.amplitude[first],
+        fundamental=run.fundamental[first],
+        mean=run.mean[first],
+        amplitudes={n: run.amplitude[n] for n in watch},
         stable=True if run.steady else None,
     )
 

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.workers import Workers
 
-__all__ = ["measured_crossings"]
+__all__ = ["measured_crossings", "measured_table"]
 
 _AMPLITUDES, _FREQUENCIES = 10, 12
 _ERRCRIT = 0.005
@@ -45,12 +45,34 @@ def measured_crossings(
     Raises:
         InputError: a point of the grid cannot be measured.
     """
-    table = _table(
-        block, np.geomspace(*amplitudes, _AMPLITUDES), np.geomspace(*band, _FREQUENCIES), name=name, workers=workers
-    )
+    table = measured_table(block, amplitudes=amplitudes, band=band, name=name, workers=workers)
     found = nyquist(part, table, band=band, amplitudes=np.geomspace(*amplitudes, 8 * _AMPLITUDES), name=name)
     crossings = [_closer(block, part, c, name, workers) if c.amplitude else c for c in found.crossings]
     return replace(found, crossings=tuple(crossings))
+
+
+def measured_table(
+    block: DescribedModel,
+    *,
+    amplitudes: tuple[float, float],
+    band: tuple[float, float],
+    name: str,
+    workers: Workers | None,
+) -> Block:
+    """Return a block whose N(A, f) is measured over a grid.
+
+    Args:
+        block: with the input `v` and the output `w`.
+        amplitudes: lowest and highest.
+        band: lowest and highest frequency [Hz].
+        name: of the block.
+        workers: where it is measured.
+
+    Raises:
+        InputError: a point of the grid cannot be measured.
+    """
+    grid = np.geomspace(*amplitudes, _AMPLITUDES), np.geomspace(*band, _FREQUENCIES)
+    return _table(block, *grid, name=name, workers=workers)
 
 
 def _table(

@@ -1,4 +1,4 @@
-"""Limit cycles of a system with one nonlinear block: what can be asked."""
+"""Limit cycles of a system with nonlinear blocks: what can be asked."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
 
     The system is cut at the block. The part from the block's output to its input is linearised (`workbench.lin`);
     the block's describing function is computed by quadrature if the block is static, otherwise measured. Harmonic
-    balance drives the block with all harmonics of the motion and measures those of its output. Then, for each
-    crossing of L(jω) with −1/N(A) in the band:
+    balance drives the block with all harmonics of the motion and measures those of its output. Several blocks are cut
+    out together and balanced together. Then, for each crossing of L(jω) with −1/N(A) in the band:
 
     - describing function: frequency, amplitude, stability by counting poles on both sides;
     - harmonic balance with several harmonics, stability by Floquet multipliers of the linear part with the block
@@ -74,7 +74,10 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     )
 
     _: KW_ONLY
-    block: str = option("Nonlinear block: the name of its component.", metavar="COMPONENT")
+    block: Names = option(
+        "Nonlinear block: the name of its component; several if they all matter, that of most interest first.",
+        metavar="COMPONENT",
+    )
     outputs: Names | None = option(
         "Variables whose amplitudes are measured in the simulation; by default all outputs.",
         flag="--output",
@@ -98,7 +101,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
     vary: Ranges = option(
         "Follow the cycles that shooting finds over a parameter, also around folds, to where they shrink to a point; "
-        "without shooting, and over gain, a factor on the linear part, those of harmonic balance.",
+        "gain is a factor on the output of the block.",
         default_factory=dict,
     )
     run_until: float | None = option(
@@ -123,6 +126,8 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.block or len(set(self.block)) < len(self.block):
+            raise InputError("block: name one or several components, each once")
         for method in self.methods:
             if method not in METHODS:
                 raise InputError(f"method '{method}' is unknown; {suggest(method, METHODS)}")

@@ -25,9 +25,10 @@ class LimitCycle(Part):
         method: "describing function", "harmonic balance", "shooting" or "simulation".
         crossing: position of the crossing that it comes from in `LimitCycleResult.crossings`; None: a free run.
         frequency_hz: [Hz].
-        amplitude: half the peak-to-peak value of the block's input.
+        amplitude: half the peak-to-peak value of the block's input, of several blocks the first one's.
         fundamental: amplitude of its fundamental.
         mean: mean of the block's input, in its unit.
+        amplitudes: input of each block → half its peak-to-peak value; empty: not known.
         stable: by pole counts (describing function), Floquet multipliers (harmonic balance, shooting), or because
             the simulation stayed; None: not known, as where no multiplier is 1.
         multiplier: largest Floquet multiplier besides the one at 1, its size; None: not computed.
@@ -41,6 +42,7 @@ class LimitCycle(Part):
     amplitude: float
     fundamental: float
     mean: float = 0.0
+    amplitudes: Mapping[str, float] = field(default_factory=dict)
     stable: bool | None = None
     multiplier: float | None = None
     residual: float | None = None
@@ -91,8 +93,9 @@ class LimitCycleResult(Record):
 
     Attributes:
         model, interface, solver: what was analysed.
-        block: name of the block's component.
+        block: name of the block's component; of several the first, whose input is told of.
         input, output: full names of the block's input and output.
+        blocks: names of all blocks' components.
         input_unit: unit of the block's input.
         nyquist: the curve of the linear part with −1/N.
         limit_cycles: limit cycles by crossing and method.
@@ -115,6 +118,7 @@ class LimitCycleResult(Record):
     nyquist: NyquistResult
     limit_cycles: tuple[LimitCycle, ...]
     simulated: SimulatedCycle | None
+    blocks: tuple[str, ...] = ()
     observed: tuple[Observation, ...] = ()
     branches: tuple[Branch, ...] = ()
     free_run: FreeRun | None = None

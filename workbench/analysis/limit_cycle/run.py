@@ -1,34 +1,31 @@
-"""Limit cycles of a system with one nonlinear block, by several methods side by side."""
+"""Limit cycles of a system with nonlinear blocks, by several methods side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
 from workbench.analysis.describing.base import Block
-from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
+from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.confirm import Simulated, confirm
-from workbench.analysis.limit_cycle.continuation import Family, follow
-from workbench.analysis.limit_cycle.cut import SplitLoop, cut, driven_block, only_block
+from workbench.analysis.limit_cycle.cut import SplitLoop, cut, driven_block
 from workbench.analysis.limit_cycle.driven import DrivenBlock
 from workbench.analysis.limit_cycle.entries import (
     contradictions,
+    from_balance,
     from_orbit,
     from_run,
-    largest_multiplier,
     same_cycle,
     simulated_cycle,
 )
-from workbench.analysis.limit_cycle.family import GAIN, SystemFamily, gain_family
-from workbench.analysis.limit_cycle.floquet import is_stable, multipliers, others
+from workbench.analysis.limit_cycle.floquet import multipliers, others
 from workbench.analysis.limit_cycle.free_run import FreeRun, free_run
 from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance, states_of
-from workbench.analysis.limit_cycle.measure import measured_crossings
 from workbench.analysis.limit_cycle.observe import Observation, observe
+from workbench.analysis.limit_cycle.predict import Prediction, predict
 from workbench.analysis.limit_cycle.request import (
     DESCRIBING_FUNCTION,
     HARMONIC_BALANCE,
@@ -38,22 +35,19 @@ from workbench.analysis.limit_cycle.request import (
     LimitCycles,
 )
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
-from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits, shoot
-from workbench.analysis.nyquist.nyquist import AMPLITUDES, nyquist
-from workbench.analysis.nyquist.result import Crossing, NyquistResult
-from workbench.analysis.periodic.continuation import Manner, Place
+from workbench.analysis.limit_cycle.shooting import Orbits, shoot
+from workbench.analysis.limit_cycle.vary import GAIN, follow_cycles, range_of
+from workbench.analysis.nyquist.result import Crossing
 from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.model.names import check_variables
 from workbench.model.placing import named, start_at
-from workbench.model.varied import Varied
 from workbench.signals import Signal, signals_of
 
 __all__ = ["run"]
 
-_ON_BRANCH = 0.02  # interpolated
 _FAR = 0.2  # logarithm of a ratio of frequencies
 _OUTSIDE = 3.0  # times: so far beyond the band a cycle of harmonic balance may lie
 _VANISHED = 1e-3  # of the predicted amplitude: an orbit smaller than that is the equilibrium
@@ -72,10 +66,10 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
     time = system.start_time if asked.time is None else asked.time
     steps = 3 + len(asked.vary)
     with ExitStack() as keep, one_thread():
-        loop = cut(system, asked.block, at=system.at, time=time, keep=keep)
-        curve = _crossings(system, loop, asked)
+        loop = cut(system, *asked.block, at=system.at, time=time, keep=keep)
+        predicted = predict(system, loop, asked)
         job.done("crossings", _PARTS, _PARTS * steps)
-        work = _Work(system, loop, curve, names, asked, time, keep, job)
+        work = _Work(system, loop, predicted, names, asked, time, keep, job)
         result = work.run()
         job.partial = lambda: replace(result, branches=work.followed_so_far())
         job.done("limit cycles", 2 * _PARTS, _PARTS * steps)
@@ -101,28 +95,13 @@ def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str
     return tuple(outputs) if outputs is not None else tuple(v.name for v in system.outputs if v.is_number)
 
 
-def _crossings(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> NyquistResult:
-    name, band, amplitudes = f"{system.name}: loop through {loop.ports.component}", asked.band, asked.amplitudes
-    if loop.block is not None:
-        return nyquist(loop.part, loop.block, band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
-    if amplitudes is None:
-        raise InputError(
-            f"{system.name}: block {loop.ports.component} has a memory of its own and must be measured; "
-            "give amplitudes (lowest, highest) and a band"
-        )
-    with only_block(system, loop.ports, centre=loop.centre) as alone:
-        return measured_crossings(
-            alone, loop.part, amplitudes=amplitudes, band=band, name=loop.ports.component, workers=asked.workers
-        )
-
-
 @dataclass
 class _Work:
     """One analysis under way."""
 
     system: DescribedModel
     loop: SplitLoop
-    curve: NyquistResult
+    predicted: Prediction
     outputs: tuple[str, ...]
     asked: LimitCycles
     time: float
@@ -131,8 +110,7 @@ class _Work:
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
-    driven: DrivenBlock | None = None
-    cycles: list[Cycle] = field(default_factory=list)
+    answering: tuple[Block, ...] = ()
     observed: list[Observation] = field(default_factory=list)
     branches: list[Branch] = field(default_factory=list)
     following: list[Callable[[], Branch]] = field(default_factory=list)
@@ -143,24 +121,26 @@ class _Work:
         return (*self.branches, *(branch() for branch in self.following))
 
     def run(self) -> LimitCycleResult:
-        self.notes += self.loop.notes
-        for number, crossing in enumerate(self.curve.crossings):
+        self.notes += [*self.loop.notes, *self.predicted.notes]
+        for number, crossing in enumerate(self.predicted.curve.crossings):
             if crossing.amplitude is not None:
                 self._refine(number, crossing, crossing.amplitude)
         if not self.found and SIMULATION in self.asked.methods:
             self._observe()
-        self.notes += contradictions(self.found, self.loop.ports.v)
+        shown = tuple(sorted((c for c in self.found if c.method in self.asked.methods), key=_place))
+        self.notes += contradictions(shown, self.loop.ports.v)
         model, ports = self.system, self.loop.ports
         return LimitCycleResult(
             model=model.name,
             interface=model.interface,
             solver=model.solver,
             block=ports.component,
+            blocks=tuple(p.component for p in self.loop.every),
             input=ports.v,
             output=ports.w,
             input_unit=next((v.unit for v in model.description.variables if v.name == ports.v), None),
-            nyquist=self.curve,
-            limit_cycles=tuple(sorted((c for c in self.found if c.method in self.asked.methods), key=_place)),
+            nyquist=self.predicted.curve,
+            limit_cycles=shown,
             simulated=self.simulated,
             observed=tuple(self.observed),
             notes=tuple(dict.fromkeys(self.notes)),
@@ -177,16 +157,16 @@ class _Work:
                 f"crossing {number + 1}: a harmonic of {100.0 * c.distortion:.3g} % returns to the block; "
                 "the describing function is a rough estimate there"
             )
-        block = self.loop.block if self.loop.block is not None else self._driven()
-        cycle = None if block is None else self._balanced(number, first, block)
-        if block is not None and cycle is None:
+        blocks = self._blocks()
+        cycle = self._balanced(number, first, blocks) if blocks else self.predicted.sine(c.frequency_hz, amplitude)
+        if cycle is None:
             return
-        cycle = cycle or self._sine(first)
         states, sizes = self._predicted(cycle)
-        if isinstance(block, DrivenBlock) and self.found[-1].method == HARMONIC_BALANCE:
-            own, moved = block.states()
-            states, sizes = {**states, **own}, {**sizes, **moved}
-        shootable = self.loop.block is not None or len(states) > len(self.loop.rest.state_names)
+        if self.found[-1].method == HARMONIC_BALANCE:
+            for block in blocks:
+                own, moved = block.states() if isinstance(block, DrivenBlock) else ({}, {})
+                states, sizes = {**states, **own}, {**sizes, **moved}
+        shootable = self._is_shootable(states)
         before = len(self.notes)
         shot = shootable and self._shot(number, states, sizes, cycle.frequency, cycle.amplitude)
         failed = self.notes[before:]
@@ -200,14 +180,19 @@ class _Work:
         if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
             self.notes = [n for n in self.notes if n not in failed]
 
+    def _is_shootable(self, states: Mapping[str, float]) -> bool:
+        """Whether the states of every block with a memory are among those that are known."""
+        with_memory = (p for p, b in zip(self.loop.every, self.loop.blocks, strict=True) if b is None)
+        return all(any(n.startswith(f"{p.component}.") for n in states) for p in with_memory)
+
     # -- where nothing is predicted ---------------------------------------------------------
 
     def _observe(self) -> None:
         """Run the system from its disturbed operating point: what keeps oscillating is a cycle not predicted."""
-        part, rest = self.loop.part, self.loop.rest
+        rest = self.loop.rest
         size = next((v.nominal for v in self.system.description.variables if v.name == self.loop.ports.v), None) or 1.0
         low, high = self.asked.amplitudes or (_SMALL_PUSH * size, _LARGE_PUSH * size)
-        speeds = np.abs(part.poles)
+        speeds = np.abs(self.loop.whole.poles)
         slowest = float(speeds[speeds > 0.0].min(initial=np.inf))
         seconds = _TIME_CONSTANTS / slowest if np.isfinite(slowest) else 1.0 / self.asked.band[0]
         for push in (float(np.sqrt(low * high)), high):
@@ -228,7 +213,7 @@ class _Work:
 
     def _pushed(self, push: float) -> dict[str, float]:
         """Return states of the linear part that move the block's input by `push`, each by the same part of its size."""
-        names, c = self.loop.rest.state_names, self.loop.part.c
+        names, c = self.loop.rest.state_names, self.loop.rest.C[0]
         nominal = {v.name: v.nominal for v in self.system.states}
         sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])
         square = float(((sizes * c) ** 2).sum())
@@ -237,127 +222,81 @@ class _Work:
 
     def _unpredicted(self, seen: Observation, frequency: float) -> None:
         run = self._confirmed(None, seen.states, frequency=frequency, amplitude=seen.swing)
-        if run is not None and run.steady and self.loop.block is not None:
+        if run is not None and run.steady and self._is_shootable(run.states):
             self._shot(None, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v])
 
-    def _driven(self) -> DrivenBlock | None:
-        """Return the block with a memory as harmonic balance drives it; None: only its describing function is asked."""
-        if set(self.asked.methods) <= {DESCRIBING_FUNCTION}:
-            return None
-        if self.driven is None:
-            loop = self.loop
-            alone = self.keep.enter_context(
-                driven_block(self.system, loop.ports, self.asked.harmonics, centre=loop.centre)
-            )
-            name = self.loop.ports.component
-            self.driven = DrivenBlock(
-                alone, count=self.asked.harmonics, name=name, time=self.time, centre=loop.centre, rest=loop.output
-            )
-            self.keep.callback(self.driven.close)
-        return self.driven
+    def _blocks(self) -> tuple[Block, ...]:
+        """Return the blocks as harmonic balance asks them; none where one has a memory, and only N is asked for."""
+        loop = self.loop
+        needs_none = set(self.asked.methods) <= {DESCRIBING_FUNCTION} and not self.asked.vary
+        if not self.answering and not (needs_none and None in loop.blocks):
+            self.answering = tuple(self._driven(i) if block is None else block for i, block in enumerate(loop.blocks))
+        return self.answering
+
+    def _driven(self, number: int) -> DrivenBlock:
+        """Return a block with a memory as harmonic balance drives it."""
+        loop, ports, count = self.loop, self.loop.every[number], self.asked.harmonics
+        centre, rest = loop.centres[number], loop.outputs[number]
+        alone = self.keep.enter_context(driven_block(self.system, ports, count, centre=centre))
+        driven = DrivenBlock(alone, count=count, name=ports.component, time=self.time, centre=centre, rest=rest)
+        self.keep.callback(driven.close)
+        return driven
 
     def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> FreeRun:
         """Return the run from rest."""
-        found = [c.frequency_hz for c in self.curve.crossings if c.amplitude is not None]
+        found = [c.frequency_hz for c in self.predicted.curve.crossings if c.amplitude is not None]
         fastest = max(found) if found else _FASTEST
         return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
 
     def follow(self, name: str, limits: tuple[float, float]) -> None:
-        """Follow the cycles that were found over a parameter, each branch once.
-
-        Those that shooting found are followed by it; else harmonic balance follows its own.
+        """Follow the closed orbits that shooting found over a parameter, each branch once.
 
         Args:
             name: of the parameter.
             limits: lowest and highest value.
         """
-        block = self.loop.block
-        if block is None or (name != GAIN and any(c.method == SHOOTING for c in self.found)):
-            self._follow_orbits(name, limits)
-            return
-        family, start = self._family(name, block, limits)
-        if not limits[0] <= start <= limits[1] or not limits[0] < limits[1]:
-            raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
-        before = len(self.branches)
-        for cycle in self.cycles:
-            if not any(_passes(b, start, cycle.fundamental, lambda p: p.fundamental) for b in self.branches[before:]):
-                self.branches.append(follow(family, parameter=name, start=start, limits=limits, cycle=cycle))
-
-    def _follow_orbits(self, name: str, limits: tuple[float, float]) -> None:
-        """Follow the closed orbits that shooting found over a parameter of the system."""
-        if name == GAIN:
-            self.notes.append("gain: it is no parameter of a measured loop; vary one of the system's")
-            return
-        with self.system.open_session(start_time=self.time) as session:
-            start = session.values([name])[name]
-        if not limits[0] < start < limits[1]:
-            raise InputError(f"{name}: its value {start:g} must lie between the limits {limits[0]:g} and {limits[1]:g}")
-        varied, span = Varied(self.system, name), limits[1] - limits[0]
-        self.keep.callback(varied.close)
-        before = len(self.branches)
+        over = range_of(self.system, name, limits, ports=self.loop.ports, time=self.time)
         cycles = [c for c in self.found if c.method == SHOOTING]
+        if not cycles:
+            self.notes.append(f"{name}: shooting found no cycle that could be followed")
         done, total = self.stage
-        seen = 0.0
 
-        def told(place: Place) -> None:
-            nonlocal seen
-            p = (start - limits[0]) / span
-            far = min(abs(place.p - p) / (1.0 - p if place.p > p else p), 1.0)
-            seen = max(seen, number + far)
-            part = int(0.99 * _PARTS * seen / len(cycles))
-            self.job.done(f"{name} = {limits[0] + span * place.p:.6g}", done + part, total)
-
-        number = 0
-        for number, cycle in enumerate(cycles):  # noqa: B007 - `told` does
+        def orbits(opened: Callable[[float], DescribedModel], cycle: LimitCycle) -> Orbits:
             states = cycle.states or {}
-            if any(_passes(b, start, cycle.amplitude, lambda p: p.amplitude) for b in self.branches[before:]):
-                continue
             sizes = {n: max(abs(x), 1e-6) for n, x in states.items()}
-            orbits = Orbits(
-                lambda p: varied.at(limits[0] + span * p), tuple(states), sizes, self.loop.point.u, self.loop.ports.v,
-                self.time, varied=True,
-            )  # fmt: skip
-            try:
-                first = orbits.arrive(states, cycle.frequency_hz, (start - limits[0]) / span)
-            except SimulationError as error:
-                self.notes.append(f"{name}: the cycle of {cycle.frequency_hz:.4g} Hz cannot be followed: {error}")
-                continue
-            manner = Manner(stopped=lambda: self.job.stopped, told=told)
-            self.branches.append(
-                follow_orbits(orbits, first, parameter=name, limits=limits, manner=manner, begun=self.following.append)
-            )
-            self.following.clear()
+            v = self.loop.ports.v
+            return Orbits(opened, tuple(states), sizes, self.loop.point.u, v, self.time, varied=True)
 
-    def _family(self, name: str, block: Block, limits: tuple[float, float]) -> tuple[Family, float]:
-        if name == GAIN:
-            return (lambda value: gain_family(self.loop.part, block, value)), 1.0
-        family = SystemFamily(self.system, self.loop, name, time=self.time, keep=self.keep)
-        family.prepare(*limits)
-        with self.system.open_session(start_time=self.time) as session:
-            return family, session.values([name])[name]
+        def begun(branch: Callable[[], Branch] | None) -> None:
+            self.following = [] if branch is None else [branch]
 
-    def _sine(self, first: LimitCycle) -> Cycle:
-        """Return a describing function's prediction as a motion of the linear part."""
-        v = np.array([0.0, -1j * first.amplitude], dtype=np.complex128)
-        with np.errstate(all="ignore"):
-            value = complex(self.loop.part.response(np.array([first.frequency_hz]))[0])
-            w = -v[1] / np.complex128(value)
-        return Cycle(first.frequency_hz, v, np.array([0.0, w], dtype=np.complex128))
-
-    def _balanced(self, number: int, first: LimitCycle, block: Block) -> Cycle | None:
-        part = self.loop.part
-        cycle = balance(
-            part, block, frequency=first.frequency_hz, amplitude=first.amplitude, count=self.asked.harmonics
+        found, notes = follow_cycles(
+            cycles,
+            over,
+            orbits,
+            stopped=lambda: self.job.stopped,
+            told=lambda part, value: self.job.done(f"{name} = {value:.6g}", done + int(_PARTS * part), total),
+            begun=begun,
         )
+        self.branches += found
+        self.notes += notes
+
+    def _balanced(self, number: int, first: LimitCycle, blocks: tuple[Block, ...]) -> Cycle | None:
+        """Return the motion by harmonic balance; where it leads nowhere, the sine; None: it has been found before."""
+        part, sine = self.loop.whole, self.predicted.sine(first.frequency_hz, first.amplitude)
+        cycle = balance(
+            part, blocks, frequency=sine.frequency, amplitude=first.amplitude, others=sine.v[1:, 1].tolist(),
+            count=self.asked.harmonics,
+        )  # fmt: skip
         if cycle is None:
             self.notes.append(f"crossing {number + 1}: harmonic balance finds no cycle near it")
-            return self._sine(first)
+            return sine
         if not self.asked.band[0] / _OUTSIDE <= cycle.frequency <= self.asked.band[1] * _OUTSIDE:
             self.notes.append(
                 f"crossing {number + 1}: harmonic balance leads out of the band, to {cycle.frequency:.3g} Hz; "
                 "that is not accepted as a cycle"
             )
-            return self._sine(first)
+            return sine
         for other in self.found:
             if other.method == HARMONIC_BALANCE and other.crossing is not None and same_cycle(other, cycle):
                 self.notes.append(
@@ -369,38 +308,26 @@ class _Work:
                 f"crossing {number + 1}: harmonic balance leads from {first.frequency_hz:.4g} to "
                 f"{cycle.frequency:.4g} Hz, far from the describing function"
             )
-        driven = isinstance(block, DrivenBlock)
-        if isinstance(block, DrivenBlock) and not block.settled:
-            self.notes.append(f"block {block.name}: its response to a periodic input is not periodic")
-        if not driven:
-            self.cycles.append(cycle)
-        floquet, doubt = (None, 0.0) if driven else others(multipliers(part, block, cycle))
+        driven = [b for b in blocks if isinstance(b, DrivenBlock)]
+        self.notes += [
+            f"block {b.name}: its response to a periodic input is not periodic" for b in driven if not b.settled
+        ]
+        floquet, doubt = (None, 0.0) if driven else others(multipliers(part, blocks, cycle))
         if floquet is None and not driven:
             self.notes.append(
                 f"crossing {number + 1}: harmonic balance with {self.asked.harmonics} harmonics does not give the "
                 "multiplier 1 that every cycle has; its stability is not known (more harmonics, or shooting)"
             )
-        self.found.append(
-            LimitCycle(
-                method=HARMONIC_BALANCE,
-                crossing=number,
-                frequency_hz=cycle.frequency,
-                amplitude=cycle.amplitude,
-                fundamental=cycle.fundamental,
-                mean=self.loop.centre + float(cycle.v[0].real),
-                stable=is_stable(floquet, doubt=doubt),
-                multiplier=largest_multiplier(floquet),
-                residual=cycle.residual,
-                states={**self._predicted(cycle)[0], **(block.states()[0] if isinstance(block, DrivenBlock) else {})},
-            )
-        )
+        own = {n: x for b in driven for n, x in b.states()[0].items()}
+        states = {**self._predicted(cycle)[0], **own}
+        self.found.append(from_balance(number, cycle, self.loop, floquet, doubt=doubt, states=states))
         return cycle
 
     def _predicted(self, cycle: Cycle) -> tuple[dict[str, float], dict[str, float]]:
         """Return the states of the linear part at phase 0, and how far each moves."""
         names = self.loop.rest.state_names
         with np.errstate(all="ignore"):
-            along = states_of(self.loop.part, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
+            along = states_of(self.loop.whole, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
         rest = self.loop.rest.operating_point.x
         if not np.isfinite(along).all():  # the linear part has a pole at that very frequency
             pushed = self._pushed(cycle.amplitude)
@@ -417,11 +344,11 @@ class _Work:
         amplitude: float,
     ) -> bool:
         """Look for the closed orbit near a motion; whether there is one."""
-        if SHOOTING not in self.asked.methods:
+        if SHOOTING not in self.asked.methods and not self.asked.vary:
             return False
         orbit = shoot(
             self.system, states=states, sizes=sizes, frequency=frequency, inputs=self.loop.point.u,
-            watch=self.loop.ports.v, time=self.time,
+            watch=[p.v for p in self.loop.every], time=self.time,
         )  # fmt: skip
         if not isinstance(orbit, str) and orbit.amplitude < _VANISHED * amplitude:
             orbit = "shooting leads to an equilibrium, not to a cycle"
@@ -442,7 +369,7 @@ class _Work:
             frequency=frequency,
             amplitude=amplitude,
             watch=self.loop.ports.v,
-            outputs=self.outputs,
+            outputs=[*(p.v for p in self.loop.every), *self.outputs],
             end=[v.name for v in self.system.states],
             time=self.time,
             periods=self.asked.periods,
@@ -452,7 +379,7 @@ class _Work:
             return None
         if run.note:
             self.notes.append(f"{_named(number)}: simulation {run.note}")
-        self.found.append(from_run(number, run, self.loop.ports.v))
+        self.found.append(from_run(number, run, [p.v for p in self.loop.every]))
         if self.simulated is None:
             self.simulated = simulated_cycle(self.system, number, run, frequency, amplitude)
         return run
@@ -464,13 +391,3 @@ def _place(c: LimitCycle) -> tuple[int, int]:
 
 def _named(number: int | None) -> str:
     return "free run" if number is None else f"crossing {number + 1}"
-
-
-def _passes(branch: Branch, value: float, size: float, of: Callable[[BranchPoint], float]) -> bool:
-    """Whether a branch has a cycle of a size at a value of its parameter."""
-    for a, b in pairwise(branch.points):
-        if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
-            part = (value - a.value) / (b.value - a.value)
-            if abs((of(a) + part * (of(b) - of(a))) / size - 1.0) < _ON_BRANCH:
-                return True
-    return False

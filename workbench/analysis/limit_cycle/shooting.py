@@ -11,11 +11,11 @@ import numpy as np
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.harmonics import fundamental
 from workbench.analysis.limit_cycle.branch import Bifurcation, Branch, BranchPoint
-from workbench.analysis.limit_cycle.floquet import is_stable
 from workbench.analysis.passes import half_range, told_mean
 from workbench.analysis.periodic.continuation import Family, Manner, Place, Track, arrive, both_ways
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap, PeriodMap, differences
+from workbench.analysis.periodic.stability import is_stable
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.compiled import CompiledMeSession
@@ -38,8 +38,9 @@ class Orbit:
         states: state → value at one point of it.
         multipliers: Floquet multipliers besides the one at 1, largest first, shape (n − 1,), complex.
         doubt: by how much the flow after a period is not what it was, relative: that multiplier is 1, exactly.
-        mean: of the watched variable over the orbit.
+        mean: of the first watched variable over the orbit.
         amplitude: half its peak-to-peak value.
+        amplitudes: the same of each watched variable.
         fundamental: amplitude of its fundamental.
         residual: distance after one period over the size of the orbit.
     """
@@ -50,6 +51,7 @@ class Orbit:
     doubt: float
     mean: float
     amplitude: float
+    amplitudes: Mapping[str, float]
     fundamental: float
     residual: float
 
@@ -61,7 +63,7 @@ def shoot(
     sizes: Mapping[str, float],
     frequency: float,
     inputs: Mapping[str, float],
-    watch: str,
+    watch: Sequence[str],
     time: float,
 ) -> Orbit | str:
     """Return the closed orbit near a predicted state; in words why there is none.
@@ -75,16 +77,16 @@ def shoot(
         sizes: how far each state moves in a period.
         frequency: predicted [Hz].
         inputs: held values.
-        watch: variable that is measured over the orbit.
+        watch: variables that are measured over the orbit, the block's input first.
         time: session time at which the period begins [s].
 
     Source: Seydel, Practical Bifurcation and Stability Analysis, 7.3.
     """
     if len(states) > _MOST_STATES:
         return f"{len(states)} states are too many for shooting"
-    orbits = Orbits(lambda _: model, tuple(states), sizes, inputs, watch, time)
+    orbits = Orbits(lambda _: model, tuple(states), sizes, inputs, watch[0], time)
     try:
-        return orbits.orbit(orbits.arrive(states, frequency))
+        return orbits.orbit(orbits.arrive(states, frequency), further=watch[1:])
     except (SimulationError, InputError) as error:
         return str(error)
 
@@ -210,13 +212,15 @@ class Orbits(Family):
         place = {v.name: i for i, v in enumerate(model.states)}
         return [place[n] for n in self.names]
 
-    def orbit(self, place: Place, p: float = 0.0) -> Orbit:
-        """Return what a place is, measured along it."""
+    def orbit(self, place: Place, p: float = 0.0, *, further: Sequence[str] = ()) -> Orbit:
+        """Return what a place is, measured along it, `further` variables, too."""
+        names = [self.watch, *further]
         x, period = place.x[:-1], float(np.exp(place.x[-1]))
         points = self.time + period * np.arange(1, _SAMPLES + 1) / _SAMPLES
         with self._session(self.open(p), x) as session:
-            record = session.advance(float(points[-1]), signals={}, record=[self.watch], points=points)
-        v = record.right_limits(points).values[self.watch]
+            record = session.advance(float(points[-1]), signals={}, record=names, points=points)
+        values = record.right_limits(points).values
+        v = values[self.watch]
         residual = float(np.max(np.abs(place.lap.defect[:-1] / place.lap.unit[:-1])))
         return Orbit(
             frequency=1.0 / period,
@@ -225,6 +229,7 @@ class Orbits(Family):
             doubt=place.at.doubt,
             mean=told_mean(float(np.mean(v)), amplitude=half_range(v), residual=residual),
             amplitude=half_range(v),
+            amplitudes={n: half_range(values[n]) for n in names},
             fundamental=float(2.0 * np.abs(np.fft.rfft(v)[1]) / len(v)),
             residual=residual,
         )

@@ -143,7 +143,7 @@ def _gains(block: Block, amplitudes: Floats, f: Floats) -> Complex:
     if not block.frequency_dependent:
         column = np.array([block.gain(a) for a in amplitudes.tolist()], dtype=np.complex128)
         return np.repeat(column[:, None], len(f), axis=1)
-    return np.array([[block.gain(a, x) for x in f.tolist()] for a in amplitudes.tolist()], dtype=np.complex128)
+    return block.gains(amplitudes[:, None], f[None, :])
 
 
 def _mixed(values: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

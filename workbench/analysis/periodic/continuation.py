@@ -13,6 +13,7 @@ import numpy as np
 
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap
+from workbench.analysis.periodic.stability import is_stable
 from workbench.core.matrices import Complex
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
@@ -138,7 +139,7 @@ class Place:
     @property
     def stable(self) -> bool:
         """Whether all multipliers lie inside the unit circle."""
-        return bool(np.max(np.abs(self.multipliers), initial=0.0) < 1.0)
+        return is_stable(self.multipliers) is True
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,29 @@
+"""Whether a periodic motion is stable, by its Floquet multipliers and what they may be off by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.core.matrices import Complex
+
+__all__ = ["is_stable"]
+
+_NEUTRAL = 1e-5  # so near to 1 a multiplier is that of an integrator, or of a family of motions: rounding moves it
+
+
+def is_stable(multipliers: Complex | None, doubt: float = 0.0) -> bool | None:
+    """Whether a motion attracts what is near it: all multipliers inside the unit circle. None: not known.
+
+    A multiplier of 1 itself, where the states can be shifted (an integrator) or where motions form a family, neither
+    grows nor decays, and is not counted. The one along a closed orbit is to be left out before.
+
+    Args:
+        multipliers: shape (n,); None, or not finite: not known.
+        doubt: what they may be off by.
+    """
+    if multipliers is None or not np.isfinite(multipliers).all():
+        return None
+    size = np.abs(multipliers[np.abs(multipliers - 1.0) > _NEUTRAL])
+    if (size - doubt > 1.0).any():
+        return False
+    return True if (size + doubt < 1.0).all() else None
