@@ -116,7 +116,7 @@ def test_the_mean_of_harmonic_balance_is_that_of_the_switchings(
         keep.callback(block.close)
         cycle = balance(loop.part, (block,), frequency=PLANTS[plant][2], amplitude=PLANTS[plant][3])
     assert cycle is not None
-    found = loop.centre + float(cycle.v[0].real)
+    found = loop.centre + float(cycle.v[0, 0].real)
     assert cycle.frequency == pytest.approx(frequency, rel=0.02)
     if levels[0] == -levels[1]:
         assert mean == pytest.approx(0.0, abs=1e-9)

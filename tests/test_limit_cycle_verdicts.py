@@ -138,7 +138,7 @@ def test_the_mean_of_a_symmetrical_cycle_is_0_not_rounding() -> None:
     loop = LinearPart(plant.A, plant.B[:, 0], plant.C[0], 0.0)
     found = balance(loop, (standard_block("relay"),), frequency=math.sqrt(3.0) / (2.0 * math.pi), amplitude=0.16)
     assert found is not None
-    assert found.v[0] == 0.0
+    assert found.v[0, 0] == 0.0
 
 
 @pytest.mark.parametrize(("mean", "told"), [(1e-17, 0.0), (-3e-14, 0.0), (1e-9, 1e-9), (-0.2, -0.2)])

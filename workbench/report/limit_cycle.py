@@ -94,11 +94,11 @@ def _crossing(i: int, c: Crossing) -> tuple[str, ...]:
 
 
 def _cycles(result: LimitCycleResult) -> Section:
-    headings = (
+    headings: tuple[str, ...] = (
         "crossing", "method", "frequency [Hz]", bracketed("amplitude", result.input_unit), "fundamental", "mean",
         "multiplier", "residual", "cycle",
     )  # fmt: skip
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
             f"{c.mean:.3g}", number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],

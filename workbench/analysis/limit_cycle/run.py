@@ -267,19 +267,19 @@ class _Work:
             v = self.loop.ports.v
             return Orbits(opened, tuple(states), sizes, self.loop.point.u, v, self.time, varied=True)
 
-        def begun(branch: Callable[[], Branch] | None) -> None:
-            self.following = [] if branch is None else [branch]
+        def ended(branch: Branch) -> None:
+            self.branches.append(branch)
+            self.following.clear()
 
-        found, notes = follow_cycles(
+        self.notes += follow_cycles(
             cycles,
             over,
             orbits,
             stopped=lambda: self.job.stopped,
             told=lambda part, value: self.job.done(f"{name} = {value:.6g}", done + int(_PARTS * part), total),
-            begun=begun,
+            begun=self.following.append,
+            ended=ended,
         )
-        self.branches += found
-        self.notes += notes
 
     def _balanced(self, number: int, first: LimitCycle, blocks: tuple[Block, ...]) -> Cycle | None:
         """Return the motion by harmonic balance; where it leads nowhere, the sine; None: it has been found before."""

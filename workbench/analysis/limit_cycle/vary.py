@@ -92,9 +92,10 @@ def follow_cycles(
     *,
     stopped: Callable[[], bool],
     told: Callable[[float, float], None],
-    begun: Callable[[Callable[[], Branch] | None], None],
-) -> tuple[list[Branch], list[str]]:
-    """Follow closed orbits over a parameter, each branch once; return them, and what could not be followed in words.
+    begun: Callable[[Callable[[], Branch]], None],
+    ended: Callable[[Branch], None],
+) -> list[str]:
+    """Follow closed orbits over a parameter, each branch once; return in words what could not be followed.
 
     Args:
         cycles: that shooting found.
@@ -102,7 +103,8 @@ def follow_cycles(
         orbits: (p → the system there, a cycle) → its family.
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with the part of the work that is done, and the value.
-        begun: is given what returns the branch as far as it goes; None: it has ended.
+        begun: is given what returns a branch as far as it goes.
+        ended: is given each branch when it is complete.
     """
     branches: list[Branch] = []
     notes: list[str] = []
@@ -128,10 +130,10 @@ def follow_cycles(
                     begun=begun,
                 )
             )
-            begun(None)
+            ended(branches[-1])
     finally:
         varied.close()
-    return branches, notes
+    return notes
 
 
 @dataclass

@@ -454,6 +454,8 @@ def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
     for kind in before:
         if before[kind] * after[kind] < 0.0:
             place = _locate(family, a, b, kind)
+            if place is None and kind == "fold":
+                place = _turning(family, a, b)
             if place is not None:
                 track.special.append(Special(kind, place))
 
@@ -486,6 +488,26 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
     passed = least < (0.1 if crossing else 0.01) * largest
     return place if passed else None
+
+
+def _turning(family: Family, a: Place, b: Place) -> Place | None:
+    """Return where the parameter turns back between two places, by its values alone.
+
+    Where the slopes jump along the motion, as at a limit, the derivative is too rough for the direction of the branch.
+    """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
+
+    far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
+    sign, tried = float(np.sign(a.direction[-1])), [a, b]
+
+    def lower(s: float) -> float:
+        tried.append(_stride(family, a, float(s)))
+        return -sign * tried[-1].p
+
+    with suppress(SimulationError):
+        minimize_scalar(lower, bounds=(0.0, far), method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
+    found = max(tried, key=lambda place: sign * place.p)
+    return None if found is a or found is b else found
 
 
 def both_ways(family: Family, first: Place, manner: Manner) -> Track:
