@@ -277,7 +277,7 @@ def foreign(folder: Path, *, damping: float, second: bool = False) -> Path:
 
 def swept(slope: Callable[[Floats, float], list[float]], start: list[float], frequencies: list[float]) -> list[float]:
     """Return gains of x = z[1] at an amplitude of 0.3, each point run on from the one before for up to 150 periods."""
-    z, found = np.array(start), list[float]()
+    z, y, found = np.array(start), np.empty(0), list[float]()
     for f in frequencies:
         points = np.arange(1, 201) / 200 / f
         for _ in range(150):
@@ -285,10 +285,10 @@ def swept(slope: Callable[[Floats, float], list[float]], start: list[float], fre
                 lambda t, z, w=2.0 * math.pi * f: slope(z, 0.3 * math.sin(w * t)),
                 (0.0, 1.0 / f), z, t_eval=points, rtol=1e-7, atol=1e-9,
             )  # fmt: skip
-            moved, z = float(np.abs(run_on.y[:, -1] - z).max()), run_on.y[:, -1]
+            moved, z, y = float(np.abs(run_on.y[:, -1] - z).max()), run_on.y[:, -1], run_on.y[1]
             if moved < 1e-5:
                 break
-        found.append(2.0 * abs(np.mean(run_on.y[1] * np.exp(-2j * math.pi * f * points))) / 0.3)
+        found.append(2.0 * abs(np.mean(y * np.exp(-2j * math.pi * f * points))) / 0.3)
     return found
 
 
