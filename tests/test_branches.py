@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import workbench as wb
+from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from workbench.analysis.branches.family import Forced
 from workbench.analysis.branches.request import Branches
@@ -233,3 +235,113 @@ def test_json_csv_and_picture(tmp_path: Path) -> None:
     assert {"frequency_hz", "amplitude", "gain", "kind"} <= data["folds"][0].keys()
     assert [f["kind"] for f in data["folds"]] == ["fold", "fold"]
     assert Path(picture).stat().st_size > 10_000
+
+
+# -- third-party FMUs -------------------------------------------------------------------------------------------------
+
+_STATIC = '"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0'
+
+
+def foreign(folder: Path, *, damping: float, second: bool = False) -> Path:
+    """MassSpringSubSystem1 with a cubic spring and a damper, on the ground or on MassSpringSubSystem2."""
+    lines = f"""
+    [components]
+    a = "{gemseo_fmu("MassSpringSubSystem1")}"
+    spring = {{model = "fmu:AlgebraicExpression", set = {{c0 = 0, c1 = 0, c2 = 0, c3 = 1.0, {_STATIC}}}}}
+    push = {{sum = "{"+--+" if second else "+--"}"}}
+    {f'b = "{gemseo_fmu("MassSpringSubSystem2")}"' if second else ""}
+    {'pull = {sum = "+-"}' if second else ""}
+    [connections]
+    "spring.u" = {{from = "a.x1", convert = false}}
+    "push.u2" = "spring.y"
+    "push.u3" = {{from = "a.v1", gain = {damping}, convert = false}}
+    "a.x2" = {{from = "push.y", convert = false}}
+    """
+    if second:
+        lines += f"""
+    "push.u4" = {{from = "b.x2", convert = false}}
+    "pull.u1" = {{from = "a.x1", convert = false}}
+    "pull.u2" = {{from = "b.v2", gain = {damping}, convert = false}}
+    "b.x1" = {{from = "pull.y", convert = false}}
+    """
+    lines += """
+    [inputs]
+    u = "push.u1"
+    [outputs]
+    x = "a.x1"
+    """
+    path = folder / "system.toml"
+    path.write_text("\n".join(line.strip() for line in lines.splitlines()), encoding="utf-8")
+    return path
+
+
+def swept(slope: Callable[[Floats, float], list[float]], start: list[float], frequencies: list[float]) -> list[float]:
+    """Return gains of x = z[1] at an amplitude of 0.3, each point run on from the one before for up to 150 periods."""
+    z, y, found = np.array(start), np.empty(0), list[float]()
+    for f in frequencies:
+        points = np.arange(1, 201) / 200 / f
+        for _ in range(150):
+            run_on = solve_ivp(
+                lambda t, z, w=2.0 * math.pi * f: slope(z, 0.3 * math.sin(w * t)),
+                (0.0, 1.0 / f), z, t_eval=points, rtol=1e-7, atol=1e-9,
+            )  # fmt: skip
+            moved, z, y = float(np.abs(run_on.y[:, -1] - z).max()), run_on.y[:, -1], run_on.y[1]
+            if moved < 1e-5:
+                break
+        found.append(2.0 * abs(np.mean(y * np.exp(-2j * math.pi * f * points))) / 0.3)
+    return found
+
+
+@needs_gemseo
+def test_between_the_folds_of_a_foreign_fmu_long_simulations_from_both_sides_end_on_its_branches(
+    tmp_path: Path,
+) -> None:
+    with wb.load(foreign(tmp_path, damping=0.1), "me", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "x", [0.3], band=(0.1, 0.6), frequencies=[0.29], in_process=True)
+    assert sorted(f.varied for f in found.folds) == pytest.approx([0.263583, 0.310413], rel=1e-5)
+    (branch,) = found.branches
+    gains = [float(branch.gain[i]) for i in branch.places_at(0.29) if branch.stable[i]]
+
+    def slope(z: Floats, u: float) -> list[float]:
+        return [u - 0.1 * z[0] - 2.0 * z[1] - z[1] ** 3, z[0]]
+
+    up, down = (swept(slope, [1.0, 0.0], list(way))[-1] for way in ([0.2, 0.24, 0.27, 0.29], [0.4, 0.33, 0.29]))
+    assert sorted(gains) == pytest.approx([down, up], rel=2e-3)
+
+
+@needs_gemseo
+def test_two_foreign_fmus_in_one_loop_have_two_resonances_that_jump(tmp_path: Path) -> None:
+    """The upper pair is x″ + 0.1x′ + 2x + x³ = x₂ + u, x₂″ + 0.1x₂′ + 2x₂ = x, by shooting with SciPy."""
+    with wb.load(foreign(tmp_path, damping=0.1, second=True), "me", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "x", [0.3], band=(0.25, 0.4), frequencies=[0.298], seeds=0, in_process=True)
+    assert [f.kind for f in found.folds] == ["fold", "fold"]
+    (branch,) = found.branches
+    gains = [float(branch.gain[i]) for i in branch.places_at(0.298) if branch.stable[i]]
+
+    def slope(z: Floats, u: float) -> list[float]:
+        return [
+            u + z[3] - 0.1 * z[0] - 2.0 * z[1] - z[1] ** 3, z[0], z[1] - 0.1 * z[2] - 2.0 * z[3], z[2],
+        ]  # fmt: skip
+
+    up, down = (
+        swept(slope, [1.0, 0.0, 0.0, 0.0], list(way))[-1] for way in ([0.26, 0.28, 0.29, 0.298], [0.36, 0.32, 0.298])
+    )
+    assert sorted(gains) == pytest.approx([down, up], rel=2e-3)
+
+
+@needs_gemseo
+def test_a_fold_is_located_where_light_damping_moves_it_strides_away(tmp_path: Path) -> None:
+    """By the coarse derivative it lay more than a stride off, and was not told: 0.05 … 1 Hz had one fold of two."""
+    with wb.load(foreign(tmp_path, damping=0.02), "me", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "x", [0.3], band=(0.05, 1.0), seeds=0, in_process=True)
+    assert [f.kind for f in found.folds] == ["fold", "fold"]
+    for fold in found.folds:
+
+        def misses(z: Floats) -> Floats:
+            end, phi = duffing(z[:2], z[2], 0.3, (0.02, 2.0, 1.0))
+            return np.array([*(end - z[:2]), np.linalg.det(phi - np.eye(2))])
+
+        x = from_fundamental(fold.gain, fold.phase_deg, fold.frequency_hz, 0.3)
+        truth = fsolve(misses, [*x, fold.frequency_hz], xtol=1e-10)
+        assert np.abs(misses(truth)).max() < 1e-6
+        assert fold.frequency_hz == pytest.approx(truth[2], rel=1e-5)

@@ -21,6 +21,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.placing import standing, start_at
+from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe
 from workbench.session.base import Floats
 
 __all__ = ["explore", "run"]
@@ -243,6 +244,14 @@ def explore(
 
 def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
     """Follow the periodic responses."""
+    recipe = model.recipe
+    if not isinstance(recipe, LoadRecipe) or recipe.tolerance is not None or model.rtol <= _COARSE:
+        return _follow(model, asked, job)
+    with recipe.tighter(Branches.usual_tolerance / DEFAULT_TOLERANCE).open() as exact:  # nobody asked for another
+        return _follow(exact, asked, job)
+
+
+def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
     model, remarks = start_at(model, asked.at)
     _check(model, asked)
     vary, (low, high) = next(iter(asked.vary.items()), ("frequency", asked.band or (0.0, 0.0)))

@@ -24,8 +24,9 @@ from workbench.system.recipe import SystemRecipe
 
 __all__ = ["Forced", "LinearStart", "Surroundings", "Twin", "surroundings"]
 
-# With more states the matrix exponentials of each point would cost more than its periods do.
-_MOST_STATES = 200
+# With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
+# found once a sweep, cost a few products of matrices.
+_MANY_STATES, _MOST_STATES = 200, 1000
 
 # Eigenvectors that give the matrix back to this relative accuracy are used.
 _EXACT = 1e-9
@@ -213,7 +214,8 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
     """Return what a model shows of itself where its runs start.
 
     There is no linear model for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
-    those of its continuous states), for more than 200 states, and where the model cannot be evaluated there.
+    those of its continuous states), for more than 1000 states, for more than 200 whose poles coincide, and where the
+    model cannot be evaluated there.
 
     Args:
         model: it stays open.
@@ -235,7 +237,10 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
     except WorkbenchError:
         return Surroundings()
     finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
-    return Surroundings(LinearStart(part, dx0, smallest) if finite and len(dx0) == len(part.A) else None)
+    if not finite or len(dx0) != len(part.A):
+        return Surroundings()
+    linear = LinearStart(part, dx0, smallest)
+    return Surroundings(linear if len(dx0) <= _MANY_STATES or linear.modes is not None else None)
 
 
 def _middle(model: Model, input: str) -> dict[str, float]:

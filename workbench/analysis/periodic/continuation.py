@@ -50,6 +50,9 @@ _STRAIGHT = 0.9
 # A special point is located to this part of a stride.
 _LOCATED, _CROSSING = 1e-7, 1e-3
 
+# So many strides before or after where it was noticed.
+_STRIDES = 6
+
 # Where a multiplier leaves the unit circle: so near to the real axis it does so at 1 or −1.
 _REAL = 1e-6
 
@@ -475,12 +478,8 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
 
     # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
     crossing = kind == "branch point"
-    with suppress(
-        SimulationError, ValueError, StopIteration
-    ):  # the branch is lost between, or nothing changes sign after all
-        low, high = next(
-            (low, high) for low, high in ((0.0, far), (-far, far), (0.0, 2.0 * far)) if value(low) * value(high) < 0.0
-        )
+    with suppress(SimulationError, ValueError):  # the branch is lost between, or nothing changes sign after all
+        low, high = _bracket(value, far)
         brentq(value, low, high, xtol=(_CROSSING if crossing else _LOCATED) * abs(far), rtol=1e-12)
     if not tried:
         return None
@@ -508,6 +507,25 @@ def _turning(family: Family, a: Place, b: Place) -> Place | None:
         minimize_scalar(lower, bounds=(0.0, far), method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
     found = max(tried, key=lambda place: sign * place.p)
     return None if found is a or found is b else found
+
+
+def _bracket(value: Callable[[float], float], far: float) -> tuple[float, float]:
+    """Return where a test function changes sign: between 0 and `far`, or some strides before or after.
+
+    A derivative that does for following has a fold elsewhere than the exact one where damping is light.
+    """
+    low, high = 0.0, far
+    at_low, at_high = value(low), value(high)
+    for _ in range(_STRIDES):
+        if at_low * at_high < 0.0:
+            break
+        if abs(at_low) < abs(at_high):
+            low, high, at_high = 2.0 * low - high, low, at_low
+            at_low = value(low)
+        else:
+            low, high, at_low = high, 2.0 * high - low, at_high
+            at_high = value(high)
+    return low, high
 
 
 def both_ways(family: Family, first: Place, manner: Manner) -> Track:
