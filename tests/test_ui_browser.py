@@ -143,6 +143,7 @@ def test_a_response_is_measured_and_its_points_are_asked(page: Page, ui: Ui) -> 
         api.expect(asked).to_contain_text(words)
     page.click("text=Input and output over a period")
     api.expect(asked.locator("canvas")).to_have_count(1)
+    api.expect(asked).to_contain_text("offset=0")
     page.click("text=Linear model")
     api.expect(page.locator(".legend").first).to_contain_text("lin: del by delC")
     picture(page, "measured")
@@ -227,7 +228,6 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
     page.click("summary:has-text('More')")
     page.fill("#field-store", "runs")
     run_nfr(page)
-    page.reload()
     page.click("a[data-name='runs']")
     api.expect(page.locator("h1")).to_have_text("Store runs")
     api.expect(page.locator(".legend li")).to_have_count(2)
@@ -265,7 +265,12 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(page: Page, ui: Ui
     other.click("text=Stop")
     for one in (page, other):
         api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
-        api.expect(one.locator(".legend li").first).to_be_visible()
+        api.expect(one.locator(".legend li").first).to_contain_text(" deg")
+    other.close()
+    page.click("text=Go on")  # what was asked came back with the page
+    api.expect(page.locator("strong", has_text="running")).to_be_visible()
+    page.click("text=Stop")
+    api.expect(page.locator("strong", has_text="stopped")).to_be_visible()
 
 
 def test_the_end_of_the_server_is_told(browser: Browser, tmp_path: Path) -> None:

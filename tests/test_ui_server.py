@@ -230,6 +230,28 @@ def test_what_a_store_holds_is_shown(ui: Ui) -> None:
         assert ui.ask("GET", f"/api/store?name={name}").status == status
 
 
+def test_what_a_page_tries_is_in_no_study_until_it_is_kept(ui: Ui) -> None:
+    asked = {"command": "trim", "subject": ["fmu:Rudder"], "values": {"u0": ["delC=3"]}, "aside": True}
+    number = ui.ask("POST", "/api/works", asked).json["number"]
+    assert ui.ended(number)["aside"]
+    assert "delC=3" not in ui.ask("GET", "/api/study.toml").body.decode()
+    assert ui.ask("POST", f"/api/works/{number}/keep", {"name": "three.json"}).status == 200
+    assert "delC=3" in ui.ask("GET", "/api/study.toml").body.decode()
+    (point,) = [file for file in ui.get("/api/files")["files"] if file["name"] == "three.json"]
+    assert point == {"name": "three.json", "kind": "point", "model": "Rudder"}
+
+
+def test_the_call_has_no_empty_options(ui: Ui) -> None:
+    call = ui.ended(ui.begin("lin", "fmu:Rudder", inputs=["delC"], outputs=["del"]))["call"]
+    assert "{}" not in call
+
+
+def test_the_server_begins_without_what_analyses_need() -> None:
+    script = "import sys, workbench.ui.app; print({'control', 'scipy', 'fmpy', 'matplotlib'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
 def test_a_session_is_a_study(ui: Ui, tmp_path: Path) -> None:
     ui.ended(ui.begin("nfr", "fmu:Rudder", **POINTS))
     ui.ended(ui.begin("lin", "fmu:Rudder", inputs=["delC"], outputs=["del"]))

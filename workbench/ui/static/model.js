@@ -239,7 +239,8 @@ async function measure(name, known, content, [command = "nfr"]) {
   const form = server.forms[command];
   const key = `${name} ${command}`;
   const place = h("section", { "aria-label": "Result" });
-  const fields = new Form(form, known, { values: asking.get(key) ?? {}, files: keptPoints(known) });
+  const last = [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name && !w.aside).pop();
+  const fields = new Form(form, known, { values: asking.get(key) ?? last?.asked ?? {}, files: keptPoints(known) });
   const line = h("div");
   let shownWork = null;
   const run = h("button", { type: "submit" }, `Run ${command}`);
@@ -279,7 +280,6 @@ async function measure(name, known, content, [command = "nfr"]) {
       h("div", { class: "field" }, h("label", { for: "command" }, "Analysis"), choose, h("p", { class: "help" }, form.help)),
       fields.element, h("div", { class: "row" }, run), line),
     place));
-  const last = [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name).pop();
   if (last) watch(last.number);
   else fill(place, h("p", { class: "dim" }, `${words(form.counts)} appear here while they are measured. Fields with * are needed.`));
   return { leave: () => shownWork?.leave() };

@@ -136,7 +136,7 @@ export class Plot {
     const natural = {};
     const [from, to] = this.x.range ?? [-Infinity, Infinity];
     const seen = (c) => (this.x.range ? c.y.filter((_, i) => c.x[i] >= from && c.x[i] <= to) : c.y);
-    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : this.curves.map((c) => c.x)], ["y", this.curves.map(seen)]]) {
+    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : this.curves.map((c) => c.x)], ["y", this.y.range ? [this.y.range] : this.curves.map(seen)]]) {
       let [low, high] = extent(lists) ?? (this[axis].log ? [0.1, 10] : [-1, 1]);
       if (this[axis].log && low > 0) {
         const more = Math.max(1.05, (high / low) ** 0.03);

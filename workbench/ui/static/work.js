@@ -146,6 +146,7 @@ export class Bode {
     const gains = [];
     const phases = [];
     this.gain.x.label = this.phase.x.label = radians ? "frequency [rad/s]" : "frequency [Hz]";
+    this.gain.y.least = linear ? undefined : 1;
     const unit = this.own[0]?.output_unit && this.own[0]?.input_unit ? `${this.own[0].output_unit}/${this.own[0].input_unit}` : "1";
     this.gain.y.label = linear ? `gain [${unit}]` : "gain [dB]";
     const all = this.all();
@@ -376,11 +377,13 @@ function afterwards(full) {
 
 // -- a loop whose gain is dragged ---------------------------------------------------------------------------
 
+const NEAR = 8; // times the crossover are the poles away that the root locus shows
+
 function gainKnob(full) {
   const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
   const slider = h("input", { type: "range", min: -40, max: 40, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
   const facts = h("div", { role: "status" });
-  const unit = new Plot({ x: { label: "Re L", log: false }, y: { label: "Im L", log: false }, label: "Nyquist picture", height: 300, equal: true });
+  const unit = new Plot({ x: { label: "Re L", log: false, range: [-3, 2] }, y: { label: "Im L", log: false, range: [-2, 2] }, label: "Nyquist picture", height: 300, equal: true });
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
   const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
   const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
@@ -398,8 +401,14 @@ function gainKnob(full) {
       h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; crossover at ${shown(m.gain_crossover_hz, 4)} Hz.`));
     const open = bode(found.open);
     unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
-    unit.view ??= { x: [-3, 2], y: [-2, 2] };
-    nichols.set([{ label: "L", colour: colour(0), x: open.phase, y: open.gain }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
+    const top = Math.max(...open.gain.filter((g) => g !== null));
+    const seen = open.gain.map((g, i) => [g, open.phase[i]]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
+    nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
+    const crossing = m.gain_crossover_hz ?? m.phase_crossover_hz;
+    if (crossing && !locus.x.range) { // the poles that matter for it
+      const size = NEAR * 2 * Math.PI * crossing;
+      [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
+    }
     trace.x.push(...found.poles.re);
     trace.y.push(...found.poles.im);
     locus.set([{ label: "earlier gains", colour: colour(2), x: trace.x, y: trace.y, line: false, marks: trace.x.map(() => "dot") }, { label: "poles", colour: colour(1), x: found.poles.re, y: found.poles.im, line: false, marks: found.poles.re.map(() => "square") }], { lines: [{ axis: "x", value: 0 }] });
