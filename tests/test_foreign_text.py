@@ -103,7 +103,7 @@ def test_nothing_that_a_file_says_commands_anything(
 LONG = {key: f"{key} {key * 50_000}" for key in NAMES}  # with a blank, and a word without one
 
 
-@pytest.mark.parametrize("line", ["info", "simulate", "nfr", "lin", "wrong name", "wrong file"])
+@pytest.mark.parametrize("line", ["info", "simulate", "nfr", "lin", "wrong name", "wrong file", "wrong number"])
 def test_endless_names_are_shortened_where_a_person_reads(
     line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -119,6 +119,7 @@ def test_endless_names_are_shortened_where_a_person_reads(
         "lin": (["lin", fmu, "--json", str(data), "--plot", str(picture)], 0),
         "wrong name": (["nfr", fmu, "--input", y + "z", "--output", y, "--freq", "1", "--amplitude", "1"], 2),
         "wrong file": (["info", "m" * 100_000], 2),
+        "wrong number": (["simulate", fmu, "--stop", "m" * 100_000], 2),
     }[line]  # fmt: skip
     assert run(words) == code
     shown = capsys.readouterr()

@@ -26,6 +26,7 @@ _CASES = [
     *(("abort", "getReal", i, "check") for i in ("me", "cs")),
     ("exit3", "doStep", "cs", "run"),
     ("segfault", "getFMUstate", "cs", "run"),
+    ("hang", "getFMUstate", "me", "check"),
     ("nan", "getFMUstate", "cs", "delays"),  # its steps have one length then, and a note says so
     ("segfault", "terminate", "me", "check"),
     ("exit0", "freeInstance", "cs", "check"),

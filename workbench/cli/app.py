@@ -13,7 +13,7 @@ from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import options_of, program, said
 from workbench.core.where import InWorker
 from workbench.endings import INTERRUPTED
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, one_line
 
 __all__ = ["BAD_INPUT", "run"]
 
@@ -70,5 +70,5 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
 
 
 def _complain(message: str) -> int:
-    sys.stderr.write(f"workbench: {message}\n")
+    sys.stderr.write(f"workbench: {one_line(message)}\n")
     return BAD_INPUT
