@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.analysis.periodic.continuation import Family
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap
+from workbench.analysis.periodic.place import Family
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.varied import with_parameters

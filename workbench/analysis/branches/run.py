@@ -13,7 +13,9 @@ from workbench.analysis.branches.family import Forced, near
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
 from workbench.analysis.harmonics import fundamental
-from workbench.analysis.periodic.continuation import Manner, Place, Special, Track, arrive, both_ways, depart, follow
+from workbench.analysis.periodic.continuation import Manner, Track, both_ways, follow
+from workbench.analysis.periodic.place import Place, arrive, depart
+from workbench.analysis.periodic.special import Special
 from workbench.analysis.rates import sample_rates
 from workbench.core.forms import several
 from workbench.core.job import Job

@@ -12,9 +12,10 @@ from workbench.analysis.describing.base import Complex, Floats
 from workbench.analysis.harmonics import fundamental
 from workbench.analysis.limit_cycle.branch import Bifurcation, Branch, BranchPoint
 from workbench.analysis.passes import half_range, told_mean
-from workbench.analysis.periodic.continuation import Family, Manner, Place, Track, arrive, both_ways
+from workbench.analysis.periodic.continuation import Manner, Track, both_ways
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import Lap, PeriodMap, differences
+from workbench.analysis.periodic.place import Family, Place, arrive
 from workbench.analysis.periodic.stability import is_stable
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel

@@ -10,7 +10,8 @@ from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.result import LimitCycle
 from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits
 from workbench.analysis.opened import Ports, recipe_of
-from workbench.analysis.periodic.continuation import Manner, Place
+from workbench.analysis.periodic.continuation import Manner
+from workbench.analysis.periodic.place import Place
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.model.varied import Varied, opened_with

@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.analysis.periodic.monodromy import Tangent
-from workbench.analysis.periodic.period_map import Lap
-from workbench.analysis.periodic.stability import is_stable
-from workbench.core.matrices import Complex
+from workbench.analysis.periodic.place import ROUNDS, Family, Place, arrive, correct, stride_from, turned
+from workbench.analysis.periodic.special import Special, between
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["Family", "Manner", "Place", "Special", "Track", "arrive", "both_ways", "depart", "follow"]
+__all__ = ["Manner", "Track", "both_ways", "follow"]
 
-# A place is reached where a further step of Newton's method moves it by less than this, in units of the motion.
-# One whose multipliers count, where it hardly moves at all.
-_REACHED, _EXACTLY, _NEAR = 1e-5, 1e-7, 1e-2
-
-# A step that is this small, and hardly smaller than the one before, is the integration's error.
-_NOISE, _STALLS = 1e-4, 0.2
-
-# There a period closes to this, in units of the motion.
-# A multiplier so near to 1 may be that of an integrator.
-_INTEGRATES = 1e-3
-_CLOSED = 1e-3
-
-# Steps of Newton's method to a place, and how many of them let the next stride be longer.
-_ROUNDS, _EASY = 6, 3
+# So few steps of Newton's method let the next stride be longer.
+_EASY = 3
 
 # Strides along the branch, in units of the motion of the states and of the span of the parameter.
 _FIRST, _LONGEST, _SHORTEST = 0.02, 0.08, 1e-6
@@ -47,115 +29,7 @@ _NEARBY = 0.3
 # Cosine of the angle that the direction may turn in a stride.
 _STRAIGHT = 0.9
 
-# A special point is located to this part of a stride.
-_LOCATED, _CROSSING = 1e-7, 1e-3
-
-# So many strides before or after where it was noticed.
-_STRIDES = 6
-
-# Where a multiplier leaves the unit circle: so near to the real axis it does so at 1 or −1.
-_REAL = 1e-6
-
 _MOST_PLACES = 600
-
-
-@dataclass(kw_only=True)
-class Family(ABC):
-    """A family of period maps over one parameter p, in units of its span.
-
-    Attributes:
-        intervals: in so many the slopes along a period are taken; 0: as coarsely as does for following.
-        by_differences: whether the derivative is taken by differences of whole periods.
-    """
-
-    intervals: int = 0
-    by_differences: bool = False
-
-    # Intervals to follow a branch, and to locate what is on it.
-    coarse: ClassVar[int]
-    fine: ClassVar[int]
-
-    def __post_init__(self) -> None:
-        self.intervals = self.intervals or self.coarse
-
-    @abstractmethod
-    def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
-        """Run one period from x; return it with its derivative, and ∂x1/∂p, shape (n,).
-
-        Args:
-            x: where to begin, shape (n,).
-            p: parameter.
-            exact: with a derivative that is good for the multipliers.
-
-        Raises:
-            SimulationError: the model cannot be run there.
-        """
-
-    def moved_on(self, place: Place) -> str:
-        """Hear that the branch has come to another place; return why it ends there, empty: it goes on.
-
-        Args:
-            place: the newest; also the first, before anything else is run.
-        """
-        return ""
-
-    def finer(self) -> bool:
-        """Take the slopes at more instants from now on; False: they are as many as there can be."""
-        better = self.intervals < self.fine and not self.by_differences
-        self.intervals = min(self.fine, 3 * self.intervals)
-        return better
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """A periodic motion on a branch.
-
-    Attributes:
-        x: states at the begin of the period, shape (n,).
-        p: parameter.
-        lap: one period.
-        direction: of the branch, in units of the motion and of the parameter, of length 1, shape (n + 1,).
-        regular: smallest singular value of the derivative bordered by the direction, with the sign of its determinant:
-            0 where branches cross.
-        periods: number run to get here from the place before.
-    """
-
-    x: Floats
-    p: float
-    lap: Lap
-    direction: Floats
-    regular: float
-    periods: int
-
-    @property
-    def at(self) -> Tangent:
-        """Derivative of the period map."""
-        if self.lap.tangent is None:
-            raise SimulationError("the model cannot be linearised along its motion")
-        return self.lap.tangent
-
-    @property
-    def multipliers(self) -> Complex:
-        """Floquet multipliers, largest first."""
-        return self.at.multipliers
-
-    @property
-    def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
-        return is_stable(self.multipliers) is True
-
-
-@dataclass(frozen=True, eq=False)
-class Special:
-    """A place where something happens.
-
-    Attributes:
-        kind: "fold", "period doubling", "Neimark-Sacker", "branch point".
-        place: where.
-    """
-
-    kind: str
-    place: Place
 
 
 @dataclass(eq=False)
@@ -173,112 +47,6 @@ class Track:
     special: list[Special] = field(default_factory=list)
     closed: bool = False
     ends: tuple[str, str] = ("", "")
-
-
-def arrive(family: Family, x: Floats, p: float, *, exact: bool = False) -> Place:
-    """Return the periodic motion near x at a fixed parameter, by Newton's method.
-
-    Args:
-        family: period maps.
-        x: estimate, shape (n,).
-        p: parameter.
-        exact: with a derivative that is good for the multipliers.
-
-    Raises:
-        SimulationError: there is none nearby, or the model cannot be run there.
-    """
-    level = np.append(np.zeros(len(x)), 1.0)
-    return _correct(family, x, p, level, exact=exact, rounds=3 * _ROUNDS)
-
-
-def depart(other: Family, crossing: Place, multiplier: float, aside: float) -> Place:
-    """Return a place on the branch that leaves another at a branch point or period doubling.
-
-    Args:
-        other: period maps of the same order, or of twice the order.
-        crossing: where a multiplier is 1, or -1.
-        multiplier: that.
-        aside: how far from it, in units of the motion; negative: to the other side.
-
-    Raises:
-        SimulationError: it is not found.
-    """
-    unit = crossing.lap.unit
-    found, vectors = np.linalg.eig(crossing.at.Phi * unit / unit[:, None])
-    way = vectors[:, int(np.argmin(np.abs(found - multiplier)))].real
-    way *= np.sign(aside) / float(np.linalg.norm(way))
-    level = np.append(way, 0.0)
-    place = _correct(other, crossing.x + abs(aside) * unit * way, crossing.p, level, rounds=3 * _ROUNDS)
-    return place if place.direction[:-1] @ way > 0.0 else _turned(place)
-
-
-def _correct(
-    family: Family, x: Floats, p: float, level: Floats, *, exact: bool = False, rounds: int = _ROUNDS
-) -> Place:
-    """Return the periodic motion in the plane through (x, p) across `level`, by Newton's method."""
-    moved, start = math.inf, (x, p)
-    for count in range(1, rounds + 1):
-        fine = exact and moved < _NEAR  # on the way there a coarse derivative does
-        lap, along = family.lap(x, p, exact=fine)
-        if lap.tangent is None:
-            raise SimulationError("the model cannot be linearised along its motion")
-        matrix = _jacobian(lap, lap.tangent.Phi, along)
-        whole = np.vstack([matrix, level])
-        aside = np.append((x - start[0]) / lap.unit, p - start[1])
-        try:
-            step = np.linalg.solve(whole, np.append(lap.defect / lap.unit, -level @ aside))
-        except np.linalg.LinAlgError:
-            raise SimulationError("the branch has no direction here") from None
-        before, moved = moved, float(np.max(np.abs(step)))
-        away = not -1.0 <= p + float(step[-1]) <= 2.0
-        if not math.isfinite(moved) or away or (moved > 2.0 * before and moved > 1e-3):
-            raise SimulationError(f"Newton's method leaves the branch{_standing(lap.tangent)}")
-        rate = moved / before if math.isfinite(before) else 1.0
-        x, p = x + step[:-1] * lap.unit, p + float(step[-1])
-        # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are
-        # small though the period does not close.
-        there = moved < _REACHED or (rate < 0.1 and moved * rate < 0.1 * _REACHED)
-        closes = float(np.max(np.abs(lap.defect / lap.unit))) < _CLOSED
-        # What the integration gets wrong, multiplied near a fold, is as near as one can come.
-        nearest = fine and (moved < _EXACTLY or (moved < _NOISE and rate > _STALLS))
-        if (nearest if exact else there) and closes:
-            direction = _direction(matrix, level)
-            lap = _settled(lap, lap.tangent.rows @ (step[:-1] * lap.unit))
-            return Place(x, p, lap, direction, _regular(matrix, direction), count)
-    raise SimulationError(f"Newton's method did not converge in {rounds} periods")
-
-
-def _standing(at: Tangent) -> str:
-    """Return what to think of a multiplier near 1; empty: there is none."""
-    found = at.multipliers[np.abs(at.multipliers - 1.0) < _INTEGRATES]
-    if not len(found):
-        return ""
-    return " (a multiplier of 1: an integrator, whose response depends on where it starts? nfr measures such a model)"
-
-
-def _settled(lap: Lap, change: Floats) -> Lap:
-    """Return a lap with its output corrected for what the last step of the states changes."""
-    harmonics = lap.period.harmonics.copy()
-    harmonics[:3] += change
-    return replace(lap, period=replace(lap.period, harmonics=harmonics))
-
-
-def _jacobian(lap: Lap, Phi: Floats, along: Floats) -> Floats:
-    """Return the derivative of x − φ(x, p), shape (n, n + 1), in units of the motion."""
-    return np.column_stack([np.eye(len(along)) - Phi * lap.unit / lap.unit[:, None], -along / lap.unit])
-
-
-def _direction(matrix: Floats, before: Floats) -> Floats:
-    """Return the direction of the branch, that way in which `before` points."""
-    found = np.linalg.svd(matrix)[2][-1]
-    size = float(np.linalg.norm(found))
-    direction: Floats = found / size if found @ before >= 0.0 else -found / size
-    return direction
-
-
-def _regular(matrix: Floats, direction: Floats) -> float:
-    bordered = np.vstack([matrix, direction])
-    return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
 
 
 @dataclass(frozen=True)
@@ -318,7 +86,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 4.5 and 7.5; Yu. A. Kuznetsov, Elements of Applied
     Bifurcation Theory, 10.
     """
-    here = first if way == 0.0 or first.direction[-1] * way > 0.0 else _turned(first)
+    here = first if way == 0.0 or first.direction[-1] * way > 0.0 else turned(first)
     track, stride = Track([here]), _FIRST
     manner.begun(track)
     family.moved_on(here)  # a walk the other way may have been elsewhere before
@@ -335,12 +103,12 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
             edge = 0.0 if place.p < 0.0 else 1.0
             last = None if here.p == edge else _at_edge(family, here, place, edge)
             if last is not None:
-                _look_between(family, track, here, last)
+                track.special += between(family, here, last)
                 track.places += _marked(family, here, last, manner.marks)
                 track.places.append(last)
                 manner.told(last)
             return _ended(track, "the parameter's bound")
-        _look_between(family, track, here, place)
+        track.special += between(family, here, place)
         track.places += _marked(family, here, place, manner.marks)
         track.places.append(place)
         manner.told(place)
@@ -359,11 +127,6 @@ def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -
     return [place for place in found if place is not None]
 
 
-def _turned(place: Place) -> Place:
-    """Return a place as one comes to it from the other side."""
-    return replace(place, direction=-place.direction, regular=-place.regular)
-
-
 def _ended(track: Track, why: str) -> Track:
     track.ends = (track.ends[0], why)
     return track
@@ -374,14 +137,14 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
     why = ""
     while stride >= _SHORTEST:
         try:
-            place = _stride(family, here, stride)
+            place = stride_from(family, here, stride)
         except SimulationError as error:
             why, stride = str(error), 0.25 * stride
             continue
         missed = _missed(here, place, stride) / stride
         # What is missed in proportion to the stride is a direction that is wrong.
         if missed > _NEARBY and stride < 0.1 * _FIRST and family.finer():
-            here = _correct(family, here.x, here.p, here.direction, rounds=3 * _ROUNDS)
+            here = correct(family, here.x, here.p, here.direction, rounds=3 * ROUNDS)
             stride = _FIRST
             continue
         if missed > _NEARBY:
@@ -408,12 +171,6 @@ def _rescaled(here: Place, there: Place) -> Floats:
     return direction
 
 
-def _stride(family: Family, here: Place, stride: float, *, exact: bool = False) -> Place:
-    d = here.direction
-    x, p = here.x + stride * d[:-1] * here.lap.unit, here.p + stride * float(d[-1])
-    return _correct(family, x, p, d, exact=exact, rounds=2 * _ROUNDS if exact else _ROUNDS)
-
-
 def _at_edge(family: Family, here: Place, beyond: Place, edge: float) -> Place | None:
     """Return the place at a bound, between two."""
     share = (edge - here.p) / (beyond.p - here.p)
@@ -421,7 +178,7 @@ def _at_edge(family: Family, here: Place, beyond: Place, edge: float) -> Place |
         found = arrive(family, here.x + share * (beyond.x - here.x), edge)
     except SimulationError:
         return None
-    return found if found.direction @ _rescaled(here, found) > 0.0 else _turned(found)
+    return found if found.direction @ _rescaled(here, found) > 0.0 else turned(found)
 
 
 def _passes(here: Place, there: Place, first: Place) -> bool:
@@ -432,100 +189,6 @@ def _passes(here: Place, there: Place, first: Place) -> bool:
     share = float(np.clip((aim - a) @ way / max(float(way @ way), 1e-300), 0.0, 1.0))
     near = float(np.linalg.norm(a + share * way - aim)) < 0.1 * float(np.linalg.norm(way))
     return near and float(_rescaled(there, first) @ first.direction) > 0.0
-
-
-# -- what lies between two places -----------------------------------------------------------------------------------
-
-
-def _tests(place: Place) -> dict[str, float]:
-    """Return the test functions: each changes sign where something happens."""
-    found = place.multipliers
-    complex_ones = found[np.abs(found.imag) > _REAL]
-    outside = sum(1 for mu in complex_ones if mu.imag > 0.0 and abs(mu) > 1.0)
-    nearest = min((abs(mu) - 1.0 for mu in complex_ones if mu.imag > 0.0), key=abs, default=-1.0)
-    doubled = float(np.sign(np.prod(np.sign((found[np.abs(found.imag) <= _REAL] + 1.0).real))))
-    return {
-        "fold": float(place.direction[-1]),
-        "period doubling": doubled * float(np.min(np.abs(found + 1.0), initial=1.0)),
-        "Neimark-Sacker": abs(nearest) if outside % 2 else -abs(nearest),
-        "branch point": place.regular,
-    }
-
-
-def _look_between(family: Family, track: Track, a: Place, b: Place) -> None:
-    before, after = _tests(a), _tests(b)
-    for kind in before:
-        if before[kind] * after[kind] < 0.0:
-            place = _locate(family, a, b, kind)
-            if place is None and kind == "fold":
-                place = _turning(family, a, b)
-            if place is not None:
-                track.special.append(Special(kind, place))
-
-
-def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
-    """Return the place between two where a test function is zero; None: it does not pass through zero."""
-    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and every sweep imports this module
-
-    far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
-    tried: list[tuple[float, Place]] = []
-
-    def value(s: float) -> float:
-        place = _stride(family, a, s, exact=True)
-        found = _tests(place)[kind]
-        tried.append((abs(found), place))
-        return found
-
-    # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
-    crossing = kind == "branch point"
-    with suppress(SimulationError, ValueError):  # the branch is lost between, or nothing changes sign after all
-        low, high = _bracket(value, far)
-        brentq(value, low, high, xtol=(_CROSSING if crossing else _LOCATED) * abs(far), rtol=1e-12)
-    if not tried:
-        return None
-    least, place = min(tried, key=lambda one: one[0])
-    largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
-    passed = least < (0.1 if crossing else 0.01) * largest
-    return place if passed else None
-
-
-def _turning(family: Family, a: Place, b: Place) -> Place | None:
-    """Return where the parameter turns back between two places, by its values alone.
-
-    Where the slopes jump along the motion, as at a limit, the derivative is too rough for the direction of the branch.
-    """
-    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
-
-    far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
-    sign, tried = float(np.sign(a.direction[-1])), [a, b]
-
-    def lower(s: float) -> float:
-        tried.append(_stride(family, a, float(s)))
-        return -sign * tried[-1].p
-
-    with suppress(SimulationError):
-        minimize_scalar(lower, bounds=(0.0, far), method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
-    found = max(tried, key=lambda place: sign * place.p)
-    return None if found is a or found is b else found
-
-
-def _bracket(value: Callable[[float], float], far: float) -> tuple[float, float]:
-    """Return where a test function changes sign: between 0 and `far`, or some strides before or after.
-
-    A derivative that does for following has a fold elsewhere than the exact one where damping is light.
-    """
-    low, high = 0.0, far
-    at_low, at_high = value(low), value(high)
-    for _ in range(_STRIDES):
-        if at_low * at_high < 0.0:
-            break
-        if abs(at_low) < abs(at_high):
-            low, high, at_high = 2.0 * low - high, low, at_low
-            at_low = value(low)
-        else:
-            low, high, at_low = high, 2.0 * high - low, at_high
-            at_high = value(high)
-    return low, high
 
 
 def both_ways(family: Family, first: Place, manner: Manner) -> Track:
@@ -540,6 +203,6 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     if up.closed:
         return up
     down = follow(family, first, manner, way=-1.0)
-    turned = [_turned(p) for p in reversed(down.places)]
+    turned = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
     return Track(turned[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
