@@ -153,21 +153,20 @@ def shortened(text: str, word: int = _WORD, line: int = _LINE) -> str:
 
     Args:
         text: in one line.
-        word: longest word that is shown as it is [characters]; at least 60.
+        word: longest word that is shown as it is [characters]; at least 60; of a longer one a ninth at either end.
         line: longest text.
 
     Examples:
         >>> from workbench.errors import shortened
-        >>> print(shortened("u" * 100_000, word=60))
-        uuuuuuuuuuuuuuuuuuuu…(99960 more)…uuuuuuuuuuuuuuuuuuuu
+        >>> print(shortened("u" * 100_000, word=90))
+        uuuuuuuuuu…(99980 more)…uuuuuuuuuu
     """
     if len(text) > word:
-        text = re.sub(rf"\S{{{word + 1},}}", lambda found: _without_middle(found[0], word), text)
-    return _without_middle(text, line) if len(text) > line else text
+        text = re.sub(rf"\S{{{word + 1},}}", lambda found: _without_middle(found[0], word // 9), text)
+    return _without_middle(text, line // 3) if len(text) > line else text
 
 
-def _without_middle(text: str, most: int) -> str:
-    kept = most // 3
+def _without_middle(text: str, kept: int) -> str:
     return f"{text[:kept]}…({len(text) - 2 * kept} more)…{text[-kept:]}"
 
 

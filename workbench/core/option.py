@@ -192,6 +192,8 @@ class Declared:
         for x in value if isinstance(value, tuple) else (value,):
             if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
                 raise ValueError(f"{x!r} is not a number{unit}")
+            if isinstance(x, int) and abs(x) > sys.float_info.max:
+                raise ValueError("a whole number beyond 1e308 is too large")
             if self.type is int and not isinstance(x, Integral):
                 raise ValueError(f"{x!r} is not a whole number{unit}")
             if self.option.positive and not 0.0 < x < math.inf:

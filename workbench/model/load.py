@@ -293,7 +293,7 @@ def _start(name: str, value: Value, variables: Mapping[str, Variable]) -> Value:
         raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
     try:
         return _as_type(variable, value)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
         raise InputError(f"{name} is a {variable.type}; '{value}' is not") from None
 
 
