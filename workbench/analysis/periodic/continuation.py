@@ -203,6 +203,6 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     if up.closed:
         return up
     down = follow(family, first, manner, way=-1.0)
-    turned = [turned(p) for p in reversed(down.places)]
+    before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
-    return Track(turned[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
+    return Track(before[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
