@@ -23,7 +23,7 @@ from workbench.endings import ENDING
 from workbench.errors import WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers.answers import records_only
-from workbench.workers.channel import MARK_BYTES, Channel
+from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
 from workbench.workers.limits import cores, went_beyond
 
@@ -184,12 +184,13 @@ class WorkerProcess:
         return text.decode("utf-8", "replace")
 
     def reap(self) -> int | None:
-        """Wait for a process that is dying; return its exit code, None where it went on."""
+        """Wait for a process that is dying; return its exit code, None where it went on and could tell nothing."""
         until = time.monotonic() + _DYING
         while not (ended := self._has_ended()) and time.monotonic() < until:
             time.sleep(_PAUSE)
+        hung_up = (self._folder / HUNG_UP).exists()
         code = self.kill()
-        return code if ended else None
+        return code if ended and not hung_up else None
 
     def _has_ended(self) -> bool:
         """Whether the process is at its end; where the system can, its number stays its own until `kill`."""
