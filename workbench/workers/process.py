@@ -20,7 +20,7 @@ from workbench.core.locks import forkable_lock
 from workbench.core.scratch import remove, scratch_folder
 from workbench.core.where import Limits
 from workbench.endings import ENDING
-from workbench.errors import WorkbenchError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers.answers import records_only
 from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
@@ -134,7 +134,7 @@ class WorkerProcess:
         self.most = self._beyond = None
         self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
-        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
+        order = (_current_folder(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
 
     def end_soon(self) -> None:
@@ -220,6 +220,13 @@ def _kill_all(process: subprocess.Popen[bytes]) -> None:
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)  # it leads a group, see `_started`
     process.kill()
+
+
+def _current_folder() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109 - a text
+    except OSError as error:
+        raise InputError(f"the current folder cannot be used: {error.strerror}; change to another") from None
 
 
 def _surroundings() -> tuple[int, tuple[str, ...], int]:
