@@ -25,6 +25,7 @@ from typing import (
 )
 
 from workbench.core.forms import Form, written
+from workbench.core.interrupts import insisting
 from workbench.errors import InputError, suggest
 
 __all__ = [
@@ -445,7 +446,8 @@ def with_options(
             values = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise TypeError(f"{name}() {_wrong_call(signature, args, kwargs) or error}") from None
-        return make(values.pop(first[0], ()), kind(**values))
+        with insisting():
+            return make(values.pop(first[0], ()), kind(**values))
 
     call.__signature__ = signature  # type: ignore[attr-defined]
     call.__annotations__ = {**{p.name: p.annotation for p in given}, "return": returned}
