@@ -277,11 +277,13 @@ _TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedba
 _FEW_RUNS = {"trim", "branches", "modes", "loop", "run"}  # trim of cs runs the FMU several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
-    "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim"}},
+    "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim", "run"}},
     "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
     "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
     "unload": {"": set(DEEDS)},  # at the earliest when the results are there
 }
+# Other numbers are right where a note says why: what is done, call → words of the note.
+TOLD = {("delays", "getFMUstate"): "snapshots fall back to replay"}  # so that its steps have one length
 READ_ONLY = {("export", "cs"), ("delays", "me")}  # no call at all: the description says everything
 DEADLY = {"segfault", "abort", "exit0", "exit3", "hang"}
 
@@ -318,9 +320,9 @@ class Case:
 
     @property
     def timeout(self) -> float:
-        """What a result may cost [s]: little, where it hangs before it is there; noise is slow, but comes to an end."""
-        slow = self.way in {"stdout", "descriptors", "memory"} or self.call in {"terminate", "freeInstance"}
-        return PATIENT if slow else self.deed.timeout
+        """What a result may cost [s]: little, where it hangs before it is there."""
+        waits = self.way == "hang" and self.call not in {"terminate", "freeInstance"}
+        return self.deed.timeout if waits else PATIENT
 
 
 @dataclass(frozen=True)
@@ -413,7 +415,11 @@ def told(case: Case, data: Any, truth: Any) -> tuple[str, int, str]:
     if why := str(case.deed.failed(data) or ""):
         return _kind_in(why), 1, why
     found = case.deed.numbers(data)
-    return ("ok", 0, "") if _same(found, truth) else ("WRONG", 0, f"{found} in place of {truth}; {data.get('notes')}")
+    notes = data.get("notes") or []
+    told_why = TOLD.get((case.what, case.call))
+    if _same(found, truth) or (told_why and any(told_why in note for note in notes)):
+        return "ok", 0, ""
+    return "WRONG", 0, f"{found} in place of {truth}; {notes}"
 
 
 def _kind_in(reason: str) -> str:

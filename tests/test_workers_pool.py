@@ -113,6 +113,20 @@ def test_the_time_limit_counts_from_item_to_item(model: wb.DescribedModel, monke
             clock.now += 0.5
 
 
+def test_what_a_worker_imports_is_not_on_the_time_of_the_fmu(
+    model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, begin = Clock(monkeypatch), WorkerProcess.begin
+
+    def begin_slowly(worker: WorkerProcess, *order: Any) -> None:  # noqa: ANN401 - as they are
+        begin(worker, *order)
+        clock.now += 30.0
+
+    monkeypatch.setattr(WorkerProcess, "begin", begin_slowly)
+    with Pool(model.recipe, jobs=1, limits=Limits(timeout=0.6)) as pool:
+        assert list(pool.run(obey, deque([("say", 1)]))) == [Reply(("say", 1), 1)]
+
+
 def test_when_its_results_are_there_an_fmu_has_little_time_to_end(
     model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
+import os
 import signal
 import threading
 from collections import deque
@@ -21,7 +22,7 @@ from tests.worker_tasks import obey
 from workbench.cli.app import run
 from workbench.core.scratch import scratch_folder
 from workbench.core.where import Limits
-from workbench.workers import process
+from workbench.workers import Lost, Reply, process
 from workbench.workers.limits import memory_limit_works
 from workbench.workers.pool import Pool
 from workbench.workers.process import WorkerProcess
@@ -93,6 +94,29 @@ def test_what_an_fmu_starts_ends_with_its_worker(time: str) -> None:
         assert process.stdout.readline() == "lost\n"
     process.communicate()
     assert ended(child)
+
+
+@pytest.mark.skipif(not hasattr(os, "waitid"), reason="without it a process that has ended no longer tells its group")
+def test_what_an_fmu_starts_ends_with_its_crash() -> None:
+    with wb.load("fmu:FirstOrderLag") as model, Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+        started, crash = pool.run(obey, deque([("start", "segfault")]))
+        assert isinstance(started, Reply)
+        assert isinstance(crash, Lost)
+        assert crash.kind == "crashed"
+    assert ended(started.value)
+
+
+@linux
+def test_a_stopped_worker_ends_with_its_parent_and_what_its_fmu_has_started() -> None:
+    process = start(["-c", STARTING.replace("TIME", "1000.0").replace("getattr(event", "*pool.pids, getattr(event")])
+    assert process.stdout is not None
+    pids = [int(word) for word in process.stdout.readline().split()]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    process.kill()
+    process.communicate()
+    assert len(pids) == 2
+    assert all(ended(pid) for pid in pids)
 
 
 def test_a_script_that_leaves_its_workers_to_themselves_ends() -> None:

@@ -53,10 +53,10 @@ def _sleep(model: Model, *seconds: float) -> Iterator[Any]:
         yield s
 
 
-def _start(model: Model) -> Iterator[Any]:
+def _start(model: Model, then: str = "sleep") -> Iterator[Any]:
     """Start another process, as an FMU that wraps a program does."""
     yield subprocess.Popen(["sleep", "1000"], stdin=subprocess.DEVNULL).pid
-    time.sleep(1000.0)
+    yield from _DEEDS[then](model, *([1000.0] if then == "sleep" else []))
 
 
 def _endless_in_c(model: Model) -> Iterator[Any]:

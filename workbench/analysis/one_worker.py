@@ -76,6 +76,15 @@ class _Whole:
     asked: Request[Any, Any]
     subject: object
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _whole, (self.asked, self.subject)
+
+
+def _whole(asked: Request[Any, Any], subject: object) -> _Whole:
+    """Read a request in a worker, with what it takes to do it: that is not on the FMU's time."""
+    named(asked.algorithm)
+    return _Whole(asked, subject)
+
 
 def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
     """Run a request in a worker."""

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from workbench.model.recipe import Recipe
 
 __all__ = [
+    "BEGUN",
     "BUG",
     "DONE",
     "ERROR",
@@ -57,7 +58,7 @@ __all__ = [
 ]
 
 # Kinds of messages to the parent, each followed by its content.
-READY, OPENED, ITEM, TOLD, DONE = "ready", "opened", "item", "told", "done"
+READY, BEGUN, OPENED, ITEM, TOLD, DONE = "ready", "begun", "opened", "item", "told", "done"
 ERROR, MEMORY, FOREIGN, BUG = "error", "memory", "foreign", "bug"
 
 # From the parent, in place of an order: end the task in work soon, with what there is.
@@ -203,6 +204,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
             task, argument = pickle.loads(work)  # noqa: S301 - of the parent
         except (AttributeError, ImportError) as error:
             return FOREIGN, str(error)
+        channel.send((BEGUN, None))  # what was to be imported is: time limits are for the FMU
         model = _model(recipe)
         watch = MemoryWatch(limits.memory)
         _Worker.state = (*_Worker.state[:-1], _state()[-1])

@@ -27,7 +27,7 @@ from workbench.errors import (
 )
 from workbench.model.recipe import Recipe
 from workbench.workers.channel import HUNG_UP
-from workbench.workers.child import BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
+from workbench.workers.child import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.workers.process import AFTERWARDS, WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
 
@@ -152,7 +152,8 @@ class Pool(Runner):
                     continue
                 both = selectors.EVENT_READ | (selectors.EVENT_WRITE if worker.channel.leaving else 0)
                 waiting.register(worker.channel, both, worker)
-            ready = [(key.data, event) for key, event in waiting.select(_PATIENCE)]
+            soonest = min((worker.left for worker in self._workers), default=_PATIENCE)
+            ready = [(key.data, event) for key, event in waiting.select(min(_PATIENCE, soonest))]
         for worker, event in ready:
             if event & selectors.EVENT_WRITE:
                 worker.channel.flush()
@@ -194,6 +195,8 @@ class Pool(Runner):
             yield from self._end(worker, LostError(f"{_UNREADABLE}: part of it is missing, or was not asked for"))
         elif kind == READY:
             self._free(worker)
+        elif kind == BEGUN:
+            worker.restart_clock()
         elif kind == OPENED:
             worker.opened, worker.most = True, content if isinstance(content, float) else None
             worker.restart_clock()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import pickle
 import secrets
@@ -30,6 +31,10 @@ __all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
+_PAUSE = 0.005
+
+# So long a worker may take to import what a task needs, whatever the time limit of the FMU [s].
+_IMPORTS = 60.0
 
 # When all its results are there, an FMU ends its run and is freed within this time [s].
 AFTERWARDS = 30.0
@@ -42,7 +47,17 @@ _LAST_WORDS = 1 << 16
 _LOG = 1 << 26
 
 _START = (
-    "import sys; sys.path[:] = {path!r}; {first}from workbench.workers.child import main; main({link!r}, *{rest!r})"
+    "import sys; sys.path[:] = {path!r}; {orphaned}{first}from workbench.workers.child import main; "
+    "main({link!r}, *{rest!r})"
+)
+
+# When its parent dies, the system continues a worker (Linux): one that is stopped could not see that. Not a signal that
+# ends it, for what watches the parent also removes files and ends the processes that the FMU has started; and the
+# system also sends it when the thread that began the worker ends, which then changes nothing. PR_SET_PDEATHSIG is 1.
+_ORPHANED = (
+    f"import ctypes; ctypes.CDLL(None).prctl(1, ctypes.c_ulong({int(signal.SIGCONT)})); "
+    if sys.platform == "linux"
+    else ""
 )
 _CONFINED = "from workbench.core.confine import confine; confine({folder!r}); "  # before a library begins a thread
 
@@ -105,7 +120,7 @@ class WorkerProcess:
     @property
     def alive(self) -> bool:
         """Whether it still runs, and is this process's own: in a copy made by fork it is not."""
-        return self.surroundings[0] == os.getpid() and self._process.poll() is None
+        return self.surroundings[0] == os.getpid() and not self._has_ended()
 
     @property
     def usable(self) -> bool:
@@ -117,7 +132,7 @@ class WorkerProcess:
         self.seasoned, self.opened = self.opened, False
         self.index, self.ready, self.error, self._limits = index, False, None, limits
         self.most = self._beyond = None
-        self.restart_clock()
+        self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
         order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
@@ -131,13 +146,19 @@ class WorkerProcess:
         latest = time.monotonic() + AFTERWARDS
         self.deadline = latest if self.deadline is None else min(self.deadline, latest)
 
-    def restart_clock(self) -> None:
-        """Give the present task its full time again."""
-        self.deadline = None if self._limits.timeout is None else time.monotonic() + self._limits.timeout
+    def restart_clock(self, *, least: float = 0.0) -> None:
+        """Give the present task its full time again, or the least that it may have."""
+        given = self._limits.timeout
+        self.deadline = None if given is None else time.monotonic() + max(given, least)
+
+    @property
+    def left(self) -> float:
+        """Time that the present task still has [s], at least 0."""
+        return math.inf if self.deadline is None else max(0.0, self.deadline - time.monotonic())
 
     def is_late(self) -> bool:
         """Whether the present task has had its time."""
-        return self.deadline is not None and time.monotonic() > self.deadline
+        return self.left == 0.0
 
     def is_beyond_memory(self) -> bool:
         """Whether the present task went beyond its memory, and either has had its time or did not say so in a while.
@@ -164,19 +185,25 @@ class WorkerProcess:
 
     def reap(self) -> int | None:
         """Wait for a process that is dying; return its exit code, None where it went on."""
-        try:
-            self._process.wait(_DYING)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            return None
-        return self.kill()
+        until = time.monotonic() + _DYING
+        while not (ended := self._has_ended()) and time.monotonic() < until:
+            time.sleep(_PAUSE)
+        code = self.kill()
+        return code if ended else None
+
+    def _has_ended(self) -> bool:
+        """Whether the process is at its end; where the system can, its number stays its own until `kill`."""
+        if self._process.returncode is None and hasattr(os, "waitid"):  # not on macOS and Windows
+            with suppress(ChildProcessError):  # somebody else took its exit code
+                return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        return self._process.poll() is not None
 
     def kill(self) -> int | None:
-        """End the process by force if it still runs; return its exit code. At most once."""
+        """End the process by force, with what the FMU has started; return its exit code. At most once."""
         with _lock:
             _alive.discard(self)
-        if self._process.poll() is None:  # with the processes that the FMU has started; of one that is gone, its
-            _kill_all(self._process)  # number may be another's by now
+        if not self._has_ended() or self._process.returncode is None:  # else its number may be another's by now
+            _kill_all(self._process)
         code = self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
@@ -209,7 +236,9 @@ def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int,
         first: code that runs before all else.
     """
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100 - of text
-    code = _START.format(path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest)
+    code = _START.format(
+        orphaned=_ORPHANED, path=path, first=first, link=theirs.fileno() if os.name == "posix" else None, rest=rest
+    )
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # noqa: SLF001 - as multiprocessing
     process = subprocess.Popen(
         [sys.executable, *flags, "-c", code],
