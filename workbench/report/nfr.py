@@ -38,6 +38,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         "Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect. "
         "Bars: the error."
     )
+    sections = [_values(result, i) for i in range(result.amplitude.size)]
     return Page(
         title=f"Frequency response of {result.model}: {result.input} → {result.output}",
         lead=_lead(result),
@@ -50,7 +51,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         sections=[
             Section("Gain and phase", figures=[(partial(result.plot, offset=offset), words)]),
             *_branches(result),
-            Section("Values", parts=[_values(result, i) for i in range(result.amplitude.size)], folded=True),
+            Section("Values", parts=[s for s in sections if any(t.rows for t in s.tables)], folded=True),
         ],
         summary=_verdicts(result),
         notes=result.warnings,
@@ -138,7 +139,12 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
     counts = Counter(words.ravel().tolist())
     found = [Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}") for word in _MEANING if counts[word]]
-    reasons = Counter(f.reason for f in result.failed)
+    reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
+    missing = sum(f.reason == MISSING for f in result.failed)
+    if missing:
+        found.append(
+            Verdict("skipped", f"{counted(missing, 'point')}, which the sweep had not reached when it was stopped")
+        )
     first = {f.reason: f for f in reversed(result.failed)}
     found += [
         Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")

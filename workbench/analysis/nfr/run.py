@@ -78,7 +78,9 @@ class Sweep:
         self._model, self._asked = placed, asked
         self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
         self._frequencies = frequency_grid(asked.frequencies, asked.band, asked.ratio, falling=asked.carry)
-        self._amplitudes = tuple(sorted(positive_values("amplitude", asked.amplitudes or (), unit="unit of the input")))
+        self._amplitudes = tuple(
+            sorted(positive_values("amplitudes", asked.amplitudes or (), unit="unit of the input"))
+        )
         if asked.step is not None and model.interface == "cs":
             rows_of_step(max(self._frequencies), asked.step)
         self._workers = _with_executor(asked.place, asked.executor)
