@@ -146,7 +146,7 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
             return [name for name in names if not wanted(name)]
     except DAMAGED:
-        raise FmuError(f"{path}: not a zip archive or damaged, so no FMU; copy or export it again") from None
+        raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be unpacked: {error}") from None
 
