@@ -98,6 +98,7 @@ if TYPE_CHECKING:
         LostError,
         OutOfMemoryError,
         SimulationError,
+        StoppedError,
         TimedOutError,
         WorkbenchError,
     )
@@ -228,6 +229,7 @@ __all__ = [
     "SpectralDensity",
     "Step",
     "StepCheck",
+    "StoppedError",
     "StudyResult",
     "SubspaceEstimate",
     "SumComponent",
@@ -381,6 +383,7 @@ _HOMES = {
         "LostError",
         "OutOfMemoryError",
         "SimulationError",
+        "StoppedError",
         "TimedOutError",
         "WorkbenchError",
     ),

@@ -120,13 +120,21 @@ class OutOfMemoryError(LostError):
 class StoppedError(KeyboardInterrupt):
     """A KeyboardInterrupt with what there was: Ctrl-C, or a callback that raised one, while something ran.
 
+    Its text says how far it came; `before` holds what was finished.
+
     Attributes:
         before: the record of what was finished, or the rows of one run; None where nothing was.
+        reached: number of parts that were finished, and of all; (0, 0): not told.
     """
 
-    def __init__(self, before: object) -> None:
-        super().__init__()
-        self.before = before
+    def __init__(self, before: object, reached: tuple[int, int] = (0, 0)) -> None:
+        done, total = reached
+        far = f"stopped after {done} of {total}" if total else "stopped"
+        kept = "nothing was finished"
+        if before is not None:
+            kept = f"what was finished is the `before` of this error, {article(type(before).__name__)}"
+        super().__init__(f"{far}; {kept}")
+        self.before, self.reached = before, reached
 
 
 class EndedError(SimulationError):

@@ -387,8 +387,8 @@ def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -
     """Run a request; a KeyboardInterrupt brings along what is finished, a record what its job notes."""
     try:
         record: Any = asked.run(subject, job)
-    except KeyboardInterrupt as error:
-        raise StoppedError(job.partial()) from error
+    except KeyboardInterrupt:
+        raise StoppedError(job.partial(), job.reached) from None  # where it was just then tells nobody anything
     except SimulationError as error:
         if error.before is None:
             error.before = job.partial()  # nothing is lost

@@ -72,7 +72,11 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     input: str = option("Input to force.", metavar="U")
     output: str = option("Output or state to measure.", metavar="Y")
     frequencies: Numbers | None = option(
-        "Frequencies to measure, in rising order.", unit="Hz", flag="--freq", metavar="F,..", default=None
+        "Frequencies to measure; with carry in this order, rising or falling, else in any.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        default=None,
     )
     amplitudes: Numbers | None = option(
         "Amplitudes of the sine, in the unit of the input.",
