@@ -44,7 +44,7 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     Raises:
         InputError: see `frequency_grid`.
     """
-    positive_values("band limit", (low, high), unit="Hz", distinct=False)
+    positive_values("band", (low, high), unit="Hz", distinct=False)
     if not (math.isfinite(ratio) and ratio > 1.0):
         raise InputError(f"ratio: {ratio:g} must be above 1")
     if low == high:
