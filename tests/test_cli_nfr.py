@@ -106,7 +106,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
         ([*LAG, "--band", "1:2", "--ratio", "1"], "must be above 1"),
         ([*LAG, "--freq", "1", "--errcrit", "0"], "errcrit: 0"),
         ([*LAG, "--freq", "1", "--max-periods", "1"], "at least 2"),
-        ([*LAG[:-1], "0", "--freq", "1"], "amplitude: 0 is not a positive number"),
+        ([*LAG[:-1], "0", "--freq", "1"], "--amplitude: 0 is not a positive number"),
         ([*LAG, "--freq", "1", "--set", "tau"], "--set: 'tau' is not of the form NAME=VALUE"),
         ([*LAG, "--freq", "1", "--set", "taw=1"], "did you mean tau?"),
         ([*LAG, "--freq", "1", "--set", "tau=fast"], "tau"),

@@ -169,7 +169,7 @@ def test_a_list_rises_unless_it_may_fall() -> None:
         ({"frequencies": None}, "neither is given"),
         ({"band": (1.0, 2.0)}, "both are given"),
         ({"frequencies": None, "band": (2.0, 1.0)}, "falls; write 1:2"),
-        ({"frequencies": None, "band": (0.0, 1.0)}, "band limit: 0"),
+        ({"frequencies": None, "band": (0.0, 1.0)}, "band: 0"),
         ({"frequencies": None, "band": (1.0, 2.0), "ratio": 1.0}, "ratio: 1 "),
         ({"frequencies": None, "band": (1.0, 2.0), "ratio": 1.0 + 1e-9}, "use a larger one"),
         ({"amplitudes": 0.0}, "amplitude: 0 is not"),
