@@ -64,19 +64,18 @@ def pattern_of(depends: Sequence[Sequence[int] | None], n: int) -> Pattern:
     for row, states in enumerate(depends):
         for state in states or ():
             rows[state].append(row)
-    groups: list[tuple[set[int], list[int]]] = []
+    groups: list[list[int]] = []
+    taken: list[set[int]] = []
     for state, own in enumerate(rows):
-        for taken, members in groups:
-            if taken.isdisjoint(own):
-                break
-        else:
-            taken, members = set(), []
-            groups.append((taken, members))
-        taken.update(own)
-        members.append(state)
+        number = next((g for g, moved in enumerate(taken) if moved.isdisjoint(own)), len(groups))
+        if number == len(groups):
+            groups.append([])
+            taken.append(set())
+        groups[number].append(state)
+        taken[number].update(own)
     return Pattern(
-        members=np.array([state for _, members in groups for state in members], dtype=np.uintp),
-        ends=np.cumsum([len(members) for _, members in groups], dtype=np.uintp),
+        members=np.array([state for members in groups for state in members], dtype=np.uintp),
+        ends=np.cumsum([len(members) for members in groups], dtype=np.uintp),
         first=np.cumsum([0, *map(len, rows)], dtype=np.uintp),
         rows=np.array([row for own in rows for row in own], dtype=np.uintp),
     )
