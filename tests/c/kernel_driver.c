@@ -56,6 +56,7 @@ void *__wrap_realloc(void *memory, size_t size) {
 typedef struct {
     double t, x, u, next, bad_time; /* derivatives and steps fail with `bad_status` from bad_time on */
     int k, bad_status, falls;
+    int saying;
 } Fake;
 
 static int bad(const Fake *f) {
@@ -336,24 +337,86 @@ static void test_loop(Run run, int version) {
     CHECK(fabs(last[0] - last[1]) <= 1e-7 * fabs(last[0]));
 }
 
-/* Along a run with events: x of the first moves the second's derivative by the gain of the connection, nothing else. */
-static void test_slopes(void) {
-    const double times[4] = {0.1, 0.7, 1.3, 2.9};
-    for (int fails = 0; fails < 2; fails++) {
-        Bench b;
-        double x[8] = {0}, dx[8] = {0}, a[16] = {0}, c[16] = {0}, work[8];
-        Slopes slopes = {.times = times, .n_times = 4, .x = x, .dx = dx, .a = a, .c = c, .work = work};
-        setup(&b, 2, 2);
-        b.fakes[0].bad_time = fails ? 1.0 : 1e9;
-        CHECK(run_me_along(&b, 3.0, &slopes) == !fails);
-        CHECK(slopes.found == (fails ? 2 : 4) && slopes.passed == slopes.found);
-        for (size_t k = 0; k < slopes.found; k++) {
-            const double *f = a + 4 * k, *y = c + 4 * k;
-            CHECK(fabs(f[1] - b.gain) < 1e-6 && f[0] == 0.0 && f[2] == 0.0 && f[3] == 0.0);
-            CHECK(fabs(y[0] - 1.0) < 1e-6 && y[1] == 0.0 && y[2] == 0.0 && fabs(y[3] - 1.0) < 1e-6);
-            CHECK(fabs(dx[2 * k + 1] - b.gain * x[2 * k]) < 1e-9);
+/* What a component says of how rows 10 … 13 (f, then y) move with states 20 and 21; TRUE_ONES is right. */
+typedef enum { TRUE_ONES, WRONG_ONES, NOT_NUMBERS, ERRORS, FATAL_ERRORS, N_SAYINGS } Saying;
+
+static int directional(Fake *f, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
+                       const double *seed, double *sensitivity) {
+    static const int status[N_SAYINGS] = {[ERRORS] = 3, [FATAL_ERRORS] = 4};
+    const double factor[N_SAYINGS] = {1.0, 1.1, NAN, 1.0, 1.0};
+    for (size_t i = 0; i < n_unknowns; i++) {
+        sensitivity[i] = 0.0;
+        for (size_t j = 0; j < n_knowns; j++) {
+            const bool first = knowns[j] == 20;
+            const double f1 = unknowns[i] == 11 && first ? 0.5 * factor[f->saying] : 0.0;
+            const bool y = unknowns[i] == (first ? 12U : 13U);
+            sensitivity[i] += seed[j] * (f1 + (y ? 1.0 : 0.0));
         }
-        kernel_record_free(&b.record);
+    }
+    return status[f->saying];
+}
+
+static int directional3(Fake *f, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
+                        const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity) {
+    const bool right = n_seed == n_knowns && n_sensitivity == n_unknowns;
+    return right ? directional(f, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity) : 3;
+}
+
+/* Along a run with events: x of the first moves the second's derivative by the gain of the connection, nothing else. */
+typedef struct {
+    SlopesWay way;
+    Saying saying;
+    bool grouped, hidden; /* both states at once; the file does not say that f moves */
+    double bad_time;
+    int version;
+} SlopesCase;
+
+static void check_slopes(const SlopesCase *one) {
+    static const double times[4] = {0.1, 0.7, 1.3, 2.9};
+    static const size_t members[2] = {0, 1}, ends[2] = {1, 2}, together = 2;
+    static const size_t first[3] = {0, 2, 3}, rows[3] = {1, 2, 3}, hidden_first[3] = {0, 1, 2}, hidden_rows[2] = {2, 3};
+    static const uint32_t knowns[2] = {20, 21}, unknowns[4] = {10, 11, 12, 13};
+    Bench b;
+    double x[8] = {0}, dx[8] = {0}, a[16] = {0}, c[16] = {0}, work[12];
+    Slopes slopes = {
+        .times = times, .n_times = 4, .x = x, .dx = dx, .a = a, .c = c, .work = work, .members = members,
+        .ends = one->grouped ? &together : ends, .n_groups = one->grouped ? 1 : 2,
+        .first = one->hidden ? hidden_first : one->grouped ? first : NULL,
+        .rows = one->hidden ? hidden_rows : rows, .knowns = knowns, .unknowns = unknowns, .way = (int32_t)one->way,
+    };
+    setup(&b, one->version, 2);
+    b.functions[GET_DIRECTIONAL] = one->version == 3 ? (Function)directional3 : (Function)directional;
+    b.fakes[0].saying = one->saying;
+    b.fakes[0].bad_time = one->bad_time;
+    const bool fatal = one->way == BY_DIRECTIONAL && one->saying == FATAL_ERRORS, fails = one->bad_time < 3.0;
+    CHECK(run_me_along(&b, 3.0, &slopes) == !(fails || fatal));
+    CHECK(!fatal || b.system.failure.function == GET_DIRECTIONAL);
+    const size_t expected = fatal ? 0 : fails ? 2 : 4;
+    CHECK(slopes.found == expected && slopes.passed == expected);
+    const bool believed = one->saying == TRUE_ONES && !one->hidden;
+    CHECK(slopes.refuted[BY_DIRECTIONAL] == (one->way == BY_DIRECTIONAL && !believed ? expected : 0));
+    CHECK(slopes.refuted[BY_GROUPS] == (one->way <= BY_GROUPS && one->hidden ? expected : 0));
+    for (size_t k = 0; k < slopes.found; k++) {
+        const double *f = a + 4 * k, *y = c + 4 * k;
+        CHECK(fabs(f[1] - b.gain) < 1e-6 && f[0] == 0.0 && f[2] == 0.0 && f[3] == 0.0);
+        CHECK(fabs(y[0] - 1.0) < 1e-6 && y[1] == 0.0 && y[2] == 0.0 && fabs(y[3] - 1.0) < 1e-6);
+        CHECK(fabs(dx[2 * k + 1] - b.gain * x[2 * k]) < 1e-9);
+        CHECK(one->way != BY_DIRECTIONAL || !believed || f[1] == b.gain);
+    }
+    kernel_record_free(&b.record);
+}
+
+static void test_slopes(void) {
+    for (int version = 2; version <= 3; version++) {
+        for (int way = BY_DIRECTIONAL; way < N_WAYS; way++) {
+            for (int saying = 0; saying < N_SAYINGS; saying++) {
+                for (int kind = 0; kind < 6; kind++) {
+                    const bool grouped = kind % 3 > 0, hidden = kind % 3 == 2;
+                    const double bad_time = kind < 3 ? 1e9 : 1.0;
+                    check_slopes(&(SlopesCase){(SlopesWay)way, (Saying)saying, grouped, hidden, bad_time, version});
+                }
+            }
+        }
     }
 }
 

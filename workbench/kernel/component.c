@@ -17,6 +17,7 @@ static const char *const NAMES[N_FUNCTIONS] = {
     [UPDATE_DISCRETE_STATES] = "update_discrete_states",
     [DO_STEP] = "do_step",
     [SET_SLOPES] = "set_slopes",
+    [GET_DIRECTIONAL] = "get_directional",
 };
 
 const char *function_name(size_t index) {

@@ -27,11 +27,12 @@ typedef enum {
     UPDATE_DISCRETE_STATES,
     DO_STEP,
     SET_SLOPES,
+    GET_DIRECTIONAL,
     N_FUNCTIONS
 } FunctionIndex;
 
 /* NOT_EXPORTED stands for the status of a function that is not there; an FMU may return the same number. */
-enum { FMI_WARNING = 1, FMI_DISCARD = 2, NOT_EXPORTED = -1 };
+enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
 
@@ -68,6 +69,8 @@ typedef struct ComponentCalls {
     int (*do_step)(const Component *component, double time, double step, Answer *answer);
     int (*set_slopes)(const Component *component, const uint32_t *references, size_t n, const int32_t *orders,
                       const double *slopes);
+    int (*directional)(const Component *component, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                       const double *seed, size_t n_knowns, double *sensitivity);
     bool modes;          /* has the functions that enter a mode */
     bool sized;          /* getters and setters also take the number of values */
 } ComponentCalls;

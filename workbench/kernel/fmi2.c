@@ -12,6 +12,7 @@ typedef int (*CompletedStep)(void *, int, int *, int *);
 typedef int (*NewDiscreteStates)(void *, EventInfo *);
 typedef int (*DoStep)(void *, double, double, int);
 typedef int (*SetSlopes)(void *, const uint32_t *, size_t, const int32_t *, const double *);
+typedef int (*Directional)(void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *);
 
 static int completed_step(const Component *component, Answer *answer) {
     int event = 0;
@@ -48,10 +49,19 @@ static int set_slopes(const Component *component, const uint32_t *references, si
     return function ? ((SetSlopes)function)(component->handle, references, n, orders, slopes) : NOT_EXPORTED;
 }
 
+static int directional(const Component *component, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                       const double *seed, size_t n_knowns, double *sensitivity) {
+    const Function function = component->functions[GET_DIRECTIONAL];
+    return function ? ((Directional)function)(component->handle, unknowns, n_unknowns, knowns, n_knowns, seed,
+                                              sensitivity)
+                    : NOT_EXPORTED;
+}
+
 const ComponentCalls calls_fmi2 = {
     .completed_step = completed_step,
     .update_discrete_states = update_discrete_states,
     .do_step = do_step,
     .set_slopes = set_slopes,
+    .directional = directional,
     .modes = true,
 };

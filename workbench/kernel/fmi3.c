@@ -6,6 +6,8 @@
 typedef int (*CompletedStep)(void *, bool, bool *, bool *);
 typedef int (*UpdateDiscreteStates)(void *, bool *, bool *, bool *, bool *, bool *, double *);
 typedef int (*DoStep)(void *, double, double, bool, bool *, bool *, bool *, double *);
+typedef int (*Directional)(void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *,
+                           size_t);
 
 static int completed_step(const Component *component, Answer *answer) {
     const Function function = component->functions[COMPLETED_STEP];
@@ -40,10 +42,19 @@ static int do_step(const Component *component, double time, double step, Answer 
     return status;
 }
 
+static int directional(const Component *component, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                       const double *seed, size_t n_knowns, double *sensitivity) {
+    const Function function = component->functions[GET_DIRECTIONAL];
+    return function ? ((Directional)function)(component->handle, unknowns, n_unknowns, knowns, n_knowns, seed,
+                                              n_knowns, sensitivity, n_unknowns)
+                    : NOT_EXPORTED;
+}
+
 const ComponentCalls calls_fmi3 = {
     .completed_step = completed_step,
     .update_discrete_states = update_discrete_states,
     .do_step = do_step,
+    .directional = directional,
     .modes = true,
     .sized = true,
 };

@@ -13,9 +13,9 @@ from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.native_system import NativeSystem
-from workbench.kernel.structs import Fourier, Record, Slopes
+from workbench.kernel.structs import Fourier, Record
 
-__all__ = ["NativeFourier", "NativeRecord", "NativeSlopes"]
+__all__ = ["NativeFourier", "NativeRecord"]
 
 Floats = NDArray[np.float64]
 Recorded = tuple[Variable, int]  # variable, component
@@ -153,41 +153,3 @@ class NativeFourier:
         result: Floats = np.empty(self._shape)
         self._library.kernel_fourier_result(self.address, result.ctypes.data)
         return result
-
-
-class NativeSlopes:
-    """The linearised model where a run passes given times; see slopes.h.
-
-    Args:
-        times: rising, shape (k,) [s].
-        n: number of states.
-        q: number of recorded variables.
-
-    Attributes:
-        times: as given.
-        x, dx: states and their derivatives there, shape (k, n).
-        A: ∂f/∂x, shape (k, n, n).
-        C: ∂y/∂x, shape (k, q, n).
-    """
-
-    def __init__(self, times: Floats, n: int, q: int) -> None:
-        k = len(times)
-        self.times = np.ascontiguousarray(times, dtype=np.float64)
-        self.x, self.dx = np.zeros((k, n)), np.zeros((k, n))
-        self._a, self._c, self._work = np.zeros((k, n, n)), np.zeros((k, n, q)), np.zeros(2 * (n + q))
-        self.A, self.C = self._a.transpose(0, 2, 1), self._c.transpose(0, 2, 1)
-        self.structure = Slopes(
-            times=self.times.ctypes.data,
-            n_times=k,
-            x=self.x.ctypes.data,
-            dx=self.dx.ctypes.data,
-            a=self._a.ctypes.data,
-            c=self._c.ctypes.data,
-            work=self._work.ctypes.data,
-        )
-        self.address = ctypes.addressof(self.structure)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the model could be evaluated at all of the times."""
-        return bool(self.structure.found == len(self.times))

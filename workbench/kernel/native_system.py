@@ -30,6 +30,7 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
         "update_discrete_states": "fmi2NewDiscreteStates",
         "do_step": "fmi2DoStep",
         "set_slopes": "fmi2SetRealInputDerivatives",
+        "get_directional": "fmi2GetDirectionalDerivative",
     },
     3: {
         "completed_step": "fmi3CompletedIntegratorStep",
@@ -38,6 +39,7 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
         "enter_step_mode": "fmi3EnterStepMode",
         "update_discrete_states": "fmi3UpdateDiscreteStates",
         "do_step": "fmi3DoStep",
+        "get_directional": "fmi3GetDirectionalDerivative",
     },
 }
 

@@ -47,6 +47,7 @@ FUNCTIONS = (
     "update_discrete_states",
     "do_step",
     "set_slopes",
+    "get_directional",
 )
 
 
@@ -413,8 +414,17 @@ class Slopes(ctypes.Structure):
         ("a", c_void_p),
         ("c", c_void_p),
         ("work", c_void_p),
+        ("members", c_void_p),
+        ("ends", c_void_p),
+        ("n_groups", c_size_t),
+        ("first", c_void_p),
+        ("rows", c_void_p),
+        ("knowns", c_void_p),
+        ("unknowns", c_void_p),
+        ("way", c_int32),
         ("found", c_size_t),
         ("passed", c_size_t),
+        ("refuted", c_size_t * 3),
     )
 
 

@@ -18,10 +18,12 @@ import numpy as np
 from workbench.errors import FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
-from workbench.kernel.native_record import NativeFourier, NativeRecord, NativeSlopes
+from workbench.kernel.native_record import NativeFourier, NativeRecord
+from workbench.kernel.native_slopes import NativeSlopes, Pattern, believed
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
+from workbench.session.directional import slopes_pattern
 from workbench.session.fmu import Call, FmuSession
 from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
@@ -206,6 +208,7 @@ class CompiledMeSession(CompiledSession, MeSession):
             most=self._most.ctypes.data,
             next_time=self._next_time,
         )
+        self._patterns: dict[tuple[str, ...], Pattern] = {}
         self._begin_anew("kernel_me_open")
 
     def _begin_anew(self, name: str) -> None:
@@ -228,17 +231,25 @@ class CompiledMeSession(CompiledSession, MeSession):
         return int(self._native.events)
 
     @contextmanager
-    def slopes(self, times: Floats, recorded: int) -> Iterator[NativeSlopes]:
+    def slopes(self, times: Floats, record: Sequence[str]) -> Iterator[NativeSlopes]:
         """Yield where ∂f/∂x and ∂y/∂x along the runs made meanwhile are put.
+
+        By the FMU's directional derivatives where it has true ones; else by differences, several states at once where
+        their declared dependencies allow it. What an evaluation refutes at most of the times is not tried again.
 
         Args:
             times: rising, ahead of the session, shape (k,) [s].
-            recorded: number of variables that the runs record.
+            record: what the runs record.
         """
-        found = NativeSlopes(times, self.instance.nx, recorded)
+        names = tuple(record)
+        if names not in self._patterns:
+            variables = [self.setup.variables[name] for name in names]
+            self._patterns[names] = slopes_pattern(self.instance, variables)
+        found = NativeSlopes(times, len(names), self._patterns[names])
         self._native.slopes = found.address
         try:
             yield found
+            self._patterns[names] = believed(self._patterns[names], found)
         finally:
             self._native.slopes = None
 

@@ -14,6 +14,7 @@ import numpy as np
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
+from workbench.session.directional import why_not_exact
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
 from workbench.session.stand import Stand, named_states
@@ -295,15 +296,7 @@ class FmuPoint(Point):
         return full
 
     def why_not_exact(self) -> str:
-        instance = self.session.instance
-        description = instance.description
-        if not instance.capabilities.directional_derivatives:
-            return f"{description.model_name} offers no directional derivatives"
-        if len(description.derivatives) != instance.nx:
-            return f"{description.model_name} does not name the derivatives of its states"
-        named = (*description.derivatives, *description.states, *self.inputs, *self.outputs)
-        arrays = [v.name for v in named if v.value_reference in description.shapes]
-        return f"{arrays[0]} is an element of an array, which directional derivatives take as a whole" if arrays else ""
+        return why_not_exact(self.session.instance, (*self.inputs, *self.outputs))
 
     def ticks(self, most: int, until: float) -> Floats:
         instance, found = self.session.instance, list[float]()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.matrices import Complex, exponentials
-from workbench.kernel.native_record import NativeSlopes
+from workbench.kernel.native_slopes import NativeSlopes
 from workbench.session.base import Floats
 
 __all__ = ["Tangent", "instants", "tangent"]

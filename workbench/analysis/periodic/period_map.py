@@ -171,7 +171,9 @@ class PeriodMap:
         with ExitStack() as stack:
             if intervals and len(x0):
                 times = instants(begin, length, intervals * self.order)
-                slopes = stack.enter_context(session.slopes(np.append(begin + _AT_ONCE * length, times), 1))
+                slopes = stack.enter_context(
+                    session.slopes(np.append(begin + _AT_ONCE * length, times), (self.output,))
+                )
             period = period_of(session.harmonics(signals=signals, **span.asked(self.output)))
         if not np.isfinite(period.harmonics).all():
             raise SimulationError(f"{self.output} is not finite", time=session.time)

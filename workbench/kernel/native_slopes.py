@@ -1,0 +1,140 @@
+"""The linearised model along a run, as the kernel's structure."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.kernel.structs import Slopes
+
+__all__ = ["BY_DIRECTIONAL", "BY_GROUPS", "BY_STATES", "NativeSlopes", "Pattern", "believed", "pattern_of"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.uintp]
+
+# SlopesWay in slopes.h: by directional derivatives, by differences of groups of states, of each state by itself.
+BY_DIRECTIONAL, BY_GROUPS, BY_STATES = range(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Which states are moved at once, and which of f and y each of them moves.
+
+    Attributes:
+        members: the n states, group after group, shape (n,).
+        ends: where each group ends in `members`, shape (groups,).
+        first: where the rows of each state begin in `rows`, shape (n + 1,); None: each may move all.
+        rows: f, then y, of each state in turn.
+        references: of `members`, and of the rows, for directional derivatives; None: they are not to be used.
+    """
+
+    members: Indices
+    ends: Indices
+    first: Indices | None = None
+    rows: Indices | None = None
+    references: tuple[NDArray[np.uint32], NDArray[np.uint32]] | None = None
+
+    @property
+    def way(self) -> int:
+        """How to find the slopes, if nothing speaks against it."""
+        if self.references is not None:
+            return BY_DIRECTIONAL
+        return BY_GROUPS if len(self.ends) < len(self.members) else BY_STATES
+
+
+def pattern_of(depends: Sequence[Sequence[int] | None], n: int) -> Pattern:
+    """Return which of n states can be moved at once without two of them moving the same row.
+
+    Each state in turn goes to the first group that has none of its rows.
+
+    Args:
+        depends: for each row the states on which it depends; None: it may be all.
+        n: number of states.
+
+    Source: A. Curtis, M. Powell, J. Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths Applics 13
+    (1974).
+    """
+    if any(d is None for d in depends):
+        return Pattern(np.arange(n, dtype=np.uintp), np.arange(1, n + 1, dtype=np.uintp))
+    rows: list[list[int]] = [[] for _ in range(n)]
+    for row, states in enumerate(depends):
+        for state in states or ():
+            rows[state].append(row)
+    groups: list[list[int]] = []
+    taken: list[set[int]] = []
+    for state, own in enumerate(rows):
+        number = next((g for g, moved in enumerate(taken) if moved.isdisjoint(own)), len(groups))
+        if number == len(groups):
+            groups.append([])
+            taken.append(set())
+        groups[number].append(state)
+        taken[number].update(own)
+    return Pattern(
+        members=np.array([state for members in groups for state in members], dtype=np.uintp),
+        ends=np.cumsum([len(members) for members in groups], dtype=np.uintp),
+        first=np.cumsum([0, *map(len, rows)], dtype=np.uintp),
+        rows=np.array([row for own in rows for row in own], dtype=np.uintp),
+    )
+
+
+class NativeSlopes:
+    """The linearised model where a run passes given times; see slopes.h.
+
+    Args:
+        times: rising, shape (k,) [s].
+        q: number of recorded variables.
+        pattern: of the n states.
+
+    Attributes:
+        times: as given.
+        x, dx: states and their derivatives there, shape (k, n).
+        A: ∂f/∂x, shape (k, n, n).
+        C: ∂y/∂x, shape (k, q, n).
+    """
+
+    def __init__(self, times: Floats, q: int, pattern: Pattern) -> None:
+        k, n = len(times), len(pattern.members)
+        self.times = np.ascontiguousarray(times, dtype=np.float64)
+        self.x, self.dx = np.zeros((k, n)), np.zeros((k, n))
+        self._a, self._c, self._work = np.zeros((k, n, n)), np.zeros((k, n, q)), np.zeros(4 * n + 2 * q)
+        self.A, self.C = self._a.transpose(0, 2, 1), self._c.transpose(0, 2, 1)
+        self._pattern = pattern
+        self.structure = Slopes(
+            times=self.times.ctypes.data,
+            n_times=k,
+            x=self.x.ctypes.data,
+            dx=self.dx.ctypes.data,
+            a=self._a.ctypes.data,
+            c=self._c.ctypes.data,
+            work=self._work.ctypes.data,
+            members=pattern.members.ctypes.data,
+            ends=pattern.ends.ctypes.data,
+            n_groups=len(pattern.ends),
+            first=None if pattern.first is None else pattern.first.ctypes.data,
+            rows=None if pattern.rows is None else pattern.rows.ctypes.data,
+            way=pattern.way,
+        )
+        if pattern.references is not None:
+            knowns, unknowns = pattern.references
+            self.structure.knowns, self.structure.unknowns = knowns.ctypes.data, unknowns.ctypes.data
+        self.address = ctypes.addressof(self.structure)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the model could be evaluated at all of the times."""
+        return bool(self.structure.found == len(self.times))
+
+    def refuted(self, way: int) -> bool:
+        """Whether a way was given up at most of the times, not only where the model has a kink."""
+        return bool(2 * self.structure.refuted[way] > self.structure.passed)
+
+
+def believed(pattern: Pattern, seen: NativeSlopes) -> Pattern:
+    """Return a pattern without what a run has refuted."""
+    if seen.refuted(BY_GROUPS):
+        pattern = pattern_of([None], len(pattern.members))
+    return replace(pattern, references=None) if seen.refuted(BY_DIRECTIONAL) else pattern
