@@ -32,7 +32,7 @@ class Degrees(Locator):
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
         low, high = sorted((vmin, vmax))
         if high - low < _DEGREES[0]:
-            return MaxNLocator(_MOST_TICKS).tick_values(low, high).tolist()
+            return [float(tick) for tick in MaxNLocator(_MOST_TICKS).tick_values(low, high)]
         turns = 360.0 * np.ceil((high - low) / (360.0 * _MOST_TICKS))
         step = next((s for s in _DEGREES if (high - low) / s <= _MOST_TICKS), turns)
         ticks: list[float] = (step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)).tolist()

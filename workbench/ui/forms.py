@@ -139,6 +139,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
     except InputError as error:
         name, words = in_the_form(request, str(error))
         wrong.setdefault(name, words)
+        raise FormError(wrong) from error
     if wrong:
         raise FormError(wrong)
     return asked
