@@ -94,7 +94,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
         if manner.stopped():
             raise KeyboardInterrupt
         if len(track.places) >= manner.most:
-            return _ended(track, f"{manner.most} places are enough")
+            return _ended(track, f"stopped after {manner.most} places; not followed further")
         found = _next(family, here, stride)
         if isinstance(found, str):
             return _ended(track, found)
@@ -203,6 +203,6 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     if up.closed:
         return up
     down = follow(family, first, manner, way=-1.0)
-    backwards = [turned(p) for p in reversed(down.places)]
+    before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
-    return Track(backwards[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
+    return Track(before[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
