@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from workbench.analysis.limit_cycle.branch import goes_on
 from workbench.plotting.figure import COLOURS, LEGEND, label, panels
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.nyquist import draw_plane
@@ -31,6 +32,11 @@ _SHOWN = 4  # periods of the simulation
 _OUTPUTS = 4  # panels
 _MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", "simulation": "X"}
 _SIZES = {"describing function": 11.0, "harmonic balance": 8.5, "shooting": 6.0, "simulation": 5.0}
+_BIFURCATIONS = {
+    "period doubling": ("s", "period doubling"),
+    "Neimark-Sacker": ("D", "Neimark–Sacker: a second frequency sets in"),
+    "branch point": ("P", "branch point"),
+}
 _CONSTANT = 1e-6  # a frequency that varies by no more, relative, is drawn as constant
 
 
@@ -216,3 +222,10 @@ def draw_branch(ax: Axes, branch: Branch, of: Callable[[BranchPoint], float]) ->
             ax.plot(x, np.where(shown, y, np.nan), style, color=COLOURS[0 if stable else 1], linewidth=1.4, label=words)
     if branch.folds:
         ax.plot([p.value for p in branch.folds], [of(p) for p in branch.folds], "o", color="#444444", label="fold")
+    for kind, (mark, words) in _BIFURCATIONS.items():
+        there = [p for p in branch.bifurcations if p.kind == kind]
+        if there:
+            ax.plot([p.value for p in there], [of(p) for p in there], mark, color="#444444", label=words)
+    cut = [p for p, why in zip((branch.points[0], branch.points[-1]), branch.ends, strict=True) if goes_on(why)]
+    if cut:
+        ax.plot([p.value for p in cut], [of(p) for p in cut], "x", color="#444444", label="not followed further")

@@ -17,6 +17,11 @@ from workbench.report.tones import Verdict
 __all__ = ["branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
 
 _STABLE = {True: "stable", False: "unstable", None: "not known"}
+_KINDS = {
+    "period doubling": "period doubling: the motion repeats after two periods",
+    "Neimark-Sacker": "Neimark-Sacker: a second frequency sets in",
+    "branch point": "branch point: another family of cycles crosses",
+}
 _MOST_ROWS = 60  # of a curve; the others are in the data of the page
 
 
@@ -38,7 +43,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             _cycles(result),
             *([] if result.simulated is None else [_simulated(result.simulated)]),
             *([] if result.free_run is None else [_free_run(result.free_run)]),
-            *(_branch(b) for b in result.branches),
+            *(_branch(b, result.units.get(b.parameter), result.input_unit) for b in result.branches),
         ],
         summary=_verdicts(result),
         notes=result.notes,
@@ -65,6 +70,11 @@ def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     found = [Verdict(_STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
     if result.simulated is not None and not result.simulated.steady:
         found.append(Verdict("watch", "the simulation was not steady at its end"))
+    found += [
+        Verdict("watch", f"{_followed(b)} was not followed to its end: {'; '.join(dict.fromkeys(b.ends))}")
+        for b in result.branches
+        if b.truncated
+    ]
     return found
 
 
@@ -183,18 +193,26 @@ def branch_page(branch: Branch) -> Page:
     )
 
 
-def _branch(branch: Branch) -> Section:
+def _followed(branch: Branch) -> str:
+    start = branch.start
+    if start is None:
+        return f"over {branch.parameter}"
+    return f"over {branch.parameter} from {start.frequency_hz:.4g} Hz, amplitude {start.amplitude:.4g}"
+
+
+def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = None) -> Section:
     rows = sampled_rows([_branch_point(p) for p in branch.points], _MOST_ROWS)
-    headings = (branch.parameter, "frequency [Hz]", "amplitude", "fundamental", "mean", "cycle")
-    folds = [_branch_point(p) for p in branch.folds]
-    others = [(*_branch_point(p), p.kind) for p in branch.bifurcations]
+    sizes = (bracketed(n, input_unit) for n in ("amplitude", "fundamental", "mean"))
+    headings = (bracketed(branch.parameter, unit), "frequency [Hz]", *sizes, "cycle")
+    folds = [_branch_point(p)[:-1] for p in branch.folds]
+    others = [(*_branch_point(p)[:-1], _KINDS.get(p.kind, p.kind)) for p in branch.bifurcations]
     shown = f"{len(rows)} of {len(branch.points)} points; JSON and CSV hold all."
     return Section(
-        f"Over {branch.parameter}",
-        figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed, folds marked.")],
+        f"O{_followed(branch)[1:]}",
+        figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed; folds and bifurcations marked.")],
         items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
         tables=[
-            Table((*headings, "kind")[: len(table[0])], table, title=title, right=range(5))
+            Table((*headings[:-1], "what begins")[: len(table[0])], table, title=title, right=range(5))
             for title, table in (("Folds", folds), ("Bifurcations", others))
             if table
         ],

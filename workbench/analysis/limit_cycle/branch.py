@@ -8,7 +8,12 @@ from typing import Any
 
 from workbench.core.record import Record
 
-__all__ = ["Bifurcation", "Branch", "BranchPoint"]
+__all__ = ["Bifurcation", "Branch", "BranchPoint", "goes_on"]
+
+
+def goes_on(end: str) -> bool:
+    """Whether a branch goes on beyond where it was followed to, by why it ends there."""
+    return end.startswith(("stopped", "no place"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +26,7 @@ class BranchPoint:
         amplitude: half the peak-to-peak value of the block's input.
         fundamental: amplitude of its fundamental.
         mean: mean of the block's input, in its unit.
-        stable: stability by Floquet multipliers; None: not computed.
+        stable: stability by Floquet multipliers; None: not computed, or it changes just there.
     """
 
     value: float
@@ -54,6 +59,7 @@ class Branch(Record):
         hopf: where a cycle shrinks to a point, and an equilibrium begins to oscillate (a Hopf point).
         bifurcations: where other cycles begin: of twice the period, on a torus, or crossing.
         ends: why it ends, at the first and at the last point.
+        start: the cycle that it was followed from; None: not known.
     """
 
     parameter: str
@@ -62,6 +68,12 @@ class Branch(Record):
     ends: tuple[str, str]
     hopf: tuple[BranchPoint, ...] = ()
     bifurcations: tuple[Bifurcation, ...] = ()
+    start: BranchPoint | None = None
+
+    @property
+    def truncated(self) -> bool:
+        """Whether it goes on beyond an end, and was not followed there."""
+        return any(map(goes_on, self.ends))
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""

@@ -287,6 +287,11 @@ def follow_orbits(
             stable=is_stable(found.multipliers, doubt=found.doubt),
         )
 
+    def turning(place: Place) -> BranchPoint:
+        return replace(point(place), stable=None)
+
+    begin = point(first)
+
     def branch(track: Track) -> Branch:
         points = tuple(map(point, track.places))
         ends = ("it closes", "it closes") if track.closed else track.ends
@@ -294,12 +299,13 @@ def follow_orbits(
         return Branch(
             parameter=parameter,
             points=points,
-            folds=tuple(point(s.place) for s in track.special if s.kind == "fold"),
+            folds=tuple(turning(s.place) for s in track.special if s.kind == "fold"),
             bifurcations=tuple(
-                Bifurcation(**vars(point(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
+                Bifurcation(**vars(turning(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
             ),
             hopf=tuple(h for way in outwards for h in _vanished(way)),
             ends=ends,
+            start=begin,
         )
 
     manner = replace(manner, most=_MOST_ORBITS, begun=lambda track: begun(lambda: branch(track)))

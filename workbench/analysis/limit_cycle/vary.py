@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from workbench.analysis.limit_cycle.branch import Branch
+from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.result import LimitCycle
 from workbench.analysis.limit_cycle.shooting import Orbits, follow_orbits
 from workbench.analysis.opened import Ports, recipe_of
@@ -20,6 +20,7 @@ __all__ = ["GAIN", "Range", "follow_cycles", "range_of"]
 
 GAIN = "gain"
 _ON_BRANCH = 0.02  # interpolated
+_SAME = 1e-3  # by shooting, both
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def follow_cycles(
     varied = Varied(over.opened)
     try:
         for number, cycle in enumerate(cycles):
-            if any(_passes(b, over.start, cycle.amplitude) for b in branches):
+            if any(_passes(b, over.start, cycle) for b in branches):
                 continue
             family = orbits(lambda p: varied.at(over.value(p)), cycle)
             try:
@@ -127,7 +128,7 @@ def follow_cycles(
                     first,
                     parameter=over.name,
                     limits=(over.low, over.high),
-                    manner=Manner(stopped=stopped, told=progress.at),
+                    manner=Manner(stopped=stopped, told=progress.at, marks=(over.begin,)),
                     begun=begun,
                 )
             )
@@ -156,11 +157,21 @@ class _Progress:
         self.told(0.99 * self.seen / self.count, self.over.value(place.p))
 
 
-def _passes(branch: Branch, value: float, amplitude: float) -> bool:
-    """Whether a branch has a cycle of an amplitude at a value of its parameter."""
+def _passes(branch: Branch, value: float, cycle: LimitCycle) -> bool:
+    """Whether a branch has a cycle at a value of its parameter: it has points there, but where that failed."""
+    if any(_is(p, value, cycle) for p in branch.points):
+        return True
     for a, b in pairwise(branch.points):
         if (a.value - value) * (b.value - value) <= 0.0 and a.value != b.value:
             part = (value - a.value) / (b.value - a.value)
-            if abs((a.amplitude + part * (b.amplitude - a.amplitude)) / amplitude - 1.0) < _ON_BRANCH:
+            amplitude = a.amplitude + part * (b.amplitude - a.amplitude)
+            if abs(amplitude / cycle.amplitude - 1.0) < _ON_BRANCH:
                 return True
     return False
+
+
+def _is(p: BranchPoint, value: float, cycle: LimitCycle) -> bool:
+    """Whether a point of a branch is a cycle found at a value of the parameter."""
+    there = abs(p.value - value) <= _SAME * abs(value)
+    pairs = ((p.amplitude, cycle.amplitude), (p.frequency_hz, cycle.frequency_hz))
+    return there and all(abs(a / b - 1.0) < _SAME for a, b in pairs)

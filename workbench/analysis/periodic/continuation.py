@@ -94,7 +94,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
         if manner.stopped():
             raise KeyboardInterrupt
         if len(track.places) >= manner.most:
-            return _ended(track, f"{manner.most} places are enough")
+            return _ended(track, f"stopped after {manner.most} places; not followed further")
         found = _next(family, here, stride)
         if isinstance(found, str):
             return _ended(track, found)
