@@ -269,6 +269,8 @@ class Settling:
         every = None if self.evidence.sampled else repeats_every(limit.periods)
         if every is not None:
             return self._of_subharmonic(limit, every)
+        if self.evidence.sampled:
+            return replace(found, why=self._why_sampled(of_mean.defect, found))
         return replace(found, why=self._why(limit, of_limit))
 
     def _floor(self) -> float:
@@ -297,8 +299,6 @@ class Settling:
 
     def _why(self, limit: Limit, of_limit: PointResponse) -> str:
         """Return why the periods have not settled."""
-        if self.evidence.sampled:
-            return _SAMPLED
         if buried(limit, abs(self.periods[-1].drive), self.evidence) and of_limit.beyond <= 1.0:
             return _BURIED
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
@@ -311,6 +311,11 @@ class Settling:
         foretold = follows(limit, abs(self.periods[-1].drive), self.evidence)
         doubtful = steady and not foretold and wanders(limit)
         return _UNCLEAR if doubtful else _SLOW
+
+    def _why_sampled(self, spread: float, found: PointResponse) -> str:
+        if self.evidence.beat is None:
+            return _SAMPLED
+        return self.evidence.beat.words(spread, len(self.periods), known=math.isfinite(found.error))
 
     def _response(
         self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0
