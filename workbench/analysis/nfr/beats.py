@@ -10,7 +10,9 @@ import numpy as np
 from workbench.analysis.harmonics import fundamental
 from workbench.session.base import Floats
 
-__all__ = ["Beat", "mean_over_beats", "repeats_every"]
+__all__ = ["BEAT", "Beat", "mean_over_beats", "repeats_every", "spread_words"]
+
+BEAT = "sampling and forcing beat"
 
 # Harmonics of the beat and decaying modes that are fitted, not to the first periods, where quick modes are alive.
 _MOST_HARMONICS, _MODES, _BEGIN = 4, 2, 2
@@ -80,11 +82,12 @@ class Beat:
             known: whether the error of their mean is.
         """
         every = f", together every {self.common} periods" if self.common else ""
-        told = f"sampling and forcing beat{every}: the periods differ from their mean by {100.0 * spread:.2g} %"
+        told = spread_words(spread, every)
         if known:
             return told
+        beat = max(self.length, self.turn)
         seen = self.seen_in(len(_newest(np.empty(max(_BEGIN + 1, count)))))
-        cause = "a transient decays slowly" if seen else f"a whole beat takes {max(self.length, self.turn):.3g} periods or more"
+        cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
         return f"{told}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
 
     @property
@@ -100,6 +103,11 @@ class Beat:
             if angle > _SAME and all(abs(angle - other) > _SAME for other in found):
                 found.append(angle)
         return found
+
+
+def spread_words(spread: float, every: str = "") -> str:
+    """Return how far the periods of a sampled model lie from their mean (root mean square, relative to it)."""
+    return f"{BEAT}{every}: the periods differ from their mean by {100.0 * spread:.2g} %"
 
 
 def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
