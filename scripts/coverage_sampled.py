@@ -82,7 +82,8 @@ class SampledPlant:
         borders = borders[borders <= (count + 1e-9) / f]
         begin, end = borders[:-1], borders[1:]
         middle = 0.5 * (begin + end)
-        tick, period = (middle / self.dt).astype(int), (middle * f).astype(int)
+        # Where borders coincide but for rounding, a sliver lies behind the last period.
+        tick, period = (middle / self.dt).astype(int), np.minimum((middle * f).astype(int), count - 1)
         rate = 1.0 / self.behind
         away = (lagged - value)[tick] * np.exp(-rate * (begin - ticks[tick]))
         held, behind = np.zeros((2, count, 1 + 2 * ORDERS))

@@ -17,7 +17,7 @@ from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
 from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
 from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr.beats import repeats_every
+from workbench.analysis.nfr.beats import Beat, repeats_every
 from workbench.analysis.nfr.certificate import Certificate
 from workbench.analysis.nfr.jumps import disagreements, jumps
 from workbench.analysis.nfr.point import NfrPoint
@@ -371,6 +371,27 @@ def test_sampled_models_between_lags_are_known_as_well_as_it_says() -> None:
     found = list(trials(8, 2, frequencies=8))
     assert good(found)
     assert sum(t.status == "settled" for t in found) >= 0.6 * len(found)
+
+
+@pytest.mark.parametrize(("periods", "samples"), [(2, 5), (2, 9), (3, 7), (3, 8), (4, 9)])
+def test_a_short_common_period_of_forcing_and_sampling_is_measured_over(periods: int, samples: int) -> None:
+    # Every `periods` periods of the forcing the samples fall on the same phases; then only the transient is left.
+    assert Beat(periods / samples, 1.0).common == periods
+    for order, pole in ((1, 0.3), (2, 0.5)):
+        plant = SampledPlant(dt=0.1, pole=pole, order=order, before=0.0, behind=0.3)
+        for found in trials_of(plant, periods / samples / 0.1, max_periods=20):
+            assert found.status == "settled"
+            assert found.true <= min(found.stated, 0.01)
+
+
+def test_an_averaged_point_tells_how_far_a_beat_spreads_its_periods() -> None:
+    assert Beat(2 / 5, 1.0).words(0.33, 20, known=True) == (
+        "sampling and forcing beat, together every 2 periods: the periods differ from their mean by 33 %"
+    )
+    unseen = Beat(1 / 2.06, 1.0)
+    assert unseen.common is None
+    assert "is not known: a whole beat takes" in unseen.words(0.33, 20, known=False)
+    assert "is not known: a transient decays slowly" in Beat(2 / 5, 1.0).words(0.33, 20, known=False)
 
 
 # -- responses that repeat in another rhythm, or not at all ----------------------------------------------------------

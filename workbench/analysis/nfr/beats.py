@@ -10,7 +10,9 @@ import numpy as np
 from workbench.analysis.harmonics import fundamental
 from workbench.session.base import Floats
 
-__all__ = ["Beat", "mean_over_beats", "repeats_every"]
+__all__ = ["BEAT", "Beat", "mean_over_beats", "repeats_every", "spread_words"]
+
+BEAT = "sampling and forcing beat"
 
 # Harmonics of the beat and decaying modes that are fitted, not to the first periods, where quick modes are alive.
 _MOST_HARMONICS, _MODES, _BEGIN = 4, 2, 2
@@ -58,8 +60,35 @@ class Beat:
 
     def seen_in(self, count: int) -> bool:
         """Whether so many periods show the rhythm: once the slow image, once all phases of the samples."""
-        turn = 2.0 * math.pi / abs(self.angle) if abs(self.angle) > _SAME else 1.0
-        return max(self.length, turn) <= count
+        return max(self.length, self.turn) <= count
+
+    @property
+    def turn(self) -> float:
+        """Periods in which the phase of the samples turns once: 1 where it is the same in each."""
+        return 2.0 * math.pi / abs(self.angle) if abs(self.angle) > _SAME else 1.0
+
+    @property
+    def common(self) -> int | None:
+        """Periods of the forcing after which the samples fall on the same phases again: 1 … 8; None: more."""
+        back = (n for n in range(1, _LONGEST + 1) if abs(math.remainder(n * self.angle, 2.0 * math.pi)) <= _SAME)
+        return next(back, None)
+
+    def words(self, spread: float, count: int, *, known: bool) -> str:
+        """Return why periods under this rhythm have not settled.
+
+        Args:
+            spread: of the periods about their mean (root mean square), relative to it.
+            count: number of periods measured.
+            known: whether the error of their mean is.
+        """
+        every = f", together every {self.common} periods" if self.common else ""
+        told = spread_words(spread, every)
+        if known:
+            return told
+        beat = max(self.length, self.turn)
+        seen = self.seen_in(len(_newest(np.empty(max(_BEGIN + 1, count)))))
+        cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
+        return f"{told}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
 
     @property
     def slowness(self) -> float:
@@ -74,6 +103,11 @@ class Beat:
             if angle > _SAME and all(abs(angle - other) > _SAME for other in found):
                 found.append(angle)
         return found
+
+
+def spread_words(spread: float, every: str = "") -> str:
+    """Return how far the periods of a sampled model lie from their mean (root mean square, relative to it)."""
+    return f"{BEAT}{every}: the periods differ from their mean by {100.0 * spread:.2g} %"
 
 
 def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
@@ -93,7 +127,7 @@ def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
     variables separate, SIAM Journal on Numerical Analysis 10 (1973), 413-432 (the amplitudes are eliminated).
     """
     seen = periods[_BEGIN:]
-    newest = seen[max(1, len(seen) // 4) :]
+    newest = _newest(periods)
     harmonics = min(_MOST_HARMONICS, (len(newest) - 2 - _MODES) // 3)
     if harmonics < 1 or not beat.seen_in(len(newest)):
         return periods[-1], math.inf
@@ -105,6 +139,12 @@ def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
     one, _ = _fit(seen, angles, _MODES - 1)
     others = (one - mean, _fit(seen, fewer, _MODES)[0] - mean, _fit(newest, angles, _MODES - 1)[0] - one)
     return mean, (sum(abs(fundamental(o)) for o in others) + left) / size
+
+
+def _newest(periods: Floats) -> Floats:
+    """Return the periods that are to show a whole beat."""
+    seen = periods[_BEGIN:]
+    return seen[max(1, len(seen) // 4) :]
 
 
 def _fit(periods: Floats, angles: Sequence[float], modes: int) -> tuple[Floats, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.branches.result import Fold, ResponseBranch
+from workbench.analysis.nfr.beats import BEAT
 from workbench.analysis.nfr.certificate import Certificate
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.settling import NO_EFFECT
@@ -328,11 +329,20 @@ def assemble(
 
 def _unsettled(grid: Sequence[Sequence[NfrPoint]], path: str) -> list[str]:
     """Return one line for each reason why points have not settled."""
-    groups: dict[str, list[NfrPoint]] = {}
+    # A reason may end with figures of its point: those of one kind are told once, with the figures of the first.
+    groups: dict[tuple[str, bool], list[tuple[NfrPoint, str]]] = {}
     for point in (p for row in grid for p in row):
         if point.averaged and point.certificate is not None and point.certificate.why is not None:
-            groups.setdefault(point.certificate.why, []).append(point)
-    return [_unsettled_line(why, points, path) for why, points in groups.items()]
+            why = point.certificate.why
+            measured = why.startswith(BEAT)
+            kind = (why.partition(":")[0], point.error is not None) if measured else (why, True)
+            groups.setdefault(kind, []).append((point, why))
+    return [_unsettled_line(_of_all([w for _, w in g]), [p for p, _ in g], path) for g in groups.values()]
+
+
+def _of_all(reasons: Sequence[str]) -> str:
+    same = all(why == reasons[0] for why in reasons)
+    return reasons[0] if same else f"{reasons[0]}, at the first of them"
 
 
 def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.analysis.harmonics import COMPARED, Period, fundamental
-from workbench.analysis.nfr.beats import mean_over_beats, repeats_every
+from workbench.analysis.nfr.beats import mean_over_beats, repeats_every, spread_words
 from workbench.analysis.nfr.error import (
     BELIEVED,
     Evidence,
@@ -54,11 +54,13 @@ _UNCLEAR = (
 )
 NO_EFFECT = "no effect"
 _ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"
-_SAMPLED = "sampling and forcing beat: the samples differ from period to period"
 _BEATS = (
     "sampling and forcing beat, near half the sampling rate or a multiple of it, more slowly than the measurement "
     "lasted"
 )
+
+# Of fewer common periods of forcing and sampling their limit is not believed.
+_FEWEST_COMMON = 4
 
 # What a response at rest leaves of a change, in allowed defects.
 _AT_REST = 3.0
@@ -233,7 +235,27 @@ class Settling:
             return self._response(limit.harmonics, Outcome.SETTLED, math.inf)
         mean, error = mean_over_beats(limit.periods, self.evidence.beat)
         error = relative_to_true(error + quadrature(mean, self.evidence.rows))
-        return self._response(mean, Outcome.SETTLED, limit.defect, error)
+        fitted = self._response(mean, Outcome.SETTLED, limit.defect, error)
+        return min(fitted, self._of_common(limit) or fitted, key=_error)
+
+    def _of_common(self, limit: Limit) -> PointResponse | None:
+        """Return what the means over the common periods of forcing and sampling tend to; None: too few were seen.
+
+        From one to the next nothing changes but the transient, whose modes are those of the model; so they are removed
+        as those of a model that does not sample.
+        """
+        every = None if self.evidence.beat is None else self.evidence.beat.common
+        if every is None or every == 1 or len(limit.periods) < _FEWEST_COMMON * every:
+            return None
+        whole = len(limit.periods) // every
+        means = limit.periods[-whole * every :].reshape(whole, every, -1).mean(axis=1)
+        tends = remove_transient(means, compared=1 + 2 * COMPARED)
+        last = self.periods[-1]
+        alone = replace(self.evidence, beat=None, twin=None)
+        error = error_of_limit(tends, abs(last.drive), last.size, alone)
+        if error > BELIEVED:
+            return None
+        return self._response(tends.harmonics, Outcome.SETTLED, tends.defect, error, beyond(tends))
 
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
@@ -273,6 +295,8 @@ class Settling:
         every = None if self.evidence.sampled else repeats_every(limit.periods)
         if every is not None:
             return self._of_subharmonic(limit, every)
+        if self.evidence.sampled:
+            return replace(found, why=self._why_sampled(of_mean.defect, found))
         return replace(found, why=self._why(limit, of_limit))
 
     def _floor(self) -> float:
@@ -301,8 +325,6 @@ class Settling:
 
     def _why(self, limit: Limit, of_limit: PointResponse) -> str:
         """Return why the periods have not settled."""
-        if self.evidence.sampled:
-            return _SAMPLED
         if buried(limit, abs(self.periods[-1].drive), self.evidence) and of_limit.beyond <= 1.0:
             return _BURIED
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
@@ -315,6 +337,11 @@ class Settling:
         foretold = follows(limit, abs(self.periods[-1].drive), self.evidence)
         doubtful = steady and not foretold and wanders(limit)
         return _UNCLEAR if doubtful else _SLOW
+
+    def _why_sampled(self, spread: float, found: PointResponse) -> str:
+        if self.evidence.beat is None:
+            return spread_words(spread)
+        return self.evidence.beat.words(spread, len(self.periods), known=math.isfinite(found.error))
 
     def _response(
         self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0

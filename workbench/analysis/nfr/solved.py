@@ -25,6 +25,7 @@ from workbench.analysis.nfr.error import (
 from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
+from workbench.analysis.periodic.stability import is_stable
 from workbench.errors import WorkbenchError
 from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
@@ -67,9 +68,6 @@ _MARGIN = 2.0
 
 # What rounding leaves of the sums over a period, relative to the largest value.
 _ROUNDING = 2e-14
-
-# A multiplier this near to 1 is that of an integrator.
-_INTEGRATES = 1e-6
 
 
 def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
@@ -265,7 +263,7 @@ class Search:
 
         What does for Newton's method may be wrong in the multipliers: two sets of instants tell by how much.
         """
-        stable = _is_stable(finer, abs(_largest(finer) - _largest(found.at)))
+        stable = is_stable(finer.multipliers, max(finer.doubt, abs(_largest(finer) - _largest(found.at))))
         found = replace(found, at=finer, stable=stable, periods=self._count)
         if stable is None and self._more_instants():
             self._checking = found
@@ -351,7 +349,7 @@ class Search:
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
         coarse = below_scale(size, self._evidence) > BELIEVED
-        return Solved(lap, at, harmonics, error, self._count, _is_stable(at), coarse)
+        return Solved(lap, at, harmonics, error, self._count, is_stable(at.multipliers, at.doubt), coarse)
 
     def _integration(self, lap: Lap, at: Tangent, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
@@ -373,18 +371,3 @@ class Search:
 
 def _largest(at: Tangent) -> float:
     return float(np.max(np.abs(at.multipliers), initial=0.0))
-
-
-def _is_stable(at: Tangent, doubt: float = 0.0) -> bool | None:
-    """Whether all multipliers lie inside the unit circle; that of an integrator is 1. None: not known.
-
-    Args:
-        at: derivative of the period map.
-        doubt: what the multipliers may be off by at least.
-    """
-    multipliers, doubt = at.multipliers, max(doubt, at.doubt)
-    moving = multipliers[np.abs(multipliers - 1.0) > _INTEGRATES]
-    largest = float(np.max(np.abs(moving), initial=0.0))
-    if largest + doubt < 1.0:
-        return True
-    return False if largest - doubt > 1.0 else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,12 +42,12 @@ class Tangent:
     coarse: Floats | None = None
     off: float = 0.0
 
-    @property
+    @cached_property
     def doubt(self) -> float:
         """Error of the multipliers, about: how far a rule of lower order has the largest elsewhere."""
         return self.off if self.coarse is None else _apart(self.Phi, self.coarse)
 
-    @property
+    @cached_property
     def multipliers(self) -> Complex:
         """Floquet multipliers, largest first, shape (n,)."""
         found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others

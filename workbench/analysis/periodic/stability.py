@@ -8,7 +8,10 @@ from workbench.core.matrices import Complex
 
 __all__ = ["is_stable"]
 
-_NEUTRAL = 1e-5  # so near to 1 a multiplier is that of an integrator, or of a family of motions: rounding moves it
+# So near to 1 a multiplier is that of an integrator, or of a family of motions. Along slopes that of an integrator is 1
+# exactly; from differences, of periods integrated at 1e-6, it is off by some 1e-6. One that were to grow by 1e-5 in a
+# period would take 70 000 of them to double: no run tells it from standing still.
+_NEUTRAL = 1e-5
 
 
 def is_stable(multipliers: Complex | None, doubt: float = 0.0) -> bool | None:
