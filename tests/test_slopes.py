@@ -30,7 +30,7 @@ def session_of(model: wb.Model) -> CompiledMeSession:
 def along(session: CompiledMeSession, output: str, pattern: Pattern | None = None, span: float = 3.0) -> NativeSlopes:
     """Return the slopes along a run forced at u; the pattern instead of the declared one."""
     if pattern is not None:
-        session._patterns[(output,)] = pattern  # noqa: SLF001 - what a user cannot choose
+        session._patterns[(output,)] = pattern
     times = session.time + np.linspace(0.05, 0.97, 9) * span
     with session.slopes(times, (output,)) as found:
         force = Sine(amplitude=1.0, frequency=0.5, start=session.time)
@@ -114,7 +114,7 @@ def test_dependencies_that_are_not_declared_are_noticed() -> None:
         found = along(session, "y", pattern)
         assert found.refuted(BY_GROUPS)
         assert np.abs(found.A[5] - chain_slopes(names, found.x[5])).max() < ENTRY * 10.0
-        assert session._patterns[("y",)].way == BY_STATES  # noqa: SLF001 - it is not asked again
+        assert session._patterns[("y",)].way == BY_STATES
 
 
 @pytest.mark.parametrize(("lie", "refuted"), [("honest", False), ("wrong-derivative", True), ("no-derivative", True)])
@@ -122,7 +122,7 @@ def test_directional_derivatives_that_are_none_are_not_believed(tmp_path: Path, 
     with wb.load(build_lying(tmp_path, lie), tolerance=1e-8) as model, session_of(model) as session:
         found = along(session, "y")
         assert found.refuted(BY_DIRECTIONAL) == refuted
-        assert found.A == pytest.approx(np.broadcast_to([[0.0, 1.0], [-40.0, -0.8]], (9, 2, 2)), rel=1e-6, abs=1e-6)
+        assert pytest.approx(np.broadcast_to([[0.0, 1.0], [-40.0, -0.8]], (9, 2, 2)), rel=1e-6, abs=1e-6) == found.A
         again = along(session, "y")
         assert again.structure.way == (BY_STATES if refuted else BY_DIRECTIONAL)
 

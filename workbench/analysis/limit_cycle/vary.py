@@ -96,7 +96,7 @@ def follow_cycles(
     begun: Callable[[Callable[[], Branch]], None],
     ended: Callable[[Branch], None],
 ) -> list[str]:
-    """Follow closed orbits over a parameter, each branch once; return in words what could not be followed.
+    """Follow closed orbits over a parameter, each branch once; return in words what could not be followed or located.
 
     Args:
         cycles: that shooting found.
@@ -129,6 +129,7 @@ def follow_cycles(
                     limits=(over.low, over.high),
                     manner=Manner(stopped=stopped, told=progress.at),
                     begun=begun,
+                    noted=notes.append,
                 )
             )
             ended(branches[-1])

@@ -166,11 +166,11 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
         if missed > _NEARBY:
             why, stride = "Newton's method leads elsewhere", 0.25 * stride
             continue
-        turned = float(_rescaled(here, place) @ place.direction)
-        if turned < _STRAIGHT and stride > 16.0 * _SHORTEST:
+        straight = float(_rescaled(here, place) @ place.direction)
+        if straight < _STRAIGHT and stride > 16.0 * _SHORTEST:
             stride *= 0.5
             continue
-        return place, min(_LONGEST, stride * (1.6 if place.periods <= _EASY and turned > 0.98 else 1.0))
+        return place, min(_LONGEST, stride * (1.6 if place.periods <= _EASY and straight > 0.98 else 1.0))
     return f"no place further on: {why}"
 
 
@@ -219,6 +219,6 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     if up.closed:
         return up
     down = follow(family, first, manner, way=-1.0)
-    turned = [turned(p) for p in reversed(down.places)]
+    before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
-    return Track(turned[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))
+    return Track(before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))
