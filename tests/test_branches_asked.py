@@ -85,9 +85,7 @@ def test_a_sweep_with_branches_says_that_it_jumps_and_numbers_them_as_its_table(
     assert any("the response jumps: folds from 0.185" in v.text for v in nfr_page(result).summary)
 
 
-def test_a_fold_that_is_passed_and_cannot_be_located_is_told(
-    monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fold_that_is_passed_and_cannot_be_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_locate", "_turning"):
         monkeypatch.setattr(f"workbench.analysis.periodic.special.{name}", lambda *_: None)
     with wb.load("fmu:Duffing", tolerance=1e-9) as model:

@@ -190,7 +190,9 @@ def test_a_fold_of_cycles_that_cannot_be_located_is_told(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("workbench.analysis.periodic.continuation.between", one_missed)
     with chain() as system:
-        result = limit_cycle(system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)})
+        result = limit_cycle(
+            system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)}, in_process=True
+        )
     assert [n for n in result.notes if n.startswith("block.D: a fold between the places at ")]
 
 

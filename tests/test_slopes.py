@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 import workbench as wb
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
 from workbench.kernel.native_slopes import BY_DIRECTIONAL, BY_GROUPS, BY_STATES, NativeSlopes, Pattern, pattern_of
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.directional import slopes_pattern
@@ -128,19 +131,25 @@ def test_directional_derivatives_that_are_none_are_not_believed(tmp_path: Path, 
 
 
 def test_multipliers_are_those_of_differences(monkeypatch: pytest.MonkeyPatch) -> None:
-    def one() -> list[complex]:
+    ways: list[int] = []
+
+    def one(pattern: Callable[[Instance, Sequence[Variable]], Pattern]) -> list[complex]:
+        def noted(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
+            found = pattern(instance, recorded)
+            ways.append(found.way)
+            return found
+
+        monkeypatch.setattr("workbench.session.compiled.slopes_pattern", noted)
         with wb.load("fmu:Duffing", tolerance=1e-9) as model:
-            found = wb.nfr(model, "u", "y", frequencies=[0.15], amplitudes=[0.1])
+            found = wb.nfr(model, "u", "y", frequencies=[0.15], amplitudes=[0.1], workers=wb.Workers(in_process=True))
         ((certificate,),) = found.certificates
         assert certificate is not None
         return list(certificate.multipliers)
 
-    exact = one()
-    monkeypatch.setattr(
-        "workbench.session.compiled.slopes_pattern", lambda instance, _: pattern_of([None], instance.nx)
-    )
+    exact, differences = one(slopes_pattern), one(lambda instance, _: pattern_of([None], instance.nx))
+    assert (ways[0], ways[-1]) == (BY_DIRECTIONAL, BY_STATES)
     assert len(exact) == 2
-    assert exact == pytest.approx(one(), abs=1e-6)
+    assert exact == pytest.approx(differences, abs=1e-6)
 
 
 def test_groups_move_no_row_twice() -> None:
