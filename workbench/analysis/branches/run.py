@@ -372,7 +372,8 @@ def _not_located(every: Sequence[tuple[float | None, Forced, Track]]) -> Iterato
     for number, (_, family, track) in enumerate(every, 1):
         for missed in track.missed:
             low, high = sorted(map(family.value, missed.p))
-            yield f"branch {number}: a {missed.kind} between the places at {low:.6g} and {high:.6g} could not be located"
+            where = f"between the places at {low:.6g} and {high:.6g}"
+            yield f"branch {number}: a {missed.kind} {where} could not be located"
 
 
 def _response(place: Place) -> complex:
