@@ -285,6 +285,7 @@ SPARED: Mapping[str, Mapping[str, set[str]]] = {
 # Other numbers are right where the record says why: what is done, call → words of a note, or of a check's evidence.
 TOLD = {
     ("delays", "getFMUstate"): "snapshots fall back to replay",  # so that its steps have one length
+    ("limit-cycle", "completedIntegratorStep"): "crossing 1: ",  # the refinement of a cycle fails, its prediction stays
     ("check", "getFMUstate"): "time limit: not finished",  # to be watched, not broken: it may be slow
 }
 READ_ONLY = {("export", "cs"), ("delays", "me")}  # no call at all: the description says everything

@@ -125,11 +125,17 @@ def test_endless_names_are_shortened_where_a_person_reads(
     shown = capsys.readouterr()
     assert len(shown.out) < 30_000
     assert len(shown.err) < 10_000
-    assert "more)…" in shown.out + shown.err
+    assert "more)…" in shown.out + shown.err or line == "wrong file"
     if code == 0:
         assert y in json.dumps(json.loads(data.read_text(encoding="utf-8")))
     if picture.exists():
         assert picture.stat().st_size < 500_000
+
+
+@pytest.mark.parametrize("option", ["--set=tau", "--bias=u", "--input=u", "--stop"])
+def test_a_number_beyond_all_floats_is_one_line(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "fmu:FirstOrderLag", "--stop=1", f"{option}=1{'0' * 400}"]) == 2
+    assert len(capsys.readouterr().err.splitlines()[-1]) < 500
 
 
 def _is_number(text: str) -> bool:

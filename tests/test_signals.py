@@ -125,3 +125,14 @@ def test_what_is_no_signal_is_refused_in_one_line(wrong: object) -> None:
 def test_a_model_that_is_not_open_is_refused_in_one_line() -> None:
     with pytest.raises(wb.InputError, match=r"'fmu:Rudder' is not open; write with wb\.load"):
         wb.simulate(cast("Any", "fmu:Rudder"), stop=1.0)
+
+
+def test_a_whole_number_beyond_all_floats_is_one_line() -> None:
+    for make in (lambda: wb.Constant(10**400), lambda: wb.Sine(amplitude=10**400, frequency=1.0)):
+        with pytest.raises(wb.InputError, match="must be a finite number"):
+            make()
+    with (
+        wb.load("fmu:FirstOrderLag") as model,
+        pytest.raises(wb.InputError, match="a whole number beyond 1e308 is too large"),
+    ):
+        wb.simulate(model, stop=10**400)

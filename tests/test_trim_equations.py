@@ -139,7 +139,7 @@ def test_floating_states_are_made_slow_or_kept_near_the_start() -> None:
 def test_an_integrator_with_an_input_has_no_equilibrium_and_says_which() -> None:
     result = trim(integrator(), u0={"u": 1.0})
     assert not result.converged
-    assert "der(x) is off by 1 m / s" in result.message
+    assert "der(x) is off by 1 m/s" in result.message
     assert "does not react to any unknown" in result.message
     left = {r.name: r for r in result.residuals}
     assert left["der(x)"].idle

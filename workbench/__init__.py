@@ -98,6 +98,7 @@ if TYPE_CHECKING:
         LostError,
         OutOfMemoryError,
         SimulationError,
+        StoppedError,
         TimedOutError,
         WorkbenchError,
     )
@@ -228,6 +229,7 @@ __all__ = [
     "SpectralDensity",
     "Step",
     "StepCheck",
+    "StoppedError",
     "StudyResult",
     "SubspaceEstimate",
     "SumComponent",
@@ -381,6 +383,7 @@ _HOMES = {
         "LostError",
         "OutOfMemoryError",
         "SimulationError",
+        "StoppedError",
         "TimedOutError",
         "WorkbenchError",
     ),
@@ -416,7 +419,10 @@ def __getattr__(name: str) -> object:
     """Import a public name from the module it lives in."""
     if name not in _HOME:
         raise AttributeError(f"module 'workbench' has no attribute '{name}'")
-    value: object = getattr(import_module(_HOME[name]), name)
+    from workbench.core.interrupts import insisting  # noqa: PLC0415 - so that importing the package is quick
+
+    with insisting():
+        value: object = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value
 

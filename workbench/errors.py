@@ -120,13 +120,21 @@ class OutOfMemoryError(LostError):
 class StoppedError(KeyboardInterrupt):
     """A KeyboardInterrupt with what there was: Ctrl-C, or a callback that raised one, while something ran.
 
+    Its text says how far it came; `before` holds what was finished.
+
     Attributes:
         before: the record of what was finished, or the rows of one run; None where nothing was.
+        reached: number of parts that were finished, and of all; (0, 0): not told.
     """
 
-    def __init__(self, before: object) -> None:
-        super().__init__()
-        self.before = before
+    def __init__(self, before: object, reached: tuple[int, int] = (0, 0)) -> None:
+        done, total = reached
+        far = f"stopped after {done} of {total}" if total else "stopped"
+        kept = "nothing was finished"
+        if before is not None:
+            kept = f"what was finished is the `before` of this error, {article(type(before).__name__)}"
+        super().__init__(f"{far}; {kept}")
+        self.before, self.reached = before, reached
 
 
 class EndedError(SimulationError):
@@ -153,21 +161,20 @@ def shortened(text: str, word: int = _WORD, line: int = _LINE) -> str:
 
     Args:
         text: in one line.
-        word: longest word that is shown as it is [characters]; at least 60.
+        word: longest word that is shown as it is [characters]; at least 60; of a longer one a ninth at either end.
         line: longest text.
 
     Examples:
         >>> from workbench.errors import shortened
-        >>> print(shortened("u" * 100_000, word=60))
-        uuuuuuuuuuuuuuuuuuuu…(99960 more)…uuuuuuuuuuuuuuuuuuuu
+        >>> print(shortened("u" * 100_000, word=90))
+        uuuuuuuuuu…(99980 more)…uuuuuuuuuu
     """
     if len(text) > word:
-        text = re.sub(rf"\S{{{word + 1},}}", lambda found: _without_middle(found[0], word), text)
-    return _without_middle(text, line) if len(text) > line else text
+        text = re.sub(rf"\S{{{word + 1},}}", lambda found: _without_middle(found[0], word // 9), text)
+    return _without_middle(text, line // 3) if len(text) > line else text
 
 
-def _without_middle(text: str, most: int) -> str:
-    kept = most // 3
+def _without_middle(text: str, kept: int) -> str:
     return f"{text[:kept]}…({len(text) - 2 * kept} more)…{text[-kept:]}"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
@@ -16,10 +17,10 @@ from functools import lru_cache
 from itertools import chain, pairwise
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from workbench.core.forms import Form, pairs, table
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, shortened, suggest
 
 __all__ = [
     "Constant",
@@ -65,8 +66,10 @@ class Signal(ABC):
 
 def _finite(owner: str, **values: float) -> None:
     for name, value in values.items():
-        if not math.isfinite(value):
-            raise InputError(f"{owner}: {name} must be a finite number, not {value}")
+        if (
+            not -math.inf < value < math.inf or abs(value) > sys.float_info.max
+        ):  # a whole number may be beyond all floats
+            raise InputError(f"{owner}: {name} must be a finite number, not {shortened(str(value))}")
 
 
 def _positive(owner: str, **values: float) -> None:
@@ -549,7 +552,8 @@ def _signal(name: str, value: Signal | float | str) -> Signal:
         except InputError as error:
             raise InputError(f"input {name}: {error}") from None
     if isinstance(value, Real):
-        return Constant(float(value))
+        exact: Any = value
+        return Constant(float(Constant(exact).value))  # which says what is no float
     if not isinstance(value, Signal):
         raise InputError(
             f"input {name}: a {type(value).__name__} is not a signal; give a number, a text such as "

@@ -124,6 +124,7 @@ class Request(Options, Generic[_Subject, _Record]):
         subject: what it is run on.
         usual_tolerance: relative tolerance of the integration on the command line and in studies where none is given;
             set it where 1e-6 is too coarse for the analysis; None: the model's own.
+        needs: options that have to be given although they have a default, as an older way of asking does without.
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
@@ -140,6 +141,7 @@ class Request(Options, Generic[_Subject, _Record]):
     details: ClassVar[str] = ""
     subject: ClassVar[Subject]
     usual_tolerance: ClassVar[float | None] = None
+    needs: ClassVar[tuple[str, ...]] = ()
     counts: ClassVar[str] = "points"
     parts: ClassVar[tuple[str, ...]] = ()
     withheld: ClassVar[tuple[str, ...]] = ()
@@ -387,8 +389,8 @@ def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -
     """Run a request; a KeyboardInterrupt brings along what is finished, a record what its job notes."""
     try:
         record: Any = asked.run(subject, job)
-    except KeyboardInterrupt as error:
-        raise StoppedError(job.partial()) from error
+    except KeyboardInterrupt:
+        raise StoppedError(job.partial(), job.reached) from None  # where it was just then tells nobody anything
     except SimulationError as error:
         if error.before is None:
             error.before = job.partial()  # nothing is lost

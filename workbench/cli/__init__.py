@@ -12,17 +12,17 @@ __all__ = ["main"]
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and end the process with its exit code.
 
-    0 done, 1 a point failed, 2 bad input (one line on standard error), 128 + a signal's number: interrupted by it
-    (Ctrl-C: 130).
+    0 done, 1 a point failed, 2 bad input, or standard output did not take all (one line on standard error), 128 + a
+    signal's number: interrupted by it (Ctrl-C: 130).
 
     Args:
         arguments: in place of the process's own.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the program is there, Ctrl-C ends it without a traceback
-    from workbench.cli import app, interrupt
+    from workbench.cli import app, interrupt, streams
 
-    _use_utf8()
+    streams.guard()
     interrupt.insist_on_interrupts()
     interrupt.listen_for_endings()
     try:
@@ -30,13 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:  # once more, while it was told
         code = interrupt.exit_code()
     interrupt.ignore_endings()  # what is left is to clean up
+    if why := streams.complaint():
+        sys.stderr.write(f"workbench: {why}\n")
+        code = code if interrupt.was_interrupted() else app.BAD_INPUT
     if interrupt.was_interrupted():
         interrupt.end(code)
     sys.exit(code)
-
-
-def _use_utf8() -> None:
-    """Units and arrows are written on every console, whatever its code page."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8", errors="replace")

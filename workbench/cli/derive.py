@@ -128,7 +128,8 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
     if isinstance(stopped, KeyboardInterrupt):
         done, total = work.job.reached
         far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
-        note(f"{interrupted()}{far}")
+        again = "; the same command continues" if total and getattr(asked, "store", None) is not None else ""
+        note(f"{interrupted()}{far}{again}")
         if record is None:
             out.tell_failure(stopped)
         return INTERRUPTED

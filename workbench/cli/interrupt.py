@@ -16,6 +16,7 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any, NoReturn, Self
 
+from workbench.core.interrupts import Insist
 from workbench.endings import ENDING
 
 __all__ = [
@@ -205,23 +206,8 @@ def insist_on_interrupts() -> None:
 
     Without this, Ctrl-C at such a moment writes a traceback, and the command goes on as if nothing had been said.
     """
-    before = sys.unraisablehook
-
-    def hook(what: sys.UnraisableHookArgs) -> None:
-        if not issubclass(what.exc_type, KeyboardInterrupt):
-            before(what)
-            return
-        # Not here, where it would be dropped, too; and without the locks of `threading`, which may be held here.
-        _thread.start_new_thread(_interrupt, ())
-
-    sys.unraisablehook = hook
+    sys.unraisablehook = Insist(sys.unraisablehook, renew=_forget_last)
 
 
-def _interrupt() -> None:
-    time.sleep(_LATER)
+def _forget_last() -> None:
     _Heard.last = -math.inf  # it was heard, but it did not take
-    main = threading.main_thread().ident
-    if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, signal.SIGINT)  # also ends what the main thread waits for
-    else:  # Windows
-        _thread.interrupt_main()

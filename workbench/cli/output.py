@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import sys
@@ -119,11 +118,8 @@ class Output:
         """
         if "-" in {self.json_path, self.csv_path}:
             return
-        try:
-            sys.stdout.write(visible(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None)))
-            sys.stdout.flush()
-        except BrokenPipeError:  # whoever read has seen enough; the files are still to be written
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.stdout.write(visible(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None)))
+        sys.stdout.flush()  # see `cli.streams` for what may go wrong
 
     def unsaid(self, record: object) -> list[str]:
         """Return what has to be told on standard error, where standard output belongs to JSON or CSV.

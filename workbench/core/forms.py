@@ -68,6 +68,8 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
     """
     try:
         return float(value)
+    except OverflowError:
+        raise ValueError("a whole number beyond 1e308 is too large") from None
     except (TypeError, ValueError):
         raise ValueError(f"'{str(value).strip()}' is not a number") from None
 

@@ -25,6 +25,7 @@ from typing import (
 )
 
 from workbench.core.forms import Form, written
+from workbench.core.interrupts import insisting
 from workbench.errors import InputError, suggest
 
 __all__ = [
@@ -192,6 +193,8 @@ class Declared:
         for x in value if isinstance(value, tuple) else (value,):
             if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
                 raise ValueError(f"{x!r} is not a number{unit}")
+            if isinstance(x, int) and abs(x) > sys.float_info.max:
+                raise ValueError("a whole number beyond 1e308 is too large")
             if self.type is int and not isinstance(x, Integral):
                 raise ValueError(f"{x!r} is not a whole number{unit}")
             if self.option.positive and not 0.0 < x < math.inf:
@@ -443,7 +446,8 @@ def with_options(
             values = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise TypeError(f"{name}() {_wrong_call(signature, args, kwargs) or error}") from None
-        return make(values.pop(first[0], ()), kind(**values))
+        with insisting():
+            return make(values.pop(first[0], ()), kind(**values))
 
     call.__signature__ = signature  # type: ignore[attr-defined]
     call.__annotations__ = {**{p.name: p.annotation for p in given}, "return": returned}

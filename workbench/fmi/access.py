@@ -14,7 +14,14 @@ from workbench.fmi.variable import Value, Variable
 if TYPE_CHECKING:
     from workbench.fmi.instance import Instance
 
-__all__ = ["Access", "Block", "TypeCalls"]
+__all__ = ["Access", "Block", "TypeCalls", "is_good"]
+
+_WARNING = 1
+
+
+def is_good(status: int) -> bool:
+    """Return whether a status of FMI is "OK" or "warning"; an FMU may return any number."""
+    return 0 <= status <= _WARNING
 
 
 def _same(value: Any) -> Any:
@@ -83,7 +90,7 @@ class Block:
 
     def read(self) -> list[Any]:
         status = self.get(self.instance.component, *self.arguments)
-        if status > 1:
+        if not is_good(status):
             self.instance.fail(self.calls.getter, status)
         if self.plain:
             return self.buffer[:]  # type: ignore[no-any-return]
@@ -101,7 +108,7 @@ class Block:
         if self.set is None:
             raise InputError(f"variables of this type cannot be set ({self.calls.getter})")
         status = self.set(self.instance.component, *self.arguments)
-        if status > 1:
+        if not is_good(status):
             self.instance.fail(self.calls.setter, status)
 
 

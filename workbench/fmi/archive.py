@@ -145,8 +145,8 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
                 if wanted(name):
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
             return [name for name in names if not wanted(name)]
-    except DAMAGED as error:
-        raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
+    except DAMAGED:
+        raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be unpacked: {error}") from None
 

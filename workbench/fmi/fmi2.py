@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.access import Access, TypeCalls, decode_flag
+from workbench.fmi.access import Access, TypeCalls, decode_flag, is_good
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import DISCARD, NEVER_BACK, WARNING, EventInfo, Instance, StepResult
+from workbench.fmi.instance import DISCARD, NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
@@ -102,7 +102,7 @@ class Instance2(Instance):
         end = self.ended_at() if status == DISCARD else None
         if end is not None:
             return StepResult(end, terminate=True)
-        if status > WARNING:
+        if not is_good(status):
             self.fail(self.CALLS["do_step"], status)
         return StepResult(time + step)
 
@@ -111,7 +111,7 @@ class Instance2(Instance):
             return None
         ended, reached = ctypes.c_int(), ctypes.c_double(self.time + self.clock)
         asked = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
-        if asked > WARNING or not ended.value:
+        if not is_good(asked) or not ended.value:
             return None
         if self.library.has("fmi2GetRealStatus"):
             self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))
@@ -126,7 +126,7 @@ class Instance2(Instance):
         values = (ctypes.c_double * n)(*slopes)
         # Some FMUs claim to interpolate inputs but answer with an error; theirs are held then.
         function = self.library["fmi2SetRealInputDerivatives"]
-        return function(self.component, references, n, orders, values) <= WARNING
+        return is_good(function(self.component, references, n, orders, values))
 
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]

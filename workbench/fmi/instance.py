@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import FmuError, SimulationError
-from workbench.fmi.access import Access, TypeCalls
+from workbench.fmi.access import Access, TypeCalls, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.library import Library, load_library
@@ -35,13 +35,15 @@ __all__ = [
     "StepResult",
     "end_later",
     "end_now",
+    "no_event_time",
 ]
 
-WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
+DISCARD, ERROR, FATAL = 2, 3, 4
 _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
 _OTHER_WAY = " (with interface me the workbench integrates in its place)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
+_EVENT_UPDATE = {1: "fmiEventUpdate", 2: "fmi2NewDiscreteStates", 3: "fmi3UpdateDiscreteStates"}
 
 # FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would be a promise that no earlier snapshot will be restored.
 NEVER_BACK = False
@@ -204,7 +206,7 @@ class Instance(ABC):
         if not (names and function and self.library.has(function)):
             return True
         texts = c_array(ctypes.c_char_p, [n.encode() for n in names])
-        return self.library[function](self.component, True, len(names), texts) <= WARNING
+        return is_good(self.library[function](self.component, True, len(names), texts))
 
     def _setup(self, description: Description, library: Library, *, interface: str) -> None:
         self.description = description
@@ -233,12 +235,12 @@ class Instance(ABC):
     def call(self, name: str, *arguments: Any) -> None:
         """Call an FMI function of this instance and check its status."""
         status = self.library[name](self.component, *arguments)
-        if status > WARNING:
+        if not is_good(status):
             self.fail(name, status)
 
     def fail(self, name: str, status: int) -> NoReturn:
         """Raise for a bad status."""
-        self._worst = max(self._worst, status if status <= FATAL else ERROR)
+        self._worst = max(self._worst, status if 0 <= status <= FATAL else ERROR)
         kind = DiscardError if status == DISCARD else SimulationError
         steps = name == self.CALLS.get("do_step") and kind is SimulationError
         way = _OTHER_WAY if steps and "me" in self.description.interfaces else ""
@@ -365,6 +367,8 @@ class Instance(ABC):
         states = nominals = False
         for _ in range(MAX_EVENT_ITERATIONS):
             again, info = self.update_discrete_states()
+            if math.isnan(info.next_time):
+                raise no_event_time(self)
             states |= info.states_changed
             nominals |= info.nominals_changed
             if not again or info.terminate:
@@ -418,6 +422,12 @@ class Instance(ABC):
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> NDArray[np.float64]:
         """Return Σ ∂unknown/∂known · seed, shape (len(unknowns),); scalars only."""
+
+
+def no_event_time(instance: Instance) -> SimulationError:
+    """Return the error for a next event time that is not a number."""
+    name, function = instance.description.model_name, _EVENT_UPDATE[instance.version]
+    return SimulationError(f"{name}: the next event time that {function} gave is not a number", time=instance.time)
 
 
 def _buffer(size: int) -> tuple[Any, NDArray[np.float64]]:

@@ -90,4 +90,5 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
         if path.is_file():
             return path
     has = ", ".join(platforms_in(folder)) or "none at all"
-    raise FmuError(f"{source}: no binary {identifier} for this platform {host()} (has: {has})")
+    told = f"no binary {identifier} for this platform {host()} (has: {has})"
+    raise FmuError(f"{source}: {told}; run it on one of those, or ask its maker for this one")

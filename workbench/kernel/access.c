@@ -79,7 +79,7 @@ static bool block_call(const Block *block, const Component *component, Function 
         failure->function = -1;
         failure->name = name;
     }
-    return fail_at(failure, status == NOT_EXPORTED ? FAILED_MISSING : FAILED_STATUS, component->time);
+    return fail_at(failure, function ? FAILED_STATUS : FAILED_MISSING, component->time);
 }
 
 bool block_read(const Block *block, Component *components, double *values, Failure *failure) {

@@ -31,6 +31,7 @@ typedef enum {
     N_FUNCTIONS
 } FunctionIndex;
 
+/* NOT_EXPORTED stands for the status of a function that is not there; an FMU may return the same number. */
 enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;

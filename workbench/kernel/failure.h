@@ -30,6 +30,7 @@ typedef enum {
     FAILED_READ_ONLY,   /* variables of this type cannot be set */
     FAILED_LOOP,        /* an algebraic loop has no solution: `value` is left at connection `index`, see `message` */
     FAILED_WIRE,        /* connection `index` passes `value`, which is not finite */
+    FAILED_EVENT_TIME,  /* an FMI function gave a next event time that is not a number */
     PAUSED,             /* no failure: the caller may look after signals, then go on */
     N_FAILURES
 } FailureCode;

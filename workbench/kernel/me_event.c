@@ -82,6 +82,10 @@ static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
     if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
         return false;
     }
+    if (isnan(answer->time)) {
+        system->failure.component = (int32_t)i;
+        return fail_at(&system->failure, FAILED_EVENT_TIME, me->time);
+    }
     /* Where it is not known when its event was due, it was due now if there is a next one. */
     const bool due = component->due <= me->time && (isfinite(component->due) || isfinite(answer->time));
     *acted = answer->again || answer->states_changed || due;
@@ -110,7 +114,8 @@ static bool update_all(Me *me, bool *again, bool *moved, bool *states_changed) {
         *moved = *moved || some;
         *again = *again || answer.again;
         *states_changed = *states_changed || answer.states_changed;
-        me->next_time = fmin(me->next_time, answer.time);
+        /* What is overdue is due now: time never goes back. */
+        me->next_time = fmin(me->next_time, fmax(answer.time, me->time));
     }
     return true;
 }

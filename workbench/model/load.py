@@ -17,7 +17,7 @@ from workbench.core.locks import forkable_lock
 from workbench.core.names import check_names
 from workbench.core.option import values_of, with_options
 from workbench.core.scratch import scratch
-from workbench.errors import FmuError, InputError, suggest
+from workbench.errors import FmuError, InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.description import Description, read_description
 from workbench.fmi.instance import Instance
@@ -293,8 +293,8 @@ def _start(name: str, value: Value, variables: Mapping[str, Variable]) -> Value:
         raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
     try:
         return _as_type(variable, value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is a {variable.type}; '{value}' is not") from None
+    except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
+        raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have") from None
 
 
 def _as_type(variable: Variable, value: Value) -> Value:

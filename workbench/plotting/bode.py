@@ -8,12 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MultipleLocator
 
 from workbench.core.decibels import decibels
-from workbench.plotting.branches import draw_branches
+from workbench.plotting.branches import branch_handles, draw_branches
 from workbench.plotting.figure import COLOURS, LEGEND, label, rows
-from workbench.plotting.response import log_axis
+from workbench.plotting.response import Degrees, gain_label, log_axis
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -26,6 +25,12 @@ _LEGEND_INSIDE = 6
 
 # A response that may be anything is not drawn as infinite: the bar ends 20 dB above it.
 _FLOOR = 0.1
+
+# Bars of the phase larger than this leave the picture [deg], lest they alone fill it.
+_WIDE = 30.0
+
+# Curves that are nearer to each other than this everywhere, relative, hide each other, unless the lower ones are wider.
+_ALIKE, _WIDER = 0.01, 1.6
 
 
 def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
@@ -40,7 +45,7 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
     """
     title = f"{result.model}: {result.input} → {result.output}"
     figure, axes = rows(3 if offset else 2, title=title)
-    pictures = [(result.gain_db, "gain [dB]"), (result.phase_deg, "phase [deg]")]
+    pictures = [(result.gain_db, gain_label(result.input_unit, result.output_unit)), (result.phase_deg, "phase [deg]")]
     if offset:
         pictures.append((result.offset, label(f"offset of {result.output}", result.output_unit)))
     for ax, (values, name) in zip(axes, pictures, strict=False):
@@ -52,7 +57,7 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
         draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
     _open_up(axes[0], result.gain_db, 1.0)
     _open_up(axes[1], result.phase_deg, 5.0)
-    _degrees(axes[1], result.phase_deg)
+    axes[1].yaxis.set_major_locator(Degrees())
     _failures(axes[0], result)
     log_axis(axes[-1], float(result.frequency_hz[0]), float(result.frequency_hz[-1]))
     axes[-1].set_xlabel("frequency [Hz]")
@@ -62,20 +67,30 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
 
 
 def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
+    widths = _widths(result)
     for i, row in enumerate(values):
         finite = np.where(np.isfinite(row), row, np.nan)
         colour = COLOURS[i % len(COLOURS)]
         if not result.branches:  # they are the curves then
-            ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3)
+            ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3 + widths[i])
         for marker, chosen in (("o", ~result.averaged[i]), ("^", result.averaged[i])):
             style: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "markeredgewidth": 1.1}
             ax.plot(
                 result.frequency_hz[chosen],
                 finite[chosen],
                 marker,
-                markersize=4.0 if marker == "o" else 6.0,
+                markersize=(4.0 if marker == "o" else 6.0) + widths[i],
                 **style,
             )
+
+
+def _widths(result: NfrResult) -> list[float]:
+    """Return by how much wider each curve is drawn: by so much for each later one that lies on it [points]."""
+    values = result.response
+    apart = [[np.abs(a - b) <= _ALIKE * np.abs(a) for b in values[i + 1 :]] for i, a in enumerate(values)]
+    return [
+        _WIDER * sum(bool(np.all(same | ~np.isfinite(a))) for same in row) for a, row in zip(values, apart, strict=True)
+    ]
 
 
 def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
@@ -89,7 +104,21 @@ def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
         above = -decibels(np.maximum(1.0 - e, _FLOOR))
         gain.errorbar(f, result.gain_db[i][known], yerr=np.array([below, above]), **style)
         turned = np.degrees(np.arcsin(np.minimum(e, 1.0)))
-        phase.errorbar(f, result.phase_deg[i][known], yerr=np.where(e < 1.0, turned, 180.0), **style)
+        high = np.where(e < 1.0, turned, 180.0)
+        phase.errorbar(f, result.phase_deg[i][known], yerr=high, **style)
+    _keep_to_curves(phase, result)
+
+
+def _keep_to_curves(phase: Axes, result: NfrResult) -> None:
+    """Bound the picture by the curves, and by bars only up to a size."""
+    if not np.any(np.isfinite(result.phase_deg)):
+        return
+    turned = np.degrees(np.arcsin(np.clip(np.nan_to_num(result.error), 0.0, 1.0)))
+    room = np.minimum(turned, _WIDE)
+    low, high = float(np.nanmin(result.phase_deg - room)), float(np.nanmax(result.phase_deg + room))
+    margin = 0.05 * (high - low)
+    if np.any(turned > _WIDE):
+        phase.set_ylim(low - margin, high + margin)
 
 
 def _failures(ax: Axes, result: NfrResult) -> None:
@@ -100,16 +129,6 @@ def _failures(ax: Axes, result: NfrResult) -> None:
         for at, marker in ((failed, "x"), (result.frequency_hz[result.gain[i] == 0.0], "v")):
             if len(at):
                 ax.plot(at, np.full(len(at), 0.04 + 0.05 * i), marker, markersize=5.0, clip_on=False, **style)
-
-
-def _degrees(ax: Axes, phase: Floats) -> None:
-    """Put ticks at parts of a right angle, seven at most."""
-    finite = phase[np.isfinite(phase)]
-    span = float(np.ptp(finite)) if finite.size else 0.0
-    if span > 20.0:
-        ax.yaxis.set_major_locator(
-            MultipleLocator(next((s for s in (15.0, 30.0, 45.0, 90.0) if span / s <= 7.0), 180.0))
-        )
 
 
 def _open_up(ax: Axes, values: Floats, least: float) -> None:
@@ -134,6 +153,7 @@ def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
         handles.append(Line2D([], [], marker="v", markersize=5.0, label="gain 0", **style))
     if result.failed:
         handles.append(Line2D([], [], marker="x", markersize=5.0, label="failed", **style))
+    handles += branch_handles(result.branches, result.folds)
     settings: dict[str, Any] = {**LEGEND, "title": "amplitude", "title_fontsize": 8.5}
     if len(handles) > _LEGEND_INSIDE:
         figure.legend(handles=handles, loc="outside right upper", **settings)

@@ -13,17 +13,15 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from workbench.core.decibels import decibels
-from workbench.plotting.figure import COLOURS, LEGEND, label, rows
-from workbench.plotting.response import log_axis
+from workbench.plotting.figure import COLOURS, label, rows
+from workbench.plotting.response import Degrees, gain_label, log_axis
 
 if TYPE_CHECKING:
     from workbench.analysis.branches.result import BranchesResult, Fold, ResponseBranch
 
-__all__ = ["draw_branches", "plot_branches"]
+__all__ = ["branch_handles", "draw_branches", "plot_branches"]
 
 _ASKED: dict[str, Any] = {"color": "#888888", "linewidth": 0.8}
-_ONSET: dict[str, Any] = {"color": "#888888", "linewidth": 0.8, "linestyle": ":"}
-
 _MARKERS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "D", "branch point": "P"}
 
 
@@ -33,17 +31,16 @@ def plot_branches(result: BranchesResult) -> Figure:
     figure, axes = rows(2, title=f"{result.model}: {result.input} → {result.output}{_held(result, amplitudes)}")
     colours = {a: COLOURS[i % len(COLOURS)] for i, a in enumerate(amplitudes)}
     draw_branches(axes[0], axes[1], result.branches, result.folds, colours)
-    if result.onset is not None:
-        axes[0].axvline(result.onset.frequency_hz, **_ONSET)
-    axes[0].set_ylabel("gain [dB]")
+    axes[0].set_ylabel(gain_label(result.input_unit, result.output_unit))
     axes[1].set_ylabel("phase [deg]")
+    axes[1].yaxis.set_major_locator(Degrees())
     axes[1].set_xlabel(label(result.vary, result.vary_unit))
     for f in result.asked_hz:
         axes[0].axvline(f, **_ASKED)
     if result.vary in {"frequency", "amplitude"}:
         values = np.concatenate([b.varied for b in result.branches])
         log_axis(axes[1], float(values.min()), float(values.max()))
-    _legend(axes[0], result, colours)
+    _legend(figure, result, colours)
     figure.align_ylabels(axes)
     return figure
 
@@ -54,6 +51,8 @@ def _held(result: BranchesResult, amplitudes: Sequence[float]) -> str:
     held = [f"amplitude {amplitudes[0]:g}{unit}"] if len(amplitudes) == 1 else []
     if result.vary != "frequency" and result.branches:
         held.append(f"{result.branches[0].frequency_hz[0]:g} Hz")
+    if result.onset is not None:
+        held.append(f"it jumps from amplitude {result.onset.amplitude:.4g}{unit} on")
     return f", {', '.join(held)}" if held else ""
 
 
@@ -90,25 +89,35 @@ def _parts(stable: NDArray[np.bool_]) -> list[tuple[slice, bool]]:
     return [(slice(a, min(b + 1, len(stable))), bool(stable[a])) for a, b in pairwise(breaks)]
 
 
-def _legend(ax: Axes, result: BranchesResult, colours: dict[float, str]) -> None:
-    handles: list[Any] = []
-    if len(colours) > 1:
-        unit = f" {result.input_unit}" if result.input_unit not in {None, "1"} else ""
-        handles += [Line2D([], [], color=c, label=f"amplitude {a:g}{unit}") for a, c in colours.items()]
-    if any(not b.stable.all() for b in result.branches):
+def branch_handles(branches: Sequence[ResponseBranch], folds: Sequence[Fold]) -> list[Line2D]:
+    """Return what a legend says of branches: which are stable, and what lies on them.
+
+    Args:
+        branches: the responses.
+        folds: and what lies on them.
+    """
+    handles = []
+    if any(not b.stable.all() for b in branches):
         handles.append(Line2D([], [], color="#333333", linestyle="-", label="stable"))
         handles.append(Line2D([], [], color="#333333", linestyle="--", label="unstable"))
-    if result.onset is not None:
-        handles.append(
-            Line2D([], [], label=f"where it begins to jump, at amplitude {result.onset.amplitude:.4g}", **_ONSET)
-        )
-    if result.asked_hz:
-        handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
-    kinds = {f.kind for f in result.folds}
+    kinds = {f.kind for f in folds}
     handles += [
         Line2D([], [], color="#333333", linestyle="", marker=m, markersize=4.0, label=kind)
         for kind, m in _MARKERS.items()
         if kind in kinds
     ]
+    return handles
+
+
+def _legend(figure: Figure, result: BranchesResult, colours: dict[float, str]) -> None:
+    """Put the legend below the picture, where it covers no curve."""
+    handles: list[Any] = []
+    if len(colours) > 1:
+        unit = f" {result.input_unit}" if result.input_unit not in {None, "1"} else ""
+        handles += [Line2D([], [], color=c, label=f"amplitude {a:g}{unit}") for a, c in colours.items()]
+    handles += branch_handles(result.branches, result.folds)
+    if result.asked_hz:
+        handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
     if handles:
-        ax.legend(handles=handles, loc="best", **LEGEND)
+        columns = min(len(handles), 4)
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8.5, frameon=False)

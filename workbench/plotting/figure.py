@@ -44,13 +44,18 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def rows(count: int, *, title: str) -> tuple[Figure, list[Axes]]:
+def rows(count: int, *, title: str, height: float = 2.4) -> tuple[Figure, list[Axes]]:
     """Return a figure with `count` pictures over a common horizontal axis.
 
     The figure belongs to no window system; it works without a display.
+
+    Args:
+        count: number of pictures.
+        title: above the first one.
+        height: of each [inch].
     """
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, 1.0 + 2.4 * count), layout="constrained")
+        figure = Figure(figsize=(7.2, 1.0 + height * count), layout="constrained")
         FigureCanvasAgg(figure)
         axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
         axes[0].set_title(title, loc="left", fontweight="bold")

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from workbench.plotting.figure import COLOURS, label, rows
+
 if TYPE_CHECKING:
     from workbench.analysis.simulate.result import SimulationResult
 
@@ -19,14 +21,10 @@ def time_history(result: SimulationResult) -> Figure:
         result: what is drawn.
     """
     names = list(result.signals)
-    figure = Figure(figsize=(8.0, 1.2 + 1.9 * max(1, len(names))), layout="constrained")
-    grid = figure.subplots(max(1, len(names)), 1, sharex=True, squeeze=False)
-    panels = grid[:, 0]
-    for axes, name in zip(panels, names, strict=False):
-        unit = result.units.get(name)
-        axes.plot(result.time, result.signals[name], linewidth=1.2)
-        axes.set_ylabel(f"{name} [{unit}]" if unit else name)
-        axes.grid(visible=True, alpha=0.3)
-    panels[-1].set_xlabel("time [s]")
-    panels[0].set_title(f"{result.model} ({result.interface}, {result.solver})")
+    figure, axes = rows(max(1, len(names)), title=f"{result.model} ({result.interface}, {result.solver})", height=1.9)
+    for ax, name in zip(axes, names, strict=False):
+        ax.plot(result.time, result.signals[name], color=COLOURS[0], linewidth=1.3)
+        ax.set_ylabel(label(name, result.units.get(name)))
+    axes[-1].set_xlabel("time [s]")
+    figure.align_ylabels(axes)
     return figure

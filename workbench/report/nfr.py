@@ -8,16 +8,18 @@ from functools import partial
 
 import numpy as np
 
-from workbench.analysis.nfr.result import MISSING, NfrResult
+from workbench.analysis.nfr.result import MISSING, NfrResult, percent
+from workbench.analysis.nfr.shape import DROP_DB, Peak, fall_of, peak_of
 from workbench.report.branches import branches_table, folds_table, jumping
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import behind, bracketed, counted, number
+from workbench.report.tables import behind, bracketed, counted, number, sentence
 from workbench.report.tones import Verdict
 
 __all__ = ["nfr_page"]
 
-_DROP_DB = 3.0
 _NO_EFFECT = "no effect"
+_SMALL = 0.01  # errors that say that amplitudes agree
+_NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
 _MEANING = {
     "averaged": "not settled: the value is only as accurate as its error",
     "settled": "the response no longer changed from period to period",
@@ -36,6 +38,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         "Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect. "
         "Bars: the error."
     )
+    sections = [_values(result, i) for i in range(result.amplitude.size)]
     return Page(
         title=f"Frequency response of {result.model}: {result.input} → {result.output}",
         lead=_lead(result),
@@ -48,7 +51,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         sections=[
             Section("Gain and phase", figures=[(partial(result.plot, offset=offset), words)]),
             *_branches(result),
-            Section("Values", parts=[_values(result, i) for i in range(result.amplitude.size)], folded=True),
+            Section("Values", parts=[s for s in sections if any(t.rows for t in s.tables)], folded=True),
         ],
         summary=_verdicts(result),
         notes=result.warnings,
@@ -73,25 +76,56 @@ def _range(result: NfrResult) -> str:
 
 def _lead(result: NfrResult) -> str:
     parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
-    falls = [f"{f:.4g} Hz at {a:g}{behind(result.input_unit)}" for a, f in _bandwidths(result)]
-    parts += [f"The gain is 3 dB below that of the lowest frequency at {', '.join(falls)}."] if falls else []
+    parts += _curves(result)
     spread = _spread(result)
-    parts += [f"Between the amplitudes it differs by {spread:.3g} dB at most."] if np.isfinite(spread) else []
+    if _agree(result):
+        parts.append("The amplitudes agree within their errors: it is linear here.")
+    elif np.isfinite(spread):
+        parts.append(f"Between the amplitudes it differs by {spread:.3g} dB at most.")
     return " ".join(parts)
 
 
-def _bandwidths(result: NfrResult) -> list[tuple[float, float]]:
-    """Return (amplitude, frequency at which the gain has fallen by 3 dB), straight between the points."""
-    found = []
+def _agree(result: NfrResult) -> bool:
+    """Whether the responses at all amplitudes are the same, as far as their errors tell; unknown errors do not."""
+    apart = np.abs(result.response - result.response[:1])
+    allowed = result.error * result.gain + (result.error * result.gain)[:1]
+    small = np.max(result.error, initial=0.0) < _SMALL  # nan is not
+    return len(result.amplitude) > 1 and bool(small and np.all(apart <= allowed))
+
+
+def _curves(result: NfrResult) -> list[str]:
+    """Return where the gain peaks or has fallen by 3 dB, a sentence each; amplitudes of which the same holds share it.
+
+    Above a resonance, and across a jump, the fall from the lowest frequency is no bandwidth.
+    """
+    told: dict[str, list[float]] = {}
     for i, amplitude in enumerate(result.amplitude.tolist()):
         good = np.isfinite(result.gain_db[i])
-        drop = result.gain_db[i][good] - result.gain_db[i][good][:1] + _DROP_DB
-        f = np.log(result.frequency_hz[good])
-        below = np.flatnonzero(drop < 0.0)
-        if below.size and below[0] > 0:
-            k = int(below[0])
-            found.append((amplitude, float(np.exp(np.interp(0.0, -drop[k - 1 : k + 1], f[k - 1 : k + 1])))))
-    return found
+        f, gain_db = result.frequency_hz[good], result.gain_db[i][good]
+        peak = peak_of(f, gain_db)
+        high = peak is not None and (peak.above_db > DROP_DB or peak.between is not None)
+        if peak is not None and high:
+            told.setdefault(_peak(peak), []).append(amplitude)
+        fall = fall_of(f, gain_db, result.error[i][good])
+        if fall is not None and not fall.cliff and not (high and peak is not None and peak.above_db > DROP_DB):
+            between = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
+            words = f"the gain falls to 3 dB below that of the lowest frequency {between}"
+            told.setdefault(words, []).append(amplitude)
+    several, unit = result.amplitude.size > 1, behind(result.input_unit)
+    return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in told.items()]
+
+
+def _peak(peak: Peak) -> str:
+    words = f"the highest gain measured is {peak.gain_db:.2f} dB at {peak.frequency:.5g} Hz"
+    if peak.between is None:
+        return words
+    low, high = peak.between
+    return f"{words}; between {low:.5g} and {high:.5g} Hz it may be higher, which a smaller --ratio there shows"
+
+
+def _listed(amplitudes: list[float]) -> str:
+    *most, last = (f"{a:g}" for a in amplitudes)
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _spread(result: NfrResult) -> float:
@@ -105,7 +139,12 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
     counts = Counter(words.ravel().tolist())
     found = [Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}") for word in _MEANING if counts[word]]
-    reasons = Counter(f.reason for f in result.failed)
+    reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
+    missing = sum(f.reason == MISSING for f in result.failed)
+    if missing:
+        found.append(
+            Verdict("skipped", f"{counted(missing, 'point')}, which the sweep had not reached when it was stopped")
+        )
     first = {f.reason: f for f in reversed(result.failed)}
     found += [
         Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
@@ -123,12 +162,13 @@ def _values(result: NfrResult, i: int) -> Section:
     ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
     offset = bracketed("offset", result.output_unit)
     headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", "error [%]", offset, "THD [%]")
-    columns = (result.gain, result.gain_db, result.phase_deg, 100.0 * result.error, result.offset)
-    forms = (".5g", ".3f", ".2f", ".2g", ".4g")
+    columns = ((result.gain, ".5g"), (result.gain_db, ".3f"), (result.phase_deg, ".2f"))
     rows = [
         (
             f"{f:.5g}",
-            *(number(float(c[i, j]), form) for c, form in zip(columns, forms, strict=True)),
+            *(number(float(c[i, j]), form) for c, form in columns),
+            _percent(float(result.error[i, j])),
+            _offset(result, i, j),
             _thd(float(result.thd[i, j]), float(result.error[i, j])),
             str(result.periods[i, j]),
             _NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
@@ -142,7 +182,18 @@ def _values(result: NfrResult, i: int) -> Section:
 
 def _thd(thd: float, error: float) -> str:
     """Return the distortion [%]: what is left of a transient is wrong in it as it is in the response."""
-    return f"<{100.0 * (thd + error):.2g}" if thd <= error else number(100.0 * thd, ".3g")
+    return f"<{percent(thd + error)}" if thd <= error else number(100.0 * thd, ".3g")
+
+
+def _percent(error: float) -> str:
+    return percent(error) if np.isfinite(error) else number(error)
+
+
+def _offset(result: NfrResult, i: int, j: int) -> str:
+    """Return the mean of the output; below what the error leaves open, and far below its motion, that is all it is."""
+    offset, motion = float(result.offset[i, j]), float(result.gain[i, j] * result.amplitude[i])
+    least = max(float(result.error[i, j]), _NOTHING) * motion
+    return f"<{least:.1g}" if abs(offset) < least else number(offset, ".4g")
 
 
 def _is_missing(result: NfrResult, i: int, j: int) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.poles import POLE_HEADINGS, pole_rows
+from workbench.core.units import rate_unit
 from workbench.report.page import Section, Table
 
 __all__ = [
@@ -48,18 +49,6 @@ def behind(unit: str | None) -> str:
     return f" {unit}" if unit and unit != "1" else ""
 
 
-def rate_unit(unit: str | None, dt: float = 0.0) -> str | None:
-    """Return the unit of a state's derivative; of its next value in a discrete model.
-
-    Args:
-        unit: of the state.
-        dt: period of the model [s]; 0: continuous.
-    """
-    if dt > 0.0 or not unit:
-        return unit
-    return "1/s" if unit == "1" else f"{unit} / s"
-
-
 def counted(count: int, one: str, several: str = "") -> str:
     """Return "1 point", "2 points"."""
     return f"{count} {one if count == 1 else several or one + 's'}"
@@ -97,7 +86,10 @@ def matrices(
         words = f"{sizes}: too many to show here; the JSON has the matrices."
         return Section("Matrices", paragraphs=[words])
     x, u, y = ([bracketed(n, units.get(n)) for n in names] for names in (states, inputs, outputs))
-    rates = [bracketed(f"{'next' if dt > 0.0 else 'd/dt'} {n}", rate_unit(units.get(n), dt)) for n in states]
+    rates = [
+        bracketed(f"{'next' if dt > 0.0 else 'd/dt'} {n}", units.get(n) if dt > 0.0 else rate_unit(units.get(n)))
+        for n in states
+    ]
     shown = (("A", A, rates, x), ("B", B, rates, u), ("C", C, y, x), ("D", D, y, u))
     return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
 

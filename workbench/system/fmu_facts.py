@@ -72,8 +72,8 @@ def _description_in(path: Path) -> bytes:
             return archive.read(_DESCRIPTION)
     except KeyError:
         raise FmuError(f"{path}: no {_DESCRIPTION} inside; this is not an FMU") from None
-    except DAMAGED as error:
-        raise FmuError(f"{path}: not a zip archive or damaged: {error}") from None
+    except DAMAGED:
+        raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be read: {error}") from None
 

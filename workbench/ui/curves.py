@@ -43,6 +43,11 @@ def curves_of(record: object) -> list[dict[str, Any]]:
     return [] if curves is None else [plain(curve) for curve in curves(record)]
 
 
+def _with_unit(value: float, unit: str | None) -> str:
+    """Return a number with its unit as a label shows it; the unit 1 is none."""
+    return f"{value:g} {unit}" if unit and unit != "1" else f"{value:g}"
+
+
 def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401
     return {
         "label": label,
@@ -60,10 +65,9 @@ def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[st
 
 
 def _nfr(record: NfrResult) -> Iterator[dict[str, Any]]:
-    unit = f" {record.input_unit}" if record.input_unit else ""
     for i, amplitude in enumerate(record.amplitude.tolist()):
         yield _of_response(
-            record.curve(amplitude), f"{amplitude:g}{unit}", "measured",
+            record.curve(amplitude), _with_unit(amplitude, record.input_unit), "measured",
             amplitude=amplitude, status=record.status[i], stable=record.stable[i],
         )  # fmt: skip
     yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
@@ -76,8 +80,7 @@ def _branches(record: BranchesResult) -> Iterator[dict[str, Any]]:
 
 def _branch(branch: ResponseBranch, number: int, record: NfrResult | BranchesResult) -> dict[str, Any]:
     value = np.asarray(branch.gain * np.exp(1j * np.radians(branch.phase_deg)), dtype=np.complex128)
-    unit = f" {record.input_unit}" if record.input_unit else ""
-    at = "" if branch.amplitude is None else f", {branch.amplitude:g}{unit}"
+    at = "" if branch.amplitude is None else f", {_with_unit(branch.amplitude, record.input_unit)}"
     response = Response(
         branch.frequency_hz, value, input=record.input, output=record.output,
         input_unit=record.input_unit, output_unit=record.output_unit, amplitude=branch.amplitude,
@@ -117,8 +120,8 @@ def _loop(record: LoopResult) -> Iterator[dict[str, Any]]:
     for curve in record.curves:
         status = [p.status for p in curve.points]
         response = Response(curve.frequency_hz, curve.value, amplitude=curve.amplitude)
-        unit = f" {record.place.unit}" if record.place.unit else ""
-        yield _of_response(response, f"loop, {curve.how} {curve.amplitude:g}{unit}", "measured", status=status)
+        label = f"loop, {curve.how} {_with_unit(curve.amplitude, record.place.unit)}"
+        yield _of_response(response, label, "measured", status=status)
 
 
 def _feedback(record: FeedbackResult) -> Iterator[dict[str, Any]]:

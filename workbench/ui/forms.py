@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from workbench.analysis.commands import REQUESTS, request_of
@@ -14,7 +16,7 @@ from workbench.core.option import Declared
 from workbench.errors import InputError
 from workbench.ui.root import NotHereError, Root
 
-__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "request_of_form"]
+__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form"]
 
 # Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
 MEASURED = tuple(
@@ -56,7 +58,9 @@ def form_of(command: str) -> dict[str, Any]:
         "details": request.details,
         "example": request.example,
         "counts": request.counts,
-        "fields": [_field(name, d, group) for name, (d, group) in _options(request).items()],
+        "fields": [
+            _field(name, d, group, needed=name in request.needs) for name, (d, group) in _options(request).items()
+        ],
     }
 
 
@@ -68,12 +72,18 @@ def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]
     }
 
 
-def _field(name: str, declared: Declared, group: str) -> dict[str, Any]:
+def _label(name: str) -> str:
+    """Return what stands above a field."""
+    return name.replace("_", " ").strip().capitalize()
+
+
+def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[str, Any]:
     option = declared.option
-    needed = declared.required or bool(option.needed)
+    needed = needed or declared.required
     default = [] if needed or declared.default in (None, (), {}) else declared.write(declared.default)
     return {
         "name": name,
+        "label": _label(name),
         "flag": declared.flag,
         "kind": _kind(declared),
         "help": option.help,
@@ -116,16 +126,59 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
                     value = root.name_of(root.path(value, new=name == _STORE))
                 declared.read(value)
                 values[name] = value
-            elif declared.required:
+            elif declared.required or name in request.needs:
                 wrong[name] = "is needed"
-        except (InputError, NotHereError) as error:
+        except InputError as error:
+            wrong[name] = in_the_form(request, str(error))[1]
+        except NotHereError as error:
             wrong[name] = str(error)
+    # What does not go together is told beside what is wrong by itself; in the place of that stands what can be read.
+    stand_in = {name: _stand_in(options[name][0]) for name in wrong if name in options and options[name][0].required}
+    try:
+        asked = request_from(request, {**stand_in, **values})
+    except InputError as error:
+        name, words = in_the_form(request, str(error))
+        wrong.setdefault(name, words)
+        raise FormError(wrong) from error
     if wrong:
         raise FormError(wrong)
-    try:
-        return request_from(request, values)
-    except InputError as error:
-        raise FormError({_named(str(error), options): str(error)}) from None
+    return asked
+
+
+def _stand_in(declared: Declared) -> Any:  # noqa: ANN401 - of a form
+    """Return a value that an option can have; None: none is known."""
+    for text in ("1", "1:2", "1=1", "1=1:2"):
+        with suppress(InputError):
+            given = [text] if declared.form is not None and declared.form.repeated else text
+            declared.read(given)
+            return given
+    return None
+
+
+def in_the_form(request: type[Request[Any, Any]], message: str) -> tuple[str, str]:
+    """Return which option a message is about (empty: none), and the message as it stands at its field.
+
+    Options have the names of their fields; the one that the message begins with is not said again.
+
+    Args:
+        request: class of what was asked for.
+        message: as the command line shows it.
+    """
+    options = _options(request)
+    name = _named(message, options)
+    for flag, label in sorted(((d.flag, _label(n)) for n, (d, _) in options.items()), key=lambda f: -len(f[0])):
+        message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
+    if name:
+        own = {_label(name), *_spoken(options[name][0])}
+        message = re.sub(rf"^({'|'.join(map(re.escape, sorted(own, key=len, reverse=True)))}): +", "", message)
+    return name, message
+
+
+def _spoken(declared: Declared) -> set[str]:
+    """Return by which names messages speak of an option."""
+    words = declared.spoken
+    one = re.sub("ies$", "y", words) if words.endswith("ies") else words.removesuffix("s")
+    return {declared.flag, declared.flag.removeprefix("--"), words, one}
 
 
 def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
@@ -150,9 +203,10 @@ def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
 
 def _named(message: str, options: Mapping[str, tuple[Declared, str]]) -> str:
     """Return the option that a message begins with; empty: none."""
-    begun = (
-        name
-        for name, (d, _) in options.items()
-        if message.startswith((f"{d.flag}:", f"{d.flag.removeprefix('--')}:", f"{d.spoken}:", f"{d.spoken} "))
-    )
-    return max(begun, key=len, default="")
+    begun = [
+        (len(word), name)
+        for name, (declared, _) in options.items()
+        for word in _spoken(declared)
+        if re.match(rf"{re.escape(word)}(:| )", message)
+    ]
+    return max(begun, default=(0, ""))[1]

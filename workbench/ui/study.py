@@ -17,7 +17,7 @@ _BARE = re.compile(r"^[A-Za-z0-9_-]+$")
 
 
 def study_of(works: Iterable[Work]) -> str:
-    """Return the study file that does the same work, one analysis for each that was done on one model.
+    """Return the study file that does the same work, one analysis for each that was done on one model; empty: none was.
 
     Args:
         works: in their order.
@@ -37,6 +37,8 @@ def study_of(works: Iterable[Work]) -> str:
         ]
         lines += [f"{_key(work, name)} = {_toml(value)}" for name, value in asked.items() if name not in _WITHOUT]
         analyses.append("\n".join(lines))
+    if not analyses:
+        return ""
     named = "\n".join(f"{name} = {_toml(subject)}" for subject, name in models.items())
     return "\n\n".join(['name = "session"', f"[models]\n{named}".rstrip(), *analyses]) + "\n"
 

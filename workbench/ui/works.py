@@ -18,7 +18,7 @@ from workbench.core.option import asked_in_json, options_of, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.origin import Origin
-from workbench.ui.forms import OFFERED, request_of_form
+from workbench.ui.forms import OFFERED, in_the_form, request_of_form
 from workbench.ui.root import Root
 
 __all__ = ["Desk", "Work"]
@@ -44,7 +44,7 @@ class Work:
         done, total: how far it is.
         points: that were told, ready for JSON.
         notes: remarks.
-        failure: what went wrong, `kind` and `message`; empty: nothing.
+        failure: what went wrong, `kind`, `message`, and the `field` that it is about, if any; empty: nothing.
         record: what it gave; also what there was when it ended early.
         origin: how the record was made; None: there is none.
         well: whether the record is what was asked for.
@@ -123,7 +123,8 @@ class Work:
         except KeyboardInterrupt:
             state = STOPPED
         except WorkbenchError as error:
-            self.failure, state = {"kind": error.kind, "message": str(error)}, FAILED
+            field, words = in_the_form(kind, str(error))
+            self.failure, state = {"kind": error.kind, "message": words, "field": field}, FAILED
         except Exception as error:  # noqa: BLE001 - a bug of the workbench is told, and ends nothing else
             words = f"{type(error).__name__}: {error}; this is a bug of the workbench"
             self.failure, state = {"kind": "failed", "message": words}, FAILED

@@ -26,9 +26,8 @@ _PIECES = 16  # are read at a time: whoever writes without end must not keep the
 _LONGEST = 1 << 34  # [byte]: no frame is longer
 _DAMAGED = "something was written into the middle of it, by the FMU into a file that is not its own"
 
-
-# Exit code of a worker that cannot tell what it has found: its end of the connection is closed.
-HUNG_UP = 119
+# Name of the file that a worker leaves in its folder when its end of the connection was closed.
+HUNG_UP = "hung-up"
 
 
 class Channel:

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from workbench.core.confine import confined
 from workbench.core.scratch import remove_if_dead
@@ -33,6 +33,8 @@ from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
 from workbench.workers.channel import HUNG_UP, Channel
 from workbench.workers.limits import MemoryWatch
+from workbench.workers.state import arithmetic, state
+from workbench.workers.state import limits as allowances
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
@@ -95,13 +97,15 @@ class _Worker:
         channel: to the parent; None: this is no worker process.
         limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
-        state: of the process, as it was when the task began, see `_state`.
+        state: of the process, as it was when the task began, see `workers.state`.
+        process: number of this process; a copy of it that an FMU has made by fork has another.
     """
 
     channel: Channel | None = None
     limits = Limits(timeout=None)
     opened: ClassVar[OrderedDict[bytes, Model]] = OrderedDict()
-    state: tuple[object, ...] = ()
+    state: ClassVar[dict[str, object]] = {}
+    process = 0
 
 
 def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
@@ -134,6 +138,7 @@ def inside(limits: Limits) -> bool:
 def wanted_stop() -> bool:
     """Return whether the parent asked for the end of the task in work; it sends nothing else meanwhile."""
     channel = _Worker.channel
+    _end_copy()
     return channel is not None and STOP in list(channel.receive())
 
 
@@ -160,11 +165,11 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     if not why_kernel_missing():  # also while code that hangs keeps Python from running
         arguments = (lifeline, parent, int(1000 * _FAREWELL))
         threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
-    channel = _Worker.channel = Channel(end, mark, dumps=in_records if confined() else pickle.dumps)
+    _Worker.process = os.getpid()
+    channel = _Worker.channel = Channel(end, mark, dumps=_packed)
     if module:
         import_module(module)
-    code = 0
-    _Worker.state = _state()
+    _Worker.state = state()
     try:
         channel.send((READY, None))
         for order in _orders(channel):
@@ -172,12 +177,12 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
             end_now()
             _flush()
             channel.send((READY, None))
-            if _state() != _Worker.state:
+            if state() != _Worker.state:
                 os._exit(0)  # what the FMU has changed shall not reach the next: the parent starts another process
     except OSError:  # the connection is gone: the parent is, or the FMU has closed it
-        code = HUNG_UP
+        _tell_hung_up(scratch)
     watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
-    os._exit(code)  # libraries are not unloaded: what they do then concerns nobody
+    os._exit(0)  # libraries are not unloaded: what they do then concerns nobody
 
 
 def _orders(channel: Channel) -> Iterator[Any]:
@@ -205,9 +210,10 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         except (AttributeError, ImportError) as error:
             return FOREIGN, str(error)
         channel.send((BEGUN, None))  # what was to be imported is: time limits are for the FMU
+        _Worker.state = state()
         model = _model(recipe)
         watch = MemoryWatch(limits.memory)
-        _Worker.state = (*_Worker.state[:-1], _state()[-1])
+        _Worker.state |= {name: allowed for name, allowed in allowances().items() if name == "RLIMIT_AS"}
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():
@@ -219,7 +225,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         return (MEMORY, None) if watch.exceeded() else _failure(error)
     finally:
         _flush()
-    return DONE, None
+    return DONE, arithmetic() != _Worker.state.get("arithmetic")
 
 
 def _failure(error: BaseException) -> tuple[str, Any]:
@@ -270,19 +276,22 @@ def _behave() -> None:
         libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
 
 
-def _state() -> tuple[object, ...]:
-    """Return what of the process an FMU may change for those after it: rounding, limits, files that stay open."""
-    if sys.platform == "win32":
-        return (None,)
-    import resource  # noqa: PLC0415 - not on Windows
+def _packed(item: object) -> bytes:
+    """Pickle what is sent to the parent."""
+    _end_copy()
+    return in_records(item) if confined() else pickle.dumps(item)
 
-    files, _ = allowed = resource.getrlimit(resource.RLIMIT_NOFILE)
-    try:
-        many = sum(1 for _ in Path("/dev/fd").iterdir()) > files / 2
-    except OSError:
-        many = True
-    rounding = getattr(ctypes.CDLL(None), "fegetround", int)()
-    return rounding, many, allowed, resource.getrlimit(resource.RLIMIT_CPU), resource.getrlimit(resource.RLIMIT_AS)
+
+def _end_copy() -> None:
+    """End this process if it is a copy that the FMU has made by fork: there is one answer, that of the original."""
+    if os.getpid() != _Worker.process:
+        os._exit(0)
+
+
+def _tell_hung_up(scratch: str) -> None:
+    """Leave word for the parent that the connection to it was closed here; an exit code could be the FMU's."""
+    with suppress(OSError):
+        Path(scratch, HUNG_UP).touch()
 
 
 def _end_at_once() -> None:
@@ -294,6 +303,7 @@ def _end_at_once() -> None:
 
 def _flush() -> None:
     """Let what an FMU printed be on its way."""
+    _end_copy()
     if sys.platform != "win32":
         ctypes.CDLL(None).fflush(None)
 
@@ -313,25 +323,35 @@ def _lifeline() -> int:
 
 def _watch_parent(lifeline: int, parent: int, scratch: str) -> None:
     """Clean up and end this process when the parent is gone, also while the FMU's code runs."""
-    _wait_for_end(lifeline, parent)
+    if not _wait_for_end(lifeline, parent):
+        _tell_hung_up(scratch)
+        _end_group()
     shutil.rmtree(scratch, ignore_errors=True)
     # All that was the parent's own, where it is gone; else it, or a copy of it made by fork, has let go of this worker.
     until = time.monotonic() + _PARTING
     while not remove_if_dead(Path(scratch).parent) and Path(scratch).parent.is_dir() and time.monotonic() < until:
         time.sleep(_PARTING / 10)
+    _end_group()
+
+
+def _end_group() -> NoReturn:
+    """End this process with those that the FMU has started."""
     if os.name == "posix" and os.getpgrp() == os.getpid():
-        os.killpg(os.getpid(), signal.SIGKILL)  # with the processes that the FMU has started
+        os.killpg(os.getpid(), signal.SIGKILL)
     os._exit(1)
 
 
-def _wait_for_end(lifeline: int, parent: int) -> None:
+def _wait_for_end(lifeline: int, parent: int) -> bool:
+    """Wait for the end of the parent; False: the FMU has closed what would tell of it."""
     if sys.platform == "win32":
         import _winapi  # noqa: PLC0415
 
         _winapi.WaitForSingleObject(lifeline, _winapi.INFINITE)
-        return
+        return True
     # A copy of the parent made by fork keeps the pipe open; the system names another parent then.
     ended = select.poll()
     ended.register(lifeline, 0)  # no event but its end: an FMU of the parent may write what it wants into it
-    while os.getppid() == parent and not ended.poll(1000.0 * _PATIENCE):
-        pass
+    while os.getppid() == parent:
+        for _, event in ended.poll(1000.0 * _PATIENCE):
+            return not event & select.POLLNVAL
+    return True

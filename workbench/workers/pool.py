@@ -26,7 +26,6 @@ from workbench.errors import (
     WorkbenchError,
 )
 from workbench.model.recipe import Recipe
-from workbench.workers.channel import HUNG_UP
 from workbench.workers.child import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.workers.process import AFTERWARDS, WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
@@ -41,6 +40,12 @@ _GRACE = 1.2
 
 # Of the last line that an FMU printed, so many characters are part of the message.
 _SHOWN = 200
+
+# What is told where an FMU has changed that.
+_ARITHMETIC = (
+    "the FMU changed the arithmetic of its process (how numbers are rounded, or whether tiny ones count), in which the"
+    " workbench computes, too: the result may not be what another arithmetic gives"
+)
 
 _UNREADABLE = "its worker's answer cannot be read"
 
@@ -179,6 +184,8 @@ class Pool(Runner):
             self._workers.remove(worker)
             last = self._note(worker)
             code = worker.reap()
+            if worker.ready:  # all was told: it ended to begin anew, or while it had nothing to do
+                return
             hungry = code is not None and code > 0 and _HUNGRY in last
             if worker.seasoned and not worker.opened and worker.index in self._in_work:
                 self._again.append(
@@ -212,6 +219,8 @@ class Pool(Runner):
         elif kind in (DONE, ERROR, FOREIGN, BUG):
             # Raised when its FMU has ended, too.
             worker.error = _ERRORS[kind](content) if kind in _ERRORS else None
+            if kind == DONE and content is True:
+                self.afterwards.append(_ARITHMETIC)
             self._in_work.pop(worker.index or 0, None)
             worker.take_leave()
         else:
@@ -291,11 +300,11 @@ def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> L
     """Return why a worker ended by itself.
 
     Args:
-        code: its exit code, −n for signal n; None: it had to be ended.
+        code: its exit code, −n for signal n; None: it went on, or had to be ended, without a connection.
         limits: what it was allowed.
         platform: as in `sys.platform`.
     """
-    if code is None or code == HUNG_UP:
+    if code is None:
         return LostError("the FMU closed the connection to its process, which went on")
     if platform == "win32" and code & 0xFFFFFFFF in _WINDOWS:
         text = _WINDOWS[code & 0xFFFFFFFF]

@@ -20,10 +20,10 @@ from workbench.core.locks import forkable_lock
 from workbench.core.scratch import remove, scratch_folder
 from workbench.core.where import Limits
 from workbench.endings import ENDING
-from workbench.errors import WorkbenchError
+from workbench.errors import InputError, WorkbenchError
 from workbench.model.recipe import Recipe
 from workbench.workers.answers import records_only
-from workbench.workers.channel import MARK_BYTES, Channel
+from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
 from workbench.workers.limits import cores, went_beyond
 
@@ -134,7 +134,7 @@ class WorkerProcess:
         self.most = self._beyond = None
         self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
-        order = (os.getcwd(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)  # noqa: PTH109
+        order = (_current_folder(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)
         self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
 
     def end_soon(self) -> None:
@@ -184,12 +184,13 @@ class WorkerProcess:
         return text.decode("utf-8", "replace")
 
     def reap(self) -> int | None:
-        """Wait for a process that is dying; return its exit code, None where it went on."""
+        """Wait for a process that is dying; return its exit code, None where it went on and could tell nothing."""
         until = time.monotonic() + _DYING
         while not (ended := self._has_ended()) and time.monotonic() < until:
             time.sleep(_PAUSE)
+        hung_up = (self._folder / HUNG_UP).exists()
         code = self.kill()
-        return code if ended else None
+        return code if ended and not hung_up else None
 
     def _has_ended(self) -> bool:
         """Whether the process is at its end; where the system can, its number stays its own until `kill`."""
@@ -219,6 +220,13 @@ def _kill_all(process: subprocess.Popen[bytes]) -> None:
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)  # it leads a group, see `_started`
     process.kill()
+
+
+def _current_folder() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109 - a text
+    except OSError as error:
+        raise InputError(f"the current folder cannot be used: {error.strerror}; change to another") from None
 
 
 def _surroundings() -> tuple[int, tuple[str, ...], int]:

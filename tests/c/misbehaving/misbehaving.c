@@ -14,10 +14,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#if defined __x86_64__
+#include <xmmintrin.h>
+#endif
 
 #include "fmi2Functions.h"
 
@@ -25,6 +32,7 @@
 #define BLOCK ((size_t)64 << 20)
 #define MOST_BLOCKS 48 /* 3 GiB: enough for any limit, and not the end of the machine */
 #define MOST_DESCRIPTORS 256
+#define MOST_MAPPINGS 100000
 #define MOST_THREADS 4 /* of each copy: thousands of calls shall not fill the machine */
 
 enum { VR_U, VR_X, VR_DER_X, VR_Y, N_VARIABLES };
@@ -112,6 +120,69 @@ static int escape(void)
     return reached;
 }
 
+/* Round upwards where nobody reads: fegetround of x86 returns the word of its older arithmetic unit. */
+static void round_up(void)
+{
+#if defined __x86_64__
+    _mm_setcsr((_mm_getcsr() & ~0x6000U) | 0x4000U);
+#else
+    fesetround(FE_UPWARD);
+#endif
+}
+
+static void lower(int what)
+{
+    struct rlimit limit = {1 << 20, 1 << 20};
+    setrlimit(what, &limit);
+}
+
+static void use_up_mappings(void)
+{
+    for (int i = 0; i < MOST_MAPPINGS; i++) {
+        const int rights = i % 2 ? PROT_READ : PROT_READ | PROT_WRITE; /* or the system would join them */
+        if (mmap(NULL, 4096, rights, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) == MAP_FAILED) {
+            return;
+        }
+    }
+}
+
+static void change(const char *what)
+{
+    sigset_t every;
+    struct itimerval often = {{1000, 0}, {1000, 0}};
+    if (strcmp(what, "arithmetic") == 0) {
+        round_up();
+    } else if (strcmp(what, "data") == 0) {
+        lower(RLIMIT_DATA);
+    } else if (strcmp(what, "stack") == 0) {
+        lower(RLIMIT_STACK);
+    } else if (strcmp(what, "size") == 0) {
+        lower(RLIMIT_FSIZE);
+    } else if (strcmp(what, "umask") == 0) {
+        umask(0777);
+    } else if (strcmp(what, "mask") == 0) {
+        sigfillset(&every);
+        sigprocmask(SIG_SETMASK, &every, NULL);
+    } else if (strcmp(what, "handler") == 0) {
+        signal(SIGUSR1, SIG_IGN);
+    } else if (strcmp(what, "timer") == 0) {
+        setitimer(ITIMER_REAL, &often, NULL);
+    } else if (strcmp(what, "environment") == 0) {
+        setenv("HOME", "/nowhere", 1);
+    } else if (strcmp(what, "mappings") == 0) {
+        use_up_mappings();
+    } else if (strcmp(what, "fork") == 0) {
+        signal(SIGCHLD, SIG_IGN);
+        fork(); /* both go on */
+    } else if (strcmp(what, "close") == 0) {
+        for (int file = 3; file < MOST_DESCRIPTORS; file++) {
+            close(file);
+        }
+    } else if (strcmp(what, "hangup") == 0) {
+        _exit(119);
+    }
+}
+
 static void do_it(const char *what, Model *model)
 {
     if (strcmp(what, "segfault") == 0) {
@@ -148,6 +219,8 @@ static void do_it(const char *what, Model *model)
         }
     } else if (strcmp(what, "escape") == 0 && model != NULL) {
         model->reached = escape();
+    } else if (what[0] == '_') { /* changes its process, and goes on as if nothing had been */
+        change(what + 1);
     } else if (strcmp(what, "rounding") == 0 && fesetround(FE_UPWARD) != 0) {
         return;
     } else if (strcmp(what, "files") == 0) {
@@ -164,6 +237,12 @@ static void misbehave(Model *model, const char *where)
     if (strcmp(model->where, where) == 0) {
         do_it(model->what, model);
     }
+}
+
+/* FMI knows no negative status. */
+static fmi2Status answer(const Model *model, const char *where)
+{
+    return strcmp(model->what, "negative") == 0 && strcmp(model->where, where) == 0 ? (fmi2Status)-1 : fmi2OK;
 }
 
 static void split(const char *text, char what[32], char where[32])
@@ -253,14 +332,14 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
     (void)stop;
     ((Model *)c)->time = start;
     misbehave(c, "setupExperiment");
-    return fmi2OK;
+    return answer(c, "setupExperiment");
 }
 
 #define ONLY(function, where)                                                                                          \
     fmi2Status function(fmi2Component c)                                                                               \
     {                                                                                                                  \
         misbehave(c, where);                                                                                           \
-        return fmi2OK;                                                                                                 \
+        return answer(c, where);                                                                                       \
     }
 ONLY(fmi2EnterInitializationMode, "enterInitialization")
 ONLY(fmi2ExitInitializationMode, "exitInitialization")
@@ -280,7 +359,7 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     for (size_t i = 0; i < n; i++) {
         value[i] = model->spoilt ? NAN : model->v[vr[i]];
     }
-    return fmi2OK;
+    return answer(c, "getReal");
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
@@ -289,7 +368,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     for (size_t i = 0; i < n; i++) {
         ((Model *)c)->v[vr[i]] = value[i];
     }
-    return fmi2OK;
+    return answer(c, "setReal");
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
@@ -302,7 +381,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
         return fmi2Error;
     }
     memcpy(*state, c, sizeof(Model));
-    return fmi2OK;
+    return answer(c, "getFMUstate");
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
@@ -329,7 +408,11 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
     info->newDiscreteStatesNeeded = model->endless ? fmi2True : fmi2False;
     info->nextEventTimeDefined = model->time < EVENT ? fmi2True : fmi2False;
     info->nextEventTime = EVENT;
-    return fmi2OK;
+    if (strcmp(model->what, "past") == 0 || strcmp(model->what, "never") == 0) {
+        info->nextEventTimeDefined = fmi2True;
+        info->nextEventTime = model->what[0] == 'p' ? model->time - 1.0 : NAN;
+    }
+    return answer(c, "newDiscreteStates");
 }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_set, fmi2Boolean *event, fmi2Boolean *terminate)
@@ -338,14 +421,14 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_set, fmi2
     misbehave(c, "completedIntegratorStep");
     *event = fmi2False;
     *terminate = fmi2False;
-    return fmi2OK;
+    return answer(c, "completedIntegratorStep");
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
 {
     ((Model *)c)->time = time;
     misbehave(c, "setTime");
-    return fmi2OK;
+    return answer(c, "setTime");
 }
 
 fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n)
@@ -353,7 +436,7 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
     (void)n;
     misbehave(c, "setContinuousStates");
     ((Model *)c)->v[VR_X] = x[0];
-    return fmi2OK;
+    return answer(c, "setContinuousStates");
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n)
@@ -361,7 +444,7 @@ fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n)
     (void)n;
     misbehave(c, "getContinuousStates");
     x[0] = ((Model *)c)->v[VR_X];
-    return fmi2OK;
+    return answer(c, "getContinuousStates");
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n)
@@ -370,7 +453,7 @@ fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n)
     (void)n;
     misbehave(model, "getDerivatives");
     dx[0] = model->spoilt ? NAN : model->v[VR_U] - model->v[VR_X];
-    return fmi2OK;
+    return answer(c, "getDerivatives");
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n)
@@ -379,7 +462,7 @@ fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n)
         z[i] = 1.0;
     }
     misbehave(c, "getEventIndicators");
-    return fmi2OK;
+    return answer(c, "getEventIndicators");
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominal[], size_t n)
@@ -399,5 +482,5 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolea
     misbehave(model, "doStep");
     model->v[VR_X] += model->reached ? 0.0 : size * (model->v[VR_U] - model->v[VR_X]);
     model->time = point + size;
-    return fmi2OK;
+    return answer(c, "doStep");
 }

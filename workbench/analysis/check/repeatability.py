@@ -11,7 +11,8 @@ from workbench.analysis.check.compare import largest_gap
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.errors import FmuError, SimulationError
-from workbench.fmi.instance import WARNING, Instance
+from workbench.fmi.access import is_good
+from workbench.fmi.instance import Instance
 from workbench.session.base import Session
 from workbench.signals import Signal
 
@@ -127,7 +128,7 @@ def reset(subject: CheckedFmu) -> Answer:
         if not instance.library.has(name):
             return Answer("broken", f"the binary does not have {name}", _ELSEWHERE)
         status = instance.library[name](instance.component)
-        if status > WARNING:
+        if not is_good(status):
             return Answer("watch", f"{name} returns status {status}", _ELSEWHERE)
         try:
             second = _run(subject, instance, stack)

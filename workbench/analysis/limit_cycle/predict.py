@@ -69,7 +69,7 @@ def predict(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> Pred
     if missing and asked.amplitudes is None:
         raise InputError(
             f"{system.name}: block {', '.join(missing)} has a memory of its own and must be measured; "
-            "give amplitudes (lowest, highest) and a band"
+            "give the lowest and the highest amplitude (--amplitude LO:HI) and a band (--band LO:HI)"
         )
     names = ", ".join(p.component for p in loop.every)
     name, band, amplitudes = f"{system.name}: loop through {names}", asked.band, asked.amplitudes

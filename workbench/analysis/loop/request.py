@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.analysis.lin.request import METHOD_NAMES
+from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import FILE, Band, Form, Numbers
+from workbench.core.forms import FILE, Band, Form, Numbers, several
 from workbench.core.operating_point import At
 from workbench.core.option import option
 from workbench.core.where import InWorkers
@@ -83,6 +84,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
     subject = replace(
         Analysis.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."
     )
+    needs = ("open",)
     # Tighter than for a time history, as for a frequency response.
     usual_tolerance = 1e-8
 
@@ -97,6 +99,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         "only the linear loop is analysed.",
         flag="--amplitude",
         default=None,
+        positive=True,
     )
     frequencies: Numbers | None = option(
         "Frequencies to measure at.", unit="Hz", flag="--freq", metavar="F,..", group=_MEASURING, default=None
@@ -174,6 +177,10 @@ class Loop(InWorkers, Analysis["LoopResult"]):
             raise InputError(
                 "frequencies are for measuring at amplitudes; give amplitudes, or leave the frequencies out"
             )
+        if self.amplitudes is not None:
+            positive_values("amplitude", several(self.amplitudes), unit="unit of the signal")
+        if self.frequencies is not None or self.band is not None:
+            frequency_grid(self.frequencies, self.band, self.ratio, falling=False)
 
     def place_and_point(self) -> tuple[Open, At | None, tuple[str, ...]]:
         """Return where to open the loop, the operating point, and a note where `at` names the former, as it once did.

@@ -55,7 +55,7 @@ def run(system: Model, asked: Loop, job: Job) -> LoopResult:
 
 
 def _amplitudes(asked: Loop) -> tuple[float, ...]:
-    return tuple(sorted(positive_values("amplitude", several(asked.amplitudes or ()), unit="unit of the signal")))
+    return tuple(sorted(positive_values("amplitudes", several(asked.amplitudes or ()), unit="unit of the signal")))
 
 
 def _trimmed(system: Model) -> OperatingPoint:

@@ -30,7 +30,7 @@ def frequency_grid(
         raise InputError(f"frequencies: give either a list of them or a band LO:HI (--band) [Hz]; {which}")
     if band is not None:
         return geometric_band(*band, ratio, falling=falling)
-    values = positive_values("frequency", () if frequencies is None else frequencies, unit="Hz")
+    values = positive_values("frequencies", () if frequencies is None else frequencies, unit="Hz")
     if falling and values == tuple(sorted(values, reverse=True)):
         return values
     return tuple(sorted(values))
@@ -44,7 +44,7 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     Raises:
         InputError: see `frequency_grid`.
     """
-    positive_values("band limit", (low, high), unit="Hz", distinct=False)
+    positive_values("band", (low, high), unit="Hz", distinct=False)
     if not (math.isfinite(ratio) and ratio > 1.0):
         raise InputError(f"ratio: {ratio:g} must be above 1")
     if low == high:

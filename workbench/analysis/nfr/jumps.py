@@ -11,10 +11,15 @@ import numpy as np
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.surroundings import LinearStart
 
-__all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "unseen_peaks"]
+__all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "stepped_over", "unseen_peaks"]
 
 # A change between neighbouring frequencies this large, and this many times the changes beside it, is a jump.
 _LARGE, _STEEPER = 0.5, 4.0
+
+_AFRESH = "on one side there are probably two stable responses; --branches shows all"
+_CARRIED = (
+    "the one that the sweep followed ends there; points in between were measured on the way; --branches shows all"
+)
 
 # A linear response does not jump; one this much distorted may.
 _DISTORTED = 0.005
@@ -28,7 +33,7 @@ _BENT, _BENDS = 0.03, 3e-4
 _MEMORY = 0.5
 
 
-def jumps(row: Sequence[NfrPoint]) -> list[str]:
+def jumps(row: Sequence[NfrPoint], *, carried: bool = False) -> list[str]:
     """Return a line for each place where the response jumps from one frequency to the next.
 
     A branch of periodic responses that folds back ends there, and the model goes to another branch, which must have
@@ -36,8 +41,10 @@ def jumps(row: Sequence[NfrPoint]) -> list[str]:
 
     Args:
         row: points of one amplitude, rising in frequency.
+        carried: whether the state was kept from one to the next; then those that have not settled count, too, as far
+            as their errors allow: while it jumps, and beside that, hardly any settles.
     """
-    good = [p for p in row if p.status == "settled" and p.response]
+    good = [p for p in row if p.response and (p.status == "settled" or (carried and _is_known(p)))]
     changes = [_apart(a, b) for a, b in pairwise(good)]
     found = []
     for i, change in enumerate(changes):
@@ -45,14 +52,17 @@ def jumps(row: Sequence[NfrPoint]) -> list[str]:
         low, high = good[i], good[i + 1]
         if change < _LARGE or len(beside) < 1 or len(good) < 4 or change < _STEEPER * max(beside):
             continue
+        if change <= (low.error or 0.0) + (high.error or 0.0):
+            continue
         if max(_distortion(low), _distortion(high)) >= _DISTORTED:
             where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {low.amplitude:g}"
             gains = f"from gain {abs(low.response or 0.0):.4g} to {abs(high.response or 0.0):.4g}"
-            found.append(
-                f"{where}, the response jumps {gains}: on one side there are probably two stable responses; --branches "
-                "shows all"
-            )
+            found.append(f"{where}, the response jumps {gains}: {_CARRIED if carried else _AFRESH}")
     return found
+
+
+def _is_known(point: NfrPoint) -> bool:
+    return point.error is not None and point.error < _LARGE
 
 
 def disagreements(
@@ -122,6 +132,28 @@ def unseen_peaks(frequencies: Sequence[float], linear: LinearStart | None) -> li
     return sorted(f for f, higher in peaks.items() if higher > _HIGHER)[:_MOST_PEAKS]
 
 
+def stepped_over(row: Sequence[NfrPoint], between: Sequence[NfrPoint]) -> list[str]:
+    """Return a line for each peak of the gain that was measured between the points of a sweep.
+
+    Args:
+        row: points of one amplitude, rising in frequency.
+        between: others of that amplitude, at resonances of the linear model.
+    """
+    good = [p for p in row if p.response is not None]
+    found = []
+    for low, high in pairwise(good):
+        inside = [p for p in between if low.frequency < p.frequency < high.frequency and p.response is not None]
+        top = max(inside, key=_size, default=None)
+        beside = max(_size(low), _size(high))
+        if top is not None and _size(top) > (_PEAKS + (top.error or 0.0)) * beside:
+            where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {top.amplitude:g}"
+            gains = f"{_gain(top)} at {top.frequency:.4g} Hz, {_gain(low)} and {_gain(high)} at the points beside"
+            found.append(
+                f"{where}, the gain peaks: {gains}; for the peak itself give a smaller --ratio, or frequencies there"
+            )
+    return found
+
+
 def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
     """Return whether the responses of one amplitude are nonlinear enough for a second one to be worth a look.
 
@@ -135,6 +167,7 @@ def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
 
 
 _FEWEST = 3  # points
+_PEAKS = 1.01  # a gain that is larger than those beside it by less is no peak
 
 # A resonance is light below this damping ratio, and beside the sweep up to this factor of frequency. It has been
 # stepped over where the states move more than so many times as far as at the next point; so many are looked at.
@@ -183,5 +216,9 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
     return found
 
 
+def _size(point: NfrPoint) -> float:
+    return abs(point.response or 0.0)
+
+
 def _gain(point: NfrPoint) -> str:
-    return f"{abs(point.response or 0.0):.4g}"
+    return f"{_size(point):.4g}"

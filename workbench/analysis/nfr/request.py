@@ -6,6 +6,7 @@ from concurrent.futures import Executor
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
+from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Band, File, Names, Numbers
 from workbench.core.operating_point import AtPoint
@@ -72,13 +73,18 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     input: str = option("Input to force.", metavar="U")
     output: str = option("Output or state to measure.", metavar="Y")
     frequencies: Numbers | None = option(
-        "Frequencies to measure, in rising order.", unit="Hz", flag="--freq", metavar="F,..", default=None
+        "Frequencies to measure; with carry in this order, rising or falling, else in any.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        default=None,
     )
     amplitudes: Numbers | None = option(
         "Amplitudes of the sine, in the unit of the input.",
         flag="--amplitude",
         metavar="A,..",
         default=None,
+        positive=True,
         needed="a nonlinear model's response depends on it",
     )
     _: KW_ONLY
@@ -125,6 +131,11 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     previous: NfrResult | None = option(
         "Earlier result whose points are kept, instead of a store or in addition to it.", default=None, python=True
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        frequency_grid(self.frequencies, self.band, self.ratio, falling=self.carry)
+        positive_values("amplitude", self.amplitudes or (), unit="unit of the input")
 
     def went_well(self, record: NfrResult) -> bool:
         """Return whether no point failed.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from control import FrequencyResponseData
     from matplotlib.figure import Figure
 
-__all__ = ["MISSING", "FailedPoint", "NfrResult", "assemble"]
+__all__ = ["MISSING", "FailedPoint", "NfrResult", "assemble", "percent"]
 
 MISSING = "not measured: the sweep was interrupted"
 
@@ -40,6 +40,7 @@ _CSV_FIELDS = (
 _COLUMNS = (
     "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "error", "stable", "averaged", "periods"
 )  # fmt: skip
+_TWO_DIGITS = 0.995  # errors from here on have three digits as percent
 _SIGNAL = {"": "name", "_unit": "unit"}
 _POINTS = entry(dims=("amplitude", "frequency_hz"))
 _NOTHING_KNOWN = Certificate(errcrit=math.nan, max_periods=0)
@@ -338,7 +339,7 @@ def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:
     first = points[0]
     others = f" and {len(points) - 1} more" if len(points) > 1 else ""
     known = [p.error for p in points if p.error is not None]
-    errors = [f"known to {100.0 * max(known):.2g} %{' or better' if len(known) > 1 else ''}"] if known else []
+    errors = [f"{'errors up to' if len(known) > 1 else 'error'} {percent(max(known))} %"] if known else []
     errors += ["the error is not known" if not known else f"the error of {len(points) - len(known)} is not known"] * (
         len(known) < len(points)
     )
@@ -346,6 +347,11 @@ def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:
     if why == NO_EFFECT:
         return f"{where}: no effect of {path} at this amplitude, or none that is more than rounding; the gain is 0"
     return f"{where}: not settled ({', '.join(errors)}): {why}"
+
+
+def percent(error: float) -> str:
+    """Return a relative error as a number of percent, two digits of it: 0.0123 is "1.2", 2.6 is "260"."""
+    return f"{100.0 * error:.2g}" if error < _TWO_DIGITS else f"{float(f'{100.0 * error:.2g}'):.0f}"
 
 
 def _unit(variables: Sequence[Variable], name: str) -> str | None:

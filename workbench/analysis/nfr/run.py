@@ -19,7 +19,7 @@ from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
-from workbench.analysis.nfr.jumps import another, disagreements, jumps, may_jump, solved, unseen_peaks
+from workbench.analysis.nfr.jumps import another, disagreements, jumps, may_jump, solved, stepped_over, unseen_peaks
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
@@ -78,7 +78,9 @@ class Sweep:
         self._model, self._asked = placed, asked
         self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
         self._frequencies = frequency_grid(asked.frequencies, asked.band, asked.ratio, falling=asked.carry)
-        self._amplitudes = tuple(sorted(positive_values("amplitude", asked.amplitudes or (), unit="unit of the input")))
+        self._amplitudes = tuple(
+            sorted(positive_values("amplitudes", asked.amplitudes or (), unit="unit of the input"))
+        )
         if asked.step is not None and model.interface == "cs":
             rows_of_step(max(self._frequencies), asked.step)
         self._workers = _with_executor(asked.place, asked.executor)
@@ -95,6 +97,7 @@ class Sweep:
         self._told = telling.Job()
         self._followed: list[BranchesResult] = []
         self._second: dict[float, tuple[NfrPoint, ...]] = {}  # where it was looked for, by amplitude
+        self._peaks: dict[float, list[NfrPoint]] = {}  # measured between the points, where the linear model has one
         self._told_of: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
@@ -201,9 +204,10 @@ class Sweep:
             linear = self._surroundings.linear
             bent = [a for a in unseen if may_jump([*self._row(a), *(p for p in peaks if p.amplitude == a)], linear)]
             jobs = [BranchesJob(asked=replace(self._branches(a), order=1, seeds=0)) for a in bent]
+            self._peaks = {a: [p for p in peaks if p.amplitude == a] for a in unseen}
             for a in unseen:
                 if a not in bent:
-                    self._keep_second(a, ())
+                    self._keep_second(a, self._peaks[a])
         try:
             for event in self._run(runner, jobs):
                 self._take_found(event)
@@ -231,7 +235,8 @@ class Sweep:
             self._followed.append(event.value)
         else:
             (amplitude,) = several(event.job.asked.amplitudes)
-            self._keep_second(amplitude, [p for f in self._frequencies for p in _stable_at(event.value, f, amplitude)])
+            others = [p for f in self._frequencies for p in _stable_at(event.value, f, amplitude)]
+            self._keep_second(amplitude, [*others, *self._peaks.get(amplitude, ())])
 
     def _row(self, amplitude: float) -> list[NfrPoint]:
         return [self._points[amplitude, f] for f in sorted(self._frequencies) if (amplitude, f) in self._points]
@@ -362,8 +367,10 @@ class Sweep:
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
         looked = {*self._second, *(b.amplitude for found in self._followed for b in found.branches)}
+        carried = self._asked.carry
         warnings = [
-            *(words for a in self._amplitudes if a not in looked for words in jumps(self._row(a))),
+            *(words for a in self._amplitudes if a not in looked for words in jumps(self._row(a), carried=carried)),
+            *(words for a in self._amplitudes for words in stepped_over(self._row(a), self._second.get(a, ()))),
             *disagreements(self._points, self._before), *self._told_of,
             *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
             *filter(None, [warning]),

@@ -267,7 +267,7 @@ def _points(
 ) -> Floats:
     """Return where values are recorded [s]; where nothing is asked for, on the `grid` of communication points."""
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
-        raise InputError(f"stop must be after the start at {start:g} s, not {stop:g} s")
+        raise InputError(f"stop: must be after the start at {start:g} s, not {stop:g} s")
     if points is not None:
         return np.asarray(points, dtype=np.float64)
     span = stop - start

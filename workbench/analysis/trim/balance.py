@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.operating_point import OperatingPoint
+from workbench.core.units import rate_unit
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
@@ -55,7 +56,7 @@ class Balance(ABC):
         inputs: every input that stands for a number.
         outputs: likewise.
         derivative: how the rate of a state is written, "der({})" or "change of {}".
-        per: what the unit of a rate ends with, " / s" or "" (per period).
+        rates: whether they are per second; else per period.
         precision: relative error of `evaluate`; differences are taken over widths that suit it.
         evaluations: how often the model was evaluated.
     """
@@ -64,7 +65,7 @@ class Balance(ABC):
     inputs: tuple[Slot, ...]
     outputs: tuple[Slot, ...]
     derivative: str = "der({})"
-    per: str = " / s"
+    rates: bool = True
     precision: float = 1e-15
     evaluations: int = 0
 
@@ -90,7 +91,7 @@ class Balance(ABC):
 
     def rate_unit(self, state: Slot) -> str | None:
         """Return the unit of a state's rate."""
-        return f"{state.unit or '1'}{self.per}" if self.per else state.unit
+        return (rate_unit(state.unit) or "1/s") if self.rates else state.unit
 
 
 def slot_of(variable: Variable, start: float, *, nominal: float = 0.0) -> Slot:
@@ -125,7 +126,7 @@ class ContinuousBalance(Balance):
     """
 
     derivative = "der({})"
-    per = " / s"
+    rates = True
     precision = 1e-15
 
     def __init__(self, point: Point) -> None:

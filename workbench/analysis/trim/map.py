@@ -39,7 +39,7 @@ class MapBalance(Balance):
     """
 
     derivative = "change of {}"
-    per = ""
+    rates = False
 
     def __init__(
         self,

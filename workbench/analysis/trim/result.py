@@ -8,6 +8,7 @@ from typing import Any
 
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Part, Record, entry
+from workbench.core.units import rate_unit
 
 __all__ = ["NullDirection", "Residual", "TrimResult"]
 
@@ -107,6 +108,6 @@ class TrimResult(Record):
             values: dict[str, float] = getattr(point, name)
             for variable, number in values.items():
                 unit = point.units.get(variable) or ""
-                yield [name, variable, number, f"{unit or '1'} / s" if name == "dx" else unit]
+                yield [name, variable, number, rate_unit(unit) or "1/s" if name == "dx" else unit]
         for residual in self.residuals:
             yield ["residual", residual.name, residual.value, residual.unit or ""]

@@ -36,7 +36,7 @@ class RunBalance(Balance):
     """
 
     derivative = "movement of {}"
-    per = ""
+    rates = False
     precision = 1e-6
 
     def __init__(

@@ -1,0 +1,82 @@
+"""Axes of Bode pictures: ticks that say something, labels with what 0 dB is, legends for every line style."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tests.fakes import lag
+from workbench.analysis.branches.result import Fold, ResponseBranch
+from workbench.analysis.nfr.request import nfr
+from workbench.analysis.nfr.result import NfrResult
+from workbench.plotting.bode import plot_nfr
+from workbench.plotting.figure import rows
+from workbench.plotting.response import Degrees, gain_label, log_axis
+
+
+def labels(figure: Figure) -> list[str]:
+    figure.canvas.draw()
+    axis = figure.axes[-1].xaxis
+    low, high = axis.get_view_interval()
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    return [t.label1.get_text() for t in ticks if low <= t.get_loc() <= high and t.label1.get_text()]
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.15, 0.26), (0.1, 0.4), (1.0, 1.1), (9.0, 11.0), (0.1, 5.0), (1.0, 100.0), (20.0, 60.0)]
+)
+def test_a_frequency_axis_has_several_different_plain_numbers(low: float, high: float) -> None:
+    figure, axes = rows(2, title="")
+    log_axis(axes[-1], low, high)
+    found = labels(figure)
+    assert 3 <= len(found) <= 12
+    assert len(set(found)) == len(found)
+    assert all(0.9 * low < float(text) < 1.1 * high for text in found)
+
+
+@pytest.mark.parametrize("span", [0.01, 0.5, 3.0, 25.0, 60.0, 180.0, 570.0, 5000.0])
+@pytest.mark.parametrize("end", [-390.0, -12.0, 3.3])
+def test_phase_ticks_are_parts_of_a_right_angle_and_few(span: float, end: float) -> None:
+    ticks = np.array(Degrees().tick_values(end, end + span))
+    assert 2 <= len(ticks) <= 10
+    step = float(np.diff(ticks)[0])
+    assert span <= 70.0 or step in {15.0, 30.0, 45.0, 90.0} or step % 180.0 == 0.0
+    np.testing.assert_allclose(np.diff(ticks), step)
+
+
+def test_a_gain_in_decibels_says_of_what() -> None:
+    assert gain_label("deg", "deg") == gain_label(None, "1") == gain_label(None, None) == "gain [dB]"
+    assert gain_label("N", None) == "gain [dB re 1/N]"
+    assert gain_label("N", "m") == "gain [dB re 1 m/N]"
+    assert gain_label("1", "m") == "gain [dB re 1 m]"
+
+
+def measured() -> NfrResult:
+    return nfr(lag(0.1), "u", "y", [1.0, 2.0, 3.0], [1.0])
+
+
+def test_the_legend_explains_branches_and_folds() -> None:
+    places = np.array([1.0, 2.0, 1.5])
+    branch = ResponseBranch(
+        amplitude=1.0, frequency_hz=places, varied=places, gain=places, phase_deg=-places, offset=0.0 * places,
+        stable=np.array([True, True, False]), multipliers=((0.5 + 0j,),) * 3,
+    )  # fmt: skip
+    fold = Fold(frequency_hz=2.0, amplitude=1.0, varied=2.0, gain=2.0, phase_deg=-2.0, kind="fold")
+    legend = plot_nfr(replace(measured(), branches=(branch,), folds=(fold,))).axes[0].get_legend()
+    assert legend is not None
+    assert [t.get_text() for t in legend.get_texts()][-3:] == ["stable", "unstable", "fold"]
+
+
+def test_an_error_that_leaves_everything_open_does_not_fill_the_phase() -> None:
+    result = replace(measured(), error=np.array([[0.01, 2.0, 0.01]]))
+    low, high = plot_nfr(result).axes[1].get_ylim()
+    assert high - low < 150.0
+
+
+def test_curves_on_each_other_are_all_seen() -> None:
+    twice = nfr(lag(0.1), "u", "y", [1.0, 2.0, 3.0], [1.0, 2.0])
+    widths = [line.get_linewidth() for line in plot_nfr(twice).axes[0].lines if line.get_linestyle() == "-"]
+    assert widths[0] > widths[1] + 1.0

@@ -1,0 +1,113 @@
+"""What one FMU does to its process reaches nobody else, and whatever it answers is told in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from tests.misbehaving_fmus import CALLS, build_misbehaving
+from tests.platforms import posix_signals
+from workbench.cli.app import run
+from workbench.workers import process
+
+pytestmark = posix_signals
+
+# What a failure of these cannot change, or what is not needed to simulate.
+_NO_MATTER = {"instantiate", "freeInstance", "terminate", "getFMUstate"}
+
+
+@pytest.mark.parametrize(
+    ("interface", "call"), [(i, c) for i, calls in CALLS.items() for c in calls if c not in _NO_MATTER]
+)
+def test_a_status_that_fmi_does_not_know_is_one_line(interface: str, call: str, tmp_path: Path) -> None:
+    """Negative ones are no sign of the workbench's own, such as for a function that the binary does not have."""
+    with (
+        wb.load(build_misbehaving(tmp_path, "negative", call), interface) as model,
+        pytest.raises(wb.SimulationError, match=r"fmi2\w+ returned -1") as caught,
+    ):
+        wb.simulate(model, stop=1.0, inputs={"u": wb.Sine(amplitude=1.0, frequency=2.0)})
+    assert f"fmi2{call[0].upper()}{call[1:]}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_an_fmu_answers_out_of_the_standard_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for way, words in {"past": "(chattering)", "never": "fmi2NewDiscreteStates gave is not a number"}.items():
+        assert run(["simulate", str(build_misbehaving(tmp_path, way, "nowhere")), "--stop", "1"]) == 2
+        told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("workbench: ")]
+        assert len(told) == 1
+        assert words in told[0]
+
+
+_CHANGES = (
+    *("arithmetic", "data", "stack", "size", "umask", "mask", "handler", "timer", "environment"),
+    *("mappings", "fork"),
+)
+
+
+def _motion() -> list[float]:
+    """Return the rudder's, which is to be the same whatever ran before, to the last bit."""
+    with wb.load("fmu:Rudder") as rudder:
+        found: list[float] = wb.simulate(rudder, stop=0.5, inputs={"delC": wb.Sine(amplitude=1.0, frequency=2.0)})[
+            "del"
+        ].tolist()
+        return found
+
+
+def _workers() -> list[int]:
+    return [worker.pid for worker in process._idle if worker.usable]
+
+
+@pytest.mark.parametrize("way", _CHANGES)
+def test_what_an_fmu_changes_of_its_process_ends_with_it(way: str, tmp_path: Path) -> None:
+    before = _motion()
+    used = _workers()[-1]
+    with wb.load(build_misbehaving(tmp_path, f"_{way}", "newDiscreteStates"), "me") as model:
+        result = wb.simulate(model, stop=1.0)
+    assert _motion() == before
+    if way != "fork":  # there is nothing to replace
+        assert used not in _workers()
+    assert any("changed the arithmetic" in note for note in result.notes) == (way == "arithmetic")
+
+
+@pytest.mark.parametrize("call", ["terminate", "freeInstance"])
+def test_a_copy_of_the_process_answers_nothing(call: str, tmp_path: Path) -> None:
+    """Both copies return from the call; neither the result nor the next FMU is lost, and no copy stays."""
+    before = _motion()
+    for number in range(5):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with wb.load(build_misbehaving(folder, "_fork", call), "me") as model:
+            assert wb.simulate(model, stop=1.0)["y"][-1] > 0.5
+        assert _motion() == before
+
+
+def test_a_warm_worker_is_kept(tmp_path: Path) -> None:
+    """Nothing that the workbench itself does in a worker looks as if an FMU had changed it."""
+    _motion()
+    used = _workers()[-1]
+    with wb.load("fmu:Rudder") as rudder, wb.load(build_misbehaving(tmp_path, "nothing", "nowhere"), "me") as model:
+        wb.lin(rudder)
+        wb.trim(model)
+        wb.nfr(rudder, "delC", "del", [1.0], 1.0, workers=wb.Workers(jobs=1))
+        wb.simulate(model, stop=1.0)
+    assert used in _workers()
+
+
+@pytest.mark.parametrize(
+    ("way", "kind", "words"),
+    [
+        ("close", "failed", "closed the connection to its process"),
+        ("hangup", "exited", "exit code 119"),
+    ],
+)
+def test_how_a_worker_ended_is_told_rightly(way: str, kind: str, words: str, tmp_path: Path) -> None:
+    with (
+        wb.load(build_misbehaving(tmp_path, f"_{way}", "newDiscreteStates"), "me") as model,
+        pytest.raises(wb.WorkbenchError, match=words) as caught,
+    ):
+        wb.simulate(model, stop=1.0)
+    assert caught.value.kind == kind
