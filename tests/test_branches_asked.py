@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,22 @@ def test_a_sweep_with_branches_says_that_it_jumps_and_numbers_them_as_its_table(
     from workbench.report.nfr import nfr_page
 
     assert any("the response jumps: folds from 0.185" in v.text for v in nfr_page(result).summary)
+
+
+def test_a_fold_that_is_passed_and_cannot_be_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("_locate", "_turning"):
+        monkeypatch.setattr(f"workbench.analysis.periodic.special.{name}", lambda *_: None)
+    with wb.load("fmu:Duffing", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "y", [0.1], band=(0.15, 0.3), seeds=0, in_process=True)
+    assert found.folds == ()
+    told = [w for w in found.warnings if "could not be located" in w]
+    assert len(told) == 2
+    # Both places lie before the fold, a stride of 0.08 of the span at most from it; 0.1858 and 0.2422 Hz are of
+    # test_branches.py.
+    near = [max(words, key=lambda f: abs(f - 0.214)) for words in (_numbers(line) for line in told)]
+    assert sorted(near) == pytest.approx([0.1858, 0.2422], rel=0.06)
+
+
+def _numbers(line: str) -> list[float]:
+    """Return the two values between which something is said to be."""
+    return [float(word) for word in re.findall(r"0\.\d+", line)]

@@ -18,6 +18,8 @@ from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
+from workbench.analysis.periodic.place import Place
+from workbench.analysis.periodic.special import Missed
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
@@ -188,6 +190,18 @@ def test_cycles_over_a_parameter_of_the_block() -> None:
     assert branch.points[0].value == pytest.approx(0.9)
     assert branch.points[-1].value == pytest.approx(1.2)
     assert branch.points[0].fundamental < cycle.fundamental < branch.points[-1].fundamental
+
+
+def test_a_fold_of_cycles_that_cannot_be_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def one_missed(_: object, a: Place, b: Place) -> list[Missed]:
+        return [Missed("fold", (a.p, b.p))]
+
+    monkeypatch.setattr("workbench.analysis.periodic.continuation.between", one_missed)
+    with chain() as system:
+        result = limit_cycle(
+            system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)}, in_process=True
+        )
+    assert [n for n in result.notes if n.startswith("block.D: a fold between the places at ")]
 
 
 def cubic_loop() -> DescribedModel:

@@ -288,7 +288,7 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
             asked_hz=() if asked.vary else several(asked.frequencies or ()),
             vary_unit={"frequency": "Hz", "amplitude": units.get(asked.input)}.get(vary, units.get(vary)),
             periods=sum({id(f): f.count for _, f, _ in every}.values()),
-            warnings=(*notes, *_cut_short(branches)),
+            warnings=(*notes, *_cut_short(branches), *_not_located(every)),
             operating_point=point,
         )
 
@@ -365,6 +365,15 @@ def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
         for place, why in zip((0, -1), branch.ends, strict=False):
             if why and why not in _EXPECTED:
                 yield f"branch {number} ends at {branch.varied[place]:.6g}: {why}"
+
+
+def _not_located(every: Sequence[tuple[float | None, Forced, Track]]) -> Iterator[str]:
+    """Return a line for each fold that was passed and not found."""
+    for number, (_, family, track) in enumerate(every, 1):
+        for missed in track.missed:
+            low, high = sorted(map(family.value, missed.p))
+            where = f"between the places at {low:.6g} and {high:.6g}"
+            yield f"branch {number}: a {missed.kind} {where} could not be located"
 
 
 def _response(place: Place) -> complex:

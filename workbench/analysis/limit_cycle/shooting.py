@@ -263,6 +263,7 @@ def follow_orbits(
     limits: tuple[float, float],
     manner: Manner,
     begun: Callable[[Callable[[], Branch]], None],
+    noted: Callable[[str], None],
 ) -> Branch:
     """Return the orbits over a parameter through one of them, around folds.
 
@@ -273,6 +274,7 @@ def follow_orbits(
         limits: lowest and highest value.
         manner: how to follow them.
         begun: is given what returns the branch as far as it goes.
+        noted: is told what could not be located.
     """
 
     def point(place: Place) -> BranchPoint:
@@ -309,7 +311,11 @@ def follow_orbits(
         )
 
     manner = replace(manner, most=_MOST_ORBITS, begun=lambda track: begun(lambda: branch(track)))
-    return branch(both_ways(orbits, first, manner))
+    track = both_ways(orbits, first, manner)
+    for missed in track.missed:
+        low, high = (limits[0] + (limits[1] - limits[0]) * p for p in sorted(missed.p))
+        noted(f"{parameter}: a {missed.kind} between the places at {low:.6g} and {high:.6g} could not be located")
+    return branch(track)
 
 
 def _vanished(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:

@@ -97,7 +97,7 @@ def follow_cycles(
     begun: Callable[[Callable[[], Branch]], None],
     ended: Callable[[Branch], None],
 ) -> list[str]:
-    """Follow closed orbits over a parameter, each branch once; return in words what could not be followed.
+    """Follow closed orbits over a parameter, each branch once; return in words what could not be followed or located.
 
     Args:
         cycles: that shooting found.
@@ -130,6 +130,7 @@ def follow_cycles(
                     limits=(over.low, over.high),
                     manner=Manner(stopped=stopped, told=progress.at, marks=(over.begin,)),
                     begun=begun,
+                    noted=notes.append,
                 )
             )
             ended(branches[-1])

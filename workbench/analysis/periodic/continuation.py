@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.analysis.periodic.place import ROUNDS, Family, Place, arrive, correct, stride_from, turned
-from workbench.analysis.periodic.special import Special, between
+from workbench.analysis.periodic.special import Missed, Special, between
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
@@ -39,14 +39,30 @@ class Track:
     Attributes:
         places: in the order of the branch.
         special: folds and bifurcations, likewise.
+        missed: folds that were passed and could not be located.
         closed: whether it comes back to where it began.
         ends: why it ends, at its begin and at its end.
     """
 
     places: list[Place] = field(default_factory=list)
     special: list[Special] = field(default_factory=list)
+    missed: list[Missed] = field(default_factory=list)
     closed: bool = False
     ends: tuple[str, str] = ("", "")
+
+    def passed(self, family: Family, a: Place, b: Place) -> None:
+        """Keep what lies between two neighbouring places.
+
+        Args:
+            family: period maps.
+            a: the place before.
+            b: the one after it.
+        """
+        for one in between(family, a, b):
+            if isinstance(one, Missed):
+                self.missed.append(one)
+            else:
+                self.special.append(one)
 
 
 @dataclass(frozen=True)
@@ -103,12 +119,12 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
             edge = 0.0 if place.p < 0.0 else 1.0
             last = None if here.p == edge else _at_edge(family, here, place, edge)
             if last is not None:
-                track.special += between(family, here, last)
+                track.passed(family, here, last)
                 track.places += _marked(family, here, last, manner.marks)
                 track.places.append(last)
                 manner.told(last)
             return _ended(track, "the parameter's bound")
-        track.special += between(family, here, place)
+        track.passed(family, here, place)
         track.places += _marked(family, here, place, manner.marks)
         track.places.append(place)
         manner.told(place)
@@ -205,4 +221,4 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     down = follow(family, first, manner, way=-1.0)
     before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
-    return Track(before[:-1] + up.places, special, ends=(down.ends[1], up.ends[1]))
+    return Track(before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))

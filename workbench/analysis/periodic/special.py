@@ -11,7 +11,7 @@ import numpy as np
 from workbench.analysis.periodic.place import Family, Place, stride_from
 from workbench.errors import SimulationError
 
-__all__ = ["Special", "between"]
+__all__ = ["Missed", "Special", "between"]
 
 # A special point is located to this part of a stride.
 _LOCATED, _CROSSING = 1e-7, 1e-3
@@ -36,6 +36,19 @@ class Special:
     place: Place
 
 
+@dataclass(frozen=True)
+class Missed:
+    """A place where something happens that could not be located.
+
+    Attributes:
+        kind: see `Special`.
+        p: parameters between which it was passed.
+    """
+
+    kind: str
+    p: tuple[float, float]
+
+
 def _tests(place: Place) -> dict[str, float]:
     """Return the test functions: each changes sign where something happens."""
     found = place.multipliers
@@ -51,8 +64,11 @@ def _tests(place: Place) -> dict[str, float]:
     }
 
 
-def between(family: Family, a: Place, b: Place) -> Iterator[Special]:
+def between(family: Family, a: Place, b: Place) -> Iterator[Special | Missed]:
     """Yield what lies between two neighbouring places.
+
+    A fold that cannot be located is still one: the branch does turn back. Other tests also change sign where nothing
+    happens, as where two multipliers meet.
 
     Args:
         family: period maps.
@@ -67,6 +83,8 @@ def between(family: Family, a: Place, b: Place) -> Iterator[Special]:
                 place = _turning(family, a, b)
             if place is not None:
                 yield Special(kind, place)
+            elif kind == "fold":
+                yield Missed(kind, (a.p, b.p))
 
 
 def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
