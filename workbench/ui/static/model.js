@@ -100,7 +100,7 @@ export function variableTable(all) {
   box.addEventListener("scroll", draw);
   draw();
   return h("div", {}, h("div", { class: "row" }, search, count),
-    h("div", { class: "window-head line dim", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
+    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
 }
 
 // -- operating point --------------------------------------------------------------------------------------
